@@ -1,0 +1,72 @@
+"""The decorator of all kernels: one source, compiled by numba when it pays, plain Python otherwise.
+
+Importing numba costs a quarter of a second and the first compiled call as much again, while a table of a few hundred
+trees is done in a millisecond by the interpreter. So a kernel is an ordinary function of sequences until somebody asks
+for the compiled one.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections.abc import Callable
+from functools import cached_property, update_wrapper
+from typing import Any
+
+
+class Kernel:
+    """A pure function of arrays with two executions: ``py_func`` (any sequences, any numbers) and ``compiled``.
+
+    Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
+    live in the same file, because numba's cache on disk notices edits of that file only.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        self.__name__ = function.__name__
+        self.__doc__ = function.__doc__
+        self.__wrapped__ = function
+        self._function = function
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run by the interpreter."""
+        return self.py_func(*arguments)
+
+    @cached_property
+    def py_func(self) -> Callable[..., Any]:
+        """The kernel run by the interpreter."""
+        return self._bind(lambda kernel: kernel.py_func)
+
+    @cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The kernel compiled by numba (machine code is kept on disk; the GIL is released while it runs)."""
+        import numba
+
+        function = self._bind(lambda kernel: kernel.compiled)
+        try:
+            return numba.njit(cache=True, nogil=True)(function)
+        except RuntimeError:  # no writable place for the cache: compile in memory
+            return numba.njit(nogil=True)(function)
+
+    def _bind(self, choose: Callable[[Kernel], Callable[..., Any]]) -> Callable[..., Any]:
+        function = self._function
+        scope = function.__globals__
+        callees = {
+            name: choose(scope[name]) for name in function.__code__.co_names if isinstance(scope.get(name), Kernel)
+        }
+        if not callees:
+            return function
+        bound = types.FunctionType(function.__code__, {**scope, **callees}, function.__name__)
+        return update_wrapper(bound, function)
+
+
+def kernel(function: Callable[..., Any]) -> Kernel:
+    """Mark a function as a kernel."""
+    return Kernel(function)
+
+
+def compiling_pays(work: float) -> bool:
+    """Whether so many elementary operations are better done by compiled kernels.
+
+    The interpreter does some five million a second. Once numba is loaded its fixed cost is paid.
+    """
+    return work > 1e6 or "numba" in sys.modules

@@ -1,0 +1,8 @@
+"""The error that every misuse of this package raises."""
+
+
+class TreeError(ValueError):
+    """A tree, a text for a tree, or a request about trees that cannot be served.
+
+    The message names the argument, what it must be, and what it was.
+    """

@@ -1,0 +1,160 @@
+"""The formulas of a tree: its elementary differential, its elementary weight, and the order condition between them.
+
+For one colour they are those of the textbooks. For f = Σ_ν f^[ν] with a Runge–Kutta matrix and weights for each part ν,
+a node of colour ν stands for the part, written f_ν; primes are derivatives, and each is taken in the direction of one
+argument, so a part that lives in one block of variables needs no further mark. The matrix, weights and row sums of a
+part carry its name as superscript: b^ν_i, a^ν_ij, c^ν_i = Σ_j a^ν_ij.
+"""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from .errors import TreeError
+from .names import node_names
+from .notation import nest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .tree import Tree
+
+_INDICES = "ijklmnrsuvwxyz"  # without the names of blocks, of the node and of zero
+
+
+def elementary_differential(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+    """The elementary differential F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)) of a tree.
+
+    Args:
+        tree: The tree.
+        format: ``"text"`` or ``"latex"``.
+        names: One name per colour; None for the default names.
+
+    Returns:
+        The formula; a node of colour p is written f_p.
+
+    Raises:
+        TreeError: If the format is unknown or a colour has no name.
+
+    Example:
+        >>> from trees import Tree
+        >>> elementary_differential(Tree("[τ,[τ]]")), elementary_differential(Tree("[τ^4]"))
+        ("f''(f,f'(f))", 'f^(4)(f,f,f,f)')
+        >>> elementary_differential(Tree("p[q,q[p]]"), "latex")
+        "f_{p}''(f_{q},f_{q}'(f_{p}))"
+
+    References:
+        HLW, section III.1 and Table III.1.1; coloured, section III.2.
+    """
+    latex = _is_latex(format)
+    labels = []
+    for (_, subtree), name in zip(tree.preorder(), node_names(tree.colors, names), strict=True):
+        part = f"_{{{_latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
+        labels.append("f" + part + _derivative(len(subtree.children), latex))
+    return nest(tree.levels, labels, "(", ")")
+
+
+def elementary_weight(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+    """The elementary weight of a tree: a sum with a factor b for the root, a for each edge, c for each edge to a leaf.
+
+    Args:
+        tree: The tree.
+        format: ``"text"`` or ``"latex"``.
+        names: One name per colour; None for the default names.
+
+    Returns:
+        The formula, summed over all its indices: i, j, k, …, or i1, i2, … where there are more than letters.
+
+    Raises:
+        TreeError: If the format is unknown or a colour has no name.
+
+    Example:
+        >>> from trees import Tree
+        >>> elementary_weight(Tree("[τ,τ,[τ]]")), elementary_weight(Tree("p[p,q[p,p]]"))
+        ('Σ b_i c_i^2 a_ij c_j', 'Σ b^p_i c^p_i a^q_ij (c^p_j)^2')
+        >>> elementary_weight(Tree("[[τ]]"), "latex")
+        '\\\\sum_{i,j} b_{i} a_{ij} c_{j}'
+
+    References:
+        HLW, Table III.1.1 and section III.2.
+    """
+    latex = _is_latex(format)
+    name_of = dict(zip(tree.colors, node_names(tree.colors, names), strict=True))
+    inner = [(level, subtree) for level, subtree in tree.preorder() if level == 0 or subtree.children]
+    indices = _indices(len(inner), latex)
+    factors = []
+    path: list[str] = []  # the indices from the root to the present node
+    for (level, subtree), own in zip(inner, indices, strict=True):
+        path[level:] = [own]
+        subscript = ("," if len(own) > 1 and not latex else "").join(path[-2:])
+        factors.append(_factor("a" if level else "b", name_of[subtree.color], subscript, 1, latex))
+        for color, equal in groupby(child.color for child in subtree.children if not child.children):
+            factors.append(_factor("c", name_of[color], own, len(list(equal)), latex))
+    sign = f"\\sum_{{{','.join(indices)}}}" if latex else "Σ"
+    return " ".join([sign, *factors])
+
+
+def order_condition(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+    """The condition on a Runge–Kutta method that the tree's elementary weight be 1/γ.
+
+    Args:
+        tree: The tree.
+        format: ``"text"`` or ``"latex"``.
+        names: One name per colour; None for the default names.
+
+    Returns:
+        The equation.
+
+    Raises:
+        TreeError: If the format is unknown, a colour has no name, or γ is too large to be written out.
+
+    Example:
+        >>> from trees import Tree
+        >>> order_condition(Tree("[τ,τ]")), order_condition(Tree("τ"))
+        ('Σ b_i c_i^2 = 1/3', 'Σ b_i = 1')
+
+    References:
+        HLW, section III.1 and Table III.1.1.
+    """
+    density = tree.density
+    if density.bit_length() > 9_966:  # Python refuses to write numbers of more than 4300 digits
+        raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {density.bit_length()} bits")
+    quotient = f"\\frac{{1}}{{{density}}}" if _is_latex(format) else f"1/{density}"
+    return f"{elementary_weight(tree, format, names)} = {quotient if density > 1 else 1}"
+
+
+def _is_latex(format: str) -> bool:
+    if format not in ("text", "latex"):
+        raise TreeError(f"format must be 'text' or 'latex', but was {format!r:.60}")
+    return format == "latex"
+
+
+def _derivative(count: int, latex: bool) -> str:
+    """The mark of a derivative: primes to the third, then a number in brackets."""
+    if count <= 3:
+        return "'" * count
+    return f"^{{({count})}}" if latex else f"^({count})"
+
+
+def _latex_name(name: str) -> str:
+    return name if len(name) == 1 else f"\\mathrm{{{name.replace('_', chr(92) + '_')}}}"
+
+
+def _indices(count: int, latex: bool) -> list[str]:
+    if count <= len(_INDICES):
+        return list(_INDICES[:count])
+    return [f"i_{{{k}}}" if latex else f"i{k}" for k in range(1, count + 1)]
+
+
+def _factor(symbol: str, name: str, subscript: str, power: int, latex: bool) -> str:
+    """One factor such as a_ij, (c^p_i)^2 or c_i^2."""
+    if latex:
+        base = symbol + (f"^{{{_latex_name(name)}}}" if name else "") + f"_{{{subscript}}}"
+        exponent = f"^{{{power}}}"
+    else:
+        base = symbol + (f"^{name}" if name else "") + f"_{subscript}"
+        exponent = f"^{power}"
+    if power == 1:
+        return base
+    return (f"({base})" if name else base) + exponent

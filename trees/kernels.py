@@ -1,0 +1,134 @@
+"""Compiled combinatorics of the tree table: enumerate, look up, graft, split.
+
+All kernels work on the ids and flat columns that `trees.table.TreeTable` describes. Every tree with two or more nodes
+is uniquely u ∘ v with v its largest child; the ids of all u ∘ v with u fixed and v of one order and colour are
+contiguous, so id(u ∘ v) = base[u, |v|, colour(v)] + v, without any hashing.
+"""
+
+from __future__ import annotations
+
+from .compiled import kernel
+
+OUTSIDE = -(2**31)
+"""Base of a product that the table does not hold: so small that adding any id leaves it negative."""
+
+
+@kernel
+def enumerate_trees(max_order, colors, limits, block, order, color, left, right, base_start, base):
+    """Fill the columns of the table, orders ascending.
+
+    Ids sort by (order, root colour, left, right). `block[(n-1)*colors + c]` is the first id of order n and root colour
+    c. `limits[c*(colors+1) + d]` bounds the children of colour d of a node of colour c; entry d = colors bounds all.
+    """
+    counts = [0] * (colors + 1)
+    for c in range(colors):
+        order[c], color[c], left[c], right[c] = 1, c, -1, -1
+    tree = colors
+    for n in range(2, max_order + 1):
+        for c in range(colors):
+            for m in range(1, n):
+                r = n - m
+                first_of_m = block[(m - 1) * colors]
+                for u in range(block[(m - 1) * colors + c], block[(m - 1) * colors + c + 1]):
+                    last = right[u]
+                    count_children(u, colors, color, left, right, counts)
+                    at = base_start[m] + ((u - first_of_m) * (max_order - m) + r - 1) * colors
+                    for d in range(colors):
+                        start = max(block[(r - 1) * colors + d], last)
+                        stop = block[(r - 1) * colors + d + 1]
+                        full = counts[d] >= limits[c * (colors + 1) + d]
+                        if start >= stop or full or counts[colors] >= limits[c * (colors + 1) + colors]:
+                            base[at + d] = OUTSIDE
+                            continue
+                        base[at + d] = tree - start
+                        for v in range(start, stop):
+                            order[tree], color[tree], left[tree], right[tree] = n, c, u, v
+                            tree += 1
+
+
+@kernel
+def count_children(tree, colors, color, left, right, counts):
+    """Number of children of the root by colour, and in all (last entry)."""
+    for d in range(colors + 1):
+        counts[d] = 0
+    while right[tree] >= 0:
+        counts[color[right[tree]]] += 1
+        counts[colors] += 1
+        tree = left[tree]
+
+
+@kernel
+def product(u, v, max_order, colors, block, order, color, base_start, base):
+    """Id of u ∘ v where no child of u is larger than v; negative if the table does not hold it."""
+    m = int(order[u])
+    r = int(order[v])
+    if m + r > max_order:
+        return OUTSIDE
+    row = (u - block[(m - 1) * colors]) * (max_order - m) + r - 1
+    return int(base[base_start[m] + row * colors + color[v]]) + v
+
+
+@kernel
+def graft(u, v, max_order, colors, block, order, color, left, right, base_start, base, stack):
+    """Id of u ∘ v for any u and v: take off the children of u above v, put v on, put them back."""
+    depth = 0
+    while right[u] > v:
+        stack[depth] = right[u]
+        depth += 1
+        u = left[u]
+    u = product(u, v, max_order, colors, block, order, color, base_start, base)
+    while depth > 0 and u >= 0:
+        depth -= 1
+        u = product(u, stack[depth], max_order, colors, block, order, color, base_start, base)
+    return u
+
+
+@kernel
+def split_trees(
+    first, last, max_order, colors, block, order, color, left, right, base_start, base, start, trunk, branch,
+    to, to_trunk, to_branch, stack,
+):  # fmt: skip
+    """List the splits (trunk, branch) of the trees first … last−1: one for each edge that can be cut.
+
+    splits(u ∘ v) = {(u, v)} ∪ {(u' ∘ v, w) : (u', w) ∈ splits(u)} ∪ {(u ∘ v', w) : (v', w) ∈ splits(v)}.
+    Those of a tree with n nodes begin at start[n] + tree·(n−1); new ones are written from to[n] + tree·(n−1) on.
+    """
+    for tree in range(first, last):
+        n = order[tree]
+        u = left[tree]
+        if u < 0:
+            continue
+        v = right[tree]
+        at = to[n] + tree * (n - 1)
+        to_trunk[at] = u
+        to_branch[at] = v
+        m = order[u]
+        for k in range(start[m] + u * (m - 1), start[m] + (u + 1) * (m - 1)):
+            # Cutting below u only makes its children smaller, so v stays the largest.
+            at += 1
+            to_trunk[at] = product(trunk[k], v, max_order, colors, block, order, color, base_start, base)
+            to_branch[at] = branch[k]
+        m = order[v]
+        for k in range(start[m] + v * (m - 1), start[m] + (v + 1) * (m - 1)):
+            at += 1
+            to_trunk[at] = graft(
+                u, trunk[k], max_order, colors, block, order, color, left, right, base_start, base, stack
+            )
+            to_branch[at] = branch[k]
+
+
+@kernel
+def symmetry_and_density(order, left, right, symmetry, density, multiplicity):
+    """σ and γ of every tree from its left and right parts.
+
+    σ(u ∘ v) = σ(u) σ(v) μ, with μ the number of children equal to v; γ(u ∘ v) = |u ∘ v| · γ(u)/|u| · γ(v).
+    """
+    for tree in range(len(order)):
+        u = left[tree]
+        v = right[tree]
+        if u < 0:
+            symmetry[tree], density[tree], multiplicity[tree] = 1, 1, 1
+            continue
+        multiplicity[tree] = multiplicity[u] + 1 if right[u] == v else 1
+        symmetry[tree] = symmetry[u] * symmetry[v] * multiplicity[tree]
+        density[tree] = density[u] // order[u] * density[v] * order[tree]

@@ -1,0 +1,202 @@
+"""Text to tree and back, on preorder sequences: a tree is the levels of its nodes and their colours.
+
+Reading gives levels and colours, whatever the notation; writing starts from them. Neither recurses, so a tree may be
+as tall as it likes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .errors import TreeError
+from .names import check_names, default_color, is_name, is_number, node_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+MAX_ORDER = 10_000
+"""The largest number of nodes of one tree."""
+
+
+def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:
+    """A tree as nested text: each node's label, then its children in brackets, separated by commas.
+
+    Args:
+        levels: The level of each node in preorder, the root's 0.
+        labels: What to write for each node.
+        opening: The bracket before children.
+        closing: The bracket after them.
+
+    Returns:
+        The text.
+
+    Example:
+        >>> nest((0, 1, 2, 1), "abcd", "(", ")")
+        'a(b(c),d)'
+    """
+    parts = []
+    for level, following, label in zip(levels, (*levels[1:], 0), labels, strict=True):
+        parts.append(label + (opening if following > level else closing * (level - following) + ","))
+    return "".join(parts)[:-1]
+
+
+def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str] | None = None) -> str:
+    """A tree in brackets, as `parse` reads it back.
+
+    Args:
+        levels: The level of each node in preorder.
+        colors: The colour of each node.
+        names: One name per colour; None for the default names of as many colours as occur.
+
+    Returns:
+        The text.
+
+    Example:
+        >>> tree_text((0, 1, 1, 2), (0, 0, 0, 0)), tree_text((0, 1, 1, 2), (0, 1, 1, 0))
+        ('[τ,[τ]]', 'p[q,q[p]]')
+    """
+    labels = node_names(colors, names)
+    if not labels[0]:
+        labels = ["" if following > level else "τ" for level, following in zip(levels, (*levels[1:], 0), strict=True)]
+    return nest(levels, labels, "[", "]")
+
+
+def parse(text: str, names: Iterable[str] | None = None) -> tuple[list[int], list[int]]:
+    """The levels and colours, in preorder, of a tree in any notation.
+
+    Args:
+        text: ``[τ,[τ]]`` or ``[[t]t]``, ``[τ^3]``, ``p[q,q[p]]``, ``[0,1,2,1]`` or ``[0,1,1]:[0,1,1]``.
+        names: The names of the colours; None for p and q if the text has no others, and for a, b, c, … otherwise.
+
+    Returns:
+        Levels and colours, siblings in the order of the text. What came as numbers is for the caller to check.
+
+    Raises:
+        TreeError: If the text is not one tree; the sentence says where.
+
+    Example:
+        >>> parse("p[q^2]")
+        ([0, 1, 1], [0, 1, 1])
+    """
+    checked = None if names is None else check_names(names)
+    start = text.lstrip()
+    if start.startswith("[") and start[1:].lstrip().startswith(tuple("-0123456789")):
+        return _read_numbers(text)
+    levels, words = _BracketReader(text).read()
+    return levels, _resolve(text, words, checked)
+
+
+def _error(text: str, problem: str) -> TreeError:
+    return TreeError(f"text must be one tree such as [τ,[τ]] or p[q,q[p]], but {problem}: {text!r:.60}")
+
+
+def _read_numbers(text: str) -> tuple[list[int], list[int]]:
+    """A level sequence, followed after a colon by the sequence of colours if there are any."""
+    sequences = []
+    position = 1
+    for part in text.split(":", 1):
+        inner = part.strip()
+        if not (inner.startswith("[") and inner.endswith("]")):
+            raise _error(text, f"lacks a sequence [0,1,…] in brackets at position {position}")
+        position += part.index("[") + 1
+        entries = []
+        for entry in inner[1:-1].split(","):
+            if not is_number(entry.strip()):
+                raise _error(text, f"has {entry.strip()!r:.60} for a number at position {position}")
+            entries.append(int(entry))
+            position += len(entry) + 1
+        position += len(part) - len(part.rstrip()) + 1
+        sequences.append(entries)
+    return sequences[0], sequences[1] if len(sequences) > 1 else [0] * len(sequences[0])
+
+
+def _tokens(text: str) -> Iterator[tuple[int, str]]:
+    """The words and single marks of a text, each with its position counted from 1."""
+    start = 0
+    while start < len(text):
+        stop = start + 1
+        if text[start].isalnum() and text[start] != "τ":
+            while stop < len(text) and (text[stop].isalnum() or text[stop] == "_") and text[stop] != "τ":
+                stop += 1
+        if not text[start].isspace():
+            yield start + 1, text[start:stop]
+        start = stop
+
+
+class _BracketReader:
+    """One pass over a tree in brackets."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.levels: list[int] = []
+        self.words: list[tuple[int, str]] = []  # of each node: its position, and the name of its colour or ""
+        self.open: list[tuple[int, int]] = []  # of each bracket not closed yet: its position and its node's number
+        self.item = 0  # the number of the node at the root of what was read last
+
+    def read(self) -> tuple[list[int], list[tuple[int, str]]]:
+        previous = ""
+        tokens = _tokens(self.text)
+        for position, token in tokens:
+            if token in ("]", ",", "^") and (not self.open or previous in ("[", ",")):
+                raise self.error("empty brackets" if previous + token == "[]" else f"a stray '{token}'", position)
+            if token == "]":
+                self.item = self.open.pop()[1]
+            elif token == "^":
+                exponent = "" if previous == "^" else next(tokens, (0, ""))[1]
+                self.repeat(exponent, position)
+            elif token == "[" and is_name(previous):
+                self.open.append((position, self.item))
+            elif token != ",":
+                self.add_node(token, position)
+            previous = token
+        if self.open:
+            raise self.error("a bracket that is never closed", self.open[-1][0])
+        if not self.levels:
+            raise _error(self.text, "is empty")
+        return self.levels, self.words
+
+    def error(self, problem: str, position: int) -> TreeError:
+        return _error(self.text, f"has {problem} at position {position}")
+
+    def add_node(self, token: str, position: int) -> None:
+        named = is_name(token)
+        if not named and token not in ("[", "t", "τ"):
+            raise self.error("the empty tree ∅, which is no tree," if token == "∅" else f"{token!r:.60}", position)
+        if self.levels and not self.open:
+            raise self.error("a second tree", position)
+        self.item = len(self.levels)
+        self.extend([len(self.open)], [(position, token if named else "")], 1, position)
+        if token == "[":
+            self.open.append((position, self.item))
+
+    def repeat(self, exponent: str, position: int) -> None:
+        if not (exponent.isascii() and exponent.isdigit() and exponent.strip("0")):
+            raise self.error("a '^' without one positive number", position)
+        copies = int(exponent) if is_number(exponent) else MAX_ORDER + 1
+        self.extend(self.levels[self.item :], self.words[self.item :], copies - 1, position)
+
+    def extend(self, levels: list[int], words: list[tuple[int, str]], copies: int, position: int) -> None:
+        if len(self.levels) + len(levels) * copies > MAX_ORDER:
+            raise self.error(f"more than {MAX_ORDER} nodes", position)
+        self.levels += levels * copies
+        self.words += words * copies
+
+
+def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] | None) -> list[int]:
+    """The colours that the words name: those of all nodes, or of none."""
+    used = {word for _, word in words}
+    if used == {""}:
+        return [0] * len(words)
+    if names is None and used <= {"", "p", "q"}:
+        names = ("p", "q")
+    known = {name: color for color, name in enumerate(names)} if names else {}
+    colors = []
+    for position, word in words:
+        if not word:
+            raise _error(text, f"has a node without a colour at position {position}")
+        color = default_color(word) if names is None else known.get(word)
+        if color is None:
+            choice = "p, q alone or the other letters" if names is None else ", ".join(names)
+            raise _error(text, f"has the colour {word!r:.40}, not one of {choice:.40}, at position {position}")
+        colors.append(color)
+    return colors

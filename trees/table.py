@@ -1,0 +1,344 @@
+"""TreeTable: every tree up to an order, as columns of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+from . import kernels
+from .compiled import compiling_pays
+from .counting import (
+    UNBOUNDED,
+    Limits,
+    check_order,
+    check_size,
+    count_by_color,
+    memory_estimate,
+    normal_limits,
+    refuse_beyond_memory,
+)
+from .errors import TreeError
+from .tree import Tree
+
+if TYPE_CHECKING:
+    import numpy as np
+
+KEPT_SPLITS = 2**26
+"""Splits of the top order beyond this number are made in passing, never kept."""
+CHUNK = 2**16
+
+
+class Splits(NamedTuple):
+    """Splits (trunk, branch) of the trees first … last−1; a tree with n nodes has n−1 from start[n] + tree·(n−1) on."""
+
+    first: int
+    last: int
+    start: Any
+    trunk: Any
+    branch: Any
+
+
+class TreeTable(Sequence[Tree]):
+    """Every rooted tree with 1 … `order` nodes in `colors` colours, sorted and numbered.
+
+    The number of a tree, its id, is its place in the order by (number of nodes, root colour, left, right), where
+    tree = left ∘ right, right is the child with the largest id and left the rest. The table is a sequence of `Tree`;
+    its columns are arrays over the ids.
+
+    Args:
+        order: Largest number of nodes.
+        colors: Number of colours K.
+        max_children: Which trees to hold: None for all; one number bounds the children of every node; K rows of K
+            bounds say how many children of each colour a node of each colour may have (None: any number), with a bound
+            on the total as an optional entry K. Cutting an edge of a tree in such a table leaves both parts in it.
+
+    Raises:
+        TreeError: An argument is out of its range, or the table would not fit in memory (refused before any work).
+
+    Example:
+        >>> table = TreeTable(4)
+        >>> len(table), str(table[5]), table.index("[τ,[τ]]")
+        (8, '[[τ,τ]]', 6)
+        >>> table.density.tolist()
+        [1, 2, 6, 3, 24, 12, 8, 4]
+        >>> separable = TreeTable(8, colors=2, max_children=[[0, None], [None, 0]])
+        >>> len(separable), len(TreeTable(8, colors=2))
+        (400, 24314)
+
+    References:
+        J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, 3rd ed., section 300 (β-product).
+        E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed., section III.1.
+    """
+
+    def __init__(
+        self, order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
+    ):
+        self.max_order, self.colors = check_size(order, colors)
+        self.limits: Limits = normal_limits(self.colors, max_children)
+        self._counts = _counts_within_memory(self.max_order, self.limits)
+        self._trees: dict[int, Tree] = {}
+        self._enumerate()
+
+    def _enumerate(self) -> None:
+        """Allocate the columns and fill them; small tables stay Python lists until somebody asks for arrays."""
+        order, colors = self.max_order, self.colors
+        self.block = [0]
+        for row in self._counts[1:]:
+            for count in row:
+                self.block.append(self.block[-1] + count)
+        size = self.block[-1]
+        per_order = [sum(row) for row in self._counts]
+        base_start = [0, 0]
+        for n in range(1, order):
+            base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
+        self._compiled = compiling_pays(1000 * size)
+        limits = [bound for row in self.limits for bound in row]
+        self._block = self._column(self.block)
+        self._base_start = self._column(base_start)
+        self._order = self._column(size)
+        self._color = self._column(size)
+        self._left = self._column(size, "int32")
+        self._right = self._column(size, "int32")
+        self._base = self._column(base_start[-1], "int32")
+        run = self.run(kernels.enumerate_trees)
+        run(
+            order, colors, self._column(limits), self._block, self._order, self._color, self._left, self._right,
+            self._base_start, self._base,
+        )  # fmt: skip
+
+    def run(self, kernel: Any) -> Any:
+        """The execution of a kernel that suits this table's columns."""
+        return kernel.compiled if self._compiled else kernel.py_func
+
+    def _column(self, content: int | list[int], dtype: str | None = None) -> Any:
+        """A column of zeros, or of given numbers: a list, or an array for compiled kernels."""
+        if not self._compiled:
+            return [0] * content if isinstance(content, int) else content
+        import numpy as np
+
+        if isinstance(content, int):
+            return np.zeros(content, dtype or np.int8)
+        return np.array(content, dtype or np.int64)
+
+    def __len__(self) -> int:
+        return self.block[-1]
+
+    @overload
+    def __getitem__(self, index: int) -> Tree: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Tree]: ...
+    def __getitem__(self, index: int | slice) -> Tree | list[Tree]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        at = index.__index__()
+        if at < 0:
+            at += len(self)
+        if not 0 <= at < len(self):
+            raise IndexError(f"index must be an id below {len(self)}, but was {index}")
+        return self._tree(at)
+
+    def _tree(self, at: int) -> Tree:
+        tree = self._trees.get(at)
+        if tree is None:
+            color, left = int(self._color[at]), int(self._left[at])
+            if left < 0:
+                children = ()
+            else:
+                children = (*self._tree(left).children, self._tree(int(self._right[at])))
+            tree = self._trees[at] = Tree._canonical(color, children)
+        return tree
+
+    def __iter__(self) -> Iterator[Tree]:
+        return map(self._tree, range(len(self)))
+
+    def __contains__(self, tree: object) -> bool:
+        return isinstance(tree, Tree) and self._find(tree) >= 0
+
+    def _find(self, tree: Tree) -> int:
+        """Id of a tree, negative if the table does not hold it."""
+        if tree.order > self.max_order or tree.color >= self.colors:
+            return kernels.OUTSIDE
+        at = tree.color
+        for child in tree.children:
+            v = self._find(child)
+            if v < 0:
+                return v
+            at = kernels.product.py_func(
+                at, v, self.max_order, self.colors, self.block, self._order, self._color, self._base_start, self._base
+            )
+            if at < 0:
+                return at
+        return at
+
+    def index(self, tree: Tree | str) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Id of a tree (or of the tree that a text denotes).
+
+        Raises:
+            TreeError: The text denotes no tree, or the table does not hold it.
+
+        Example:
+            >>> TreeTable(3, colors=2).index("p[q,q]")
+            12
+        """
+        tree = tree if isinstance(tree, Tree) else Tree(tree)
+        at = self._find(tree)
+        if at < 0:
+            raise TreeError(f"tree must be one of the {len(self)} trees of the table {self!r}, but was {tree}")
+        return at
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TreeTable) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[int, Limits]:
+        return self.max_order, self.limits
+
+    def __repr__(self) -> str:
+        shown = [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+        restricted = "" if self.limits == normal_limits(self.colors, None) else f", max_children={shown}"
+        return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
+
+    def _repr_svg_(self) -> str:
+        from .drawing import svg
+
+        return svg(self)
+
+    def ids(self, order: int) -> range:
+        """Ids of the trees with `order` nodes."""
+        n = check_order(order)
+        if n > self.max_order:
+            raise TreeError(f"order must be {self.max_order} or less in this table, but was {n}")
+        return range(self.block[(n - 1) * self.colors], self.block[n * self.colors])
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of trees with 1, 2, …, `max_order` nodes."""
+        return [sum(row) for row in self._counts[1:]]
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Number of nodes of every tree."""
+        return self._public(self._order, "int8")
+
+    @cached_property
+    def color(self) -> np.ndarray:
+        """Root colour of every tree."""
+        return self._public(self._color, "int8")
+
+    @cached_property
+    def left(self) -> np.ndarray:
+        """Id of what is left of every tree without its largest child; −1 for single nodes."""
+        return self._public(self._left, "int32")
+
+    @cached_property
+    def right(self) -> np.ndarray:
+        """Id of the largest child of every tree; −1 for single nodes."""
+        return self._public(self._right, "int32")
+
+    @property
+    def symmetry(self) -> np.ndarray:
+        """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 ends)."""
+        return self._public(self._symmetry_and_density[0], "int64" if self.max_order <= 20 else "object")
+
+    @property
+    def density(self) -> np.ndarray:
+        """Density γ of every tree (Python integers beyond order 20, where int64 ends)."""
+        return self._public(self._symmetry_and_density[1], "int64" if self.max_order <= 20 else "object")
+
+    @staticmethod
+    def _public(column: Any, dtype: str) -> np.ndarray:
+        import numpy as np
+
+        view = np.asarray(column, dtype).view()
+        view.flags.writeable = False
+        return view
+
+    @cached_property
+    def _symmetry_and_density(self) -> tuple[Any, Any]:
+        compiled = self._compiled and self.max_order <= 20
+        if not compiled:
+            symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
+            columns = [list(map(int, column)) for column in (self._order, self._left, self._right)]
+            kernels.symmetry_and_density.py_func(*columns, symmetry, density, multiplicity)
+            return symmetry, density
+        symmetry, density = self._column(len(self), "int64"), self._column(len(self), "int64")
+        kernels.symmetry_and_density.compiled(
+            self._order, self._left, self._right, symmetry, density, self._column(len(self))
+        )
+        return symmetry, density
+
+    @cached_property
+    def splits(self) -> Splits:
+        """The splits of all trees, or of all below the top order where the top order has too many to keep.
+
+        Cutting one edge of a tree gives (trunk, branch); a tree with n nodes has n−1 splits, repeats kept.
+        """
+        sizes = self.sizes
+        keep = self.max_order
+        if sizes[-1] * (self.max_order - 1) > KEPT_SPLITS:
+            keep -= 1
+        start, begin = [0, 0], 0
+        for n in range(2, self.max_order + 1):
+            start.append(begin - self.ids(n).start * (n - 1))
+            begin += sizes[n - 1] * (n - 1) if n <= keep else 0
+        starts = self._column(start)
+        trunk, branch = self._column(begin, "uint32"), self._column(begin, "uint32")
+        splits = Splits(0, self.ids(keep).stop, starts, trunk, branch)
+        for n in range(2, keep + 1):
+            self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
+        return splits
+
+    def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
+        self.run(kernels.split_trees)(
+            first, last, self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
+            self._base_start, self._base, known.start, known.trunk, known.branch, into.start, into.trunk, into.branch,
+            self._column(self.max_order, "int32"),
+        )  # fmt: skip
+
+    def split_chunks(self) -> Iterator[Splits]:
+        """The splits of all trees, ids ascending: the kept ones at once, the others in chunks made in passing."""
+        kept = self.splits
+        yield kept
+        n = self.max_order
+        for first in range(kept.last, len(self), CHUNK):
+            last = min(first + CHUNK, len(self))
+            start = kept.start.copy()
+            start[n] = -first * (n - 1)
+            size = (last - first) * (n - 1)
+            chunk = Splits(first, last, start, self._column(size, "uint32"), self._column(size, "uint32"))
+            self._split(first, last, kept, chunk)
+            yield chunk
+
+
+def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], ...]:
+    """The counts of a table that can be made on this machine; larger ones are refused."""
+    what = f"a table of trees with {order} nodes in {len(limits)} colours"
+    # Growth is geometric, so a refusal needs only the first order that no longer fits.
+    for n in sorted({min(order, 10), min(order, 16), min(order, 24), min(order, 40), order}):
+        counts = count_by_color(n, limits)
+        sizes = [sum(row) for row in counts[1:]]
+        if sum(sizes) >= 2**31:
+            raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
+        refuse_beyond_memory(memory_estimate(sizes, len(limits)), what)
+    return count_by_color(order, limits)
+
+
+@lru_cache(maxsize=16)
+def _kept_table(order: int, limits: Limits) -> TreeTable:
+    return TreeTable(order, len(limits), limits)
+
+
+def tree_table(
+    order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
+) -> TreeTable:
+    """The table for these arguments, made once: tables below a million trees are kept for the next caller."""
+    order, colors = check_size(order, colors)
+    limits = normal_limits(colors, max_children)
+    counts = _counts_within_memory(order, limits)
+    if sum(map(sum, counts)) > 1_000_000:
+        return TreeTable(order, colors, limits)
+    return _kept_table(order, limits)

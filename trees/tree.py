@@ -1,0 +1,363 @@
+"""Coloured rooted trees as immutable values."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from math import factorial, prod
+from operator import index
+from typing import TYPE_CHECKING, Any
+
+from .errors import TreeError
+from .notation import MAX_ORDER, parse, tree_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    import networkx as nx
+
+
+class Tree:
+    """A rooted tree whose nodes have colours 0, 1, …; trees of one colour are those of the textbooks.
+
+    Trees that differ only in the order of siblings are equal. Trees are ordered by their number of nodes, then by the
+    colour of the root, then by `left`, then by `right`: the order of the ids in a `TreeTable`. Children ascend in it.
+    A tree has at most 10,000 nodes; within that no operation runs out of stack, however tall the tree.
+
+    Args:
+        text: The tree in any notation: ``[τ,[τ]]``, ``[[t]t]``, ``[τ^3]``, ``p[q,q[p]]``, the levels of its nodes
+            ``[0,1,2,1]``, or levels and colours ``[0,1,1]:[0,1,1]``. A `Tree` is returned as it is.
+        names: The names of the colours in the text; None for p and q if it has no others, and for a, b, c, … otherwise.
+
+    Raises:
+        TreeError: If the text is not one tree; the sentence says where.
+
+    Example:
+        >>> tree = Tree("[[τ]τ]")
+        >>> tree, tree.order, tree.symmetry, tree.density
+        (Tree('[τ,[τ]]'), 4, 1, 8)
+        >>> tree.left, tree.right
+        (Tree('[τ]'), Tree('[τ]'))
+
+    References:
+        Hairer, Lubich, Wanner: Geometric Numerical Integration (2006), section III.1, doi:10.1007/3-540-30666-8.
+        Butcher: Numerical Methods for Ordinary Differential Equations (2016), chapter 3, doi:10.1002/9781119121534.
+    """
+
+    __slots__ = ("_children", "_color", "_hash", "_order")
+
+    _children: tuple[Tree, ...]
+    _color: int
+    _hash: int
+    _order: int
+
+    def __new__(cls, text: str | Tree, *, names: Iterable[str] | None = None) -> Tree:
+        """Read the text."""
+        if isinstance(text, Tree):
+            return text
+        if not isinstance(text, str):
+            raise TreeError(f"text must be a string such as '[τ,[τ]]', but was {text!r:.60}")
+        return Tree.from_levels(*parse(text, names))
+
+    @staticmethod
+    def _canonical(color: int, children: tuple[Tree, ...]) -> Tree:
+        """The tree with these children, which the caller guarantees to ascend and to stay below the limit of nodes."""
+        tree = object.__new__(Tree)
+        tree._color = color
+        tree._children = children
+        order = 1
+        for child in children:
+            order += child._order
+        tree._order = order
+        tree._hash = hash((color, children))
+        return tree
+
+    @staticmethod
+    def join(children: Iterable[Tree], color: int = 0) -> Tree:
+        """The tree that a new root makes of these trees, B₊ of them.
+
+        Args:
+            children: The trees that become the root's children, in any order.
+            color: The colour of the root.
+
+        Returns:
+            The tree.
+
+        Raises:
+            TreeError: If a child is not a tree, the colour is not 0, 1, …, or there would be too many nodes.
+
+        Example:
+            >>> Tree.join([Tree("[τ]"), Tree("τ")])
+            Tree('[τ,[τ]]')
+        """
+        members = list(children)
+        for child in members:
+            if not isinstance(child, Tree):
+                raise TreeError(f"children must be trees, but one was {child!r:.60}")
+        order = 1 + sum(child._order for child in members)
+        if order > MAX_ORDER:
+            raise TreeError(f"children must have fewer than {MAX_ORDER} nodes together, but have {order - 1}")
+        return Tree._canonical(_integer("color", color), tuple(sorted(members)))
+
+    @staticmethod
+    def from_levels(levels: Iterable[int], colors: Iterable[int] | None = None) -> Tree:
+        """The tree whose nodes, in preorder, have these levels and colours.
+
+        Args:
+            levels: The distance of each node from the root: 0 for the root, then at most 1 more than the entry before.
+            colors: The colour of each node; all 0 if None.
+
+        Returns:
+            The tree.
+
+        Raises:
+            TreeError: If these are not the levels and colours of one tree.
+
+        Example:
+            >>> Tree.from_levels([0, 1, 2, 1])
+            Tree('[τ,[τ]]')
+        """
+        depths = _integers("levels", levels)
+        paints = [0] * len(depths) if colors is None else _integers("colors", colors)
+        _check_levels(depths, paints)
+        subtrees: list[list[Tree]] = [[] for _ in range(max(depths) + 2)]  # by level: those still without a parent
+        for level, color in zip(reversed(depths), reversed(paints), strict=True):
+            children = subtrees[level + 1]
+            children.sort()
+            subtrees[level].append(Tree._canonical(color, tuple(children)))
+            children.clear()
+        return subtrees[0][0]
+
+    @staticmethod
+    def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
+        """The tree that a networkx graph holds; see `trees.networks.from_networkx`."""
+        from .networks import from_networkx
+
+        return from_networkx(graph, root)
+
+    def to_networkx(self) -> nx.DiGraph:
+        """The tree as a networkx graph; see `trees.networks.to_networkx`."""
+        from .networks import to_networkx
+
+        return to_networkx(self)
+
+    @property
+    def color(self) -> int:
+        """The colour of the root."""
+        return self._color
+
+    @property
+    def children(self) -> tuple[Tree, ...]:
+        """The subtrees on top of the root, ascending."""
+        return self._children
+
+    @property
+    def order(self) -> int:
+        """The number of nodes, |τ|."""
+        return self._order
+
+    @property
+    def left(self) -> Tree | None:
+        """The tree without `right`: every tree of two or more nodes is uniquely ``left.butcher_product(right)``."""
+        return Tree._canonical(self._color, self._children[:-1]) if self._children else None
+
+    @property
+    def right(self) -> Tree | None:
+        """The largest child; None for a single node."""
+        return self._children[-1] if self._children else None
+
+    def preorder(self) -> Iterator[tuple[int, Tree]]:
+        """Each node's level and the subtree on top of it: the root, then child by child.
+
+        Returns:
+            An iterator over pairs.
+
+        Example:
+            >>> list(Tree("[τ,[τ]]").preorder())[2:]
+            [(1, Tree('[τ]')), (2, Tree('τ'))]
+        """
+        stack: list[tuple[int, Tree]] = [(0, self)]
+        while stack:
+            level, tree = stack.pop()
+            yield level, tree
+            stack.extend([(level + 1, child) for child in reversed(tree._children)])
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """The distance of each node from the root, in preorder."""
+        return tuple(level for level, _ in self.preorder())
+
+    @property
+    def colors(self) -> tuple[int, ...]:
+        """The colour of each node, in preorder."""
+        return tuple(tree._color for _, tree in self.preorder())
+
+    @property
+    def height(self) -> int:
+        """The number of edges from the root to the farthest node."""
+        return max(self.levels)
+
+    @property
+    def symmetry(self) -> int:
+        """The number of ways to permute siblings, at all nodes, that leave the tree as it is: σ(τ)."""
+        return prod(factorial(len(list(equal))) for _, tree in self.preorder() for _, equal in groupby(tree._children))
+
+    @property
+    def density(self) -> int:
+        """The product of the orders of the subtrees on top of all nodes: γ(τ); the exact flow has coefficient 1/γ."""
+        return prod(tree._order for _, tree in self.preorder())
+
+    @property
+    def alpha(self) -> int:
+        """Butcher's α = n!/(σγ): the number of monotonic labellings, those that grow away from the root."""
+        return factorial(self._order) // (self.symmetry * self.density)
+
+    @property
+    def beta(self) -> int:
+        """Butcher's β = n!/σ = αγ: the number of labellings, in any order."""
+        return factorial(self._order) // self.symmetry
+
+    def butcher_product(self, other: Tree) -> Tree:
+        """The Butcher product τ∘θ: `other` becomes one more child of the root.
+
+        Args:
+            other: The tree θ.
+
+        Returns:
+            The product, neither commutative nor associative.
+
+        Raises:
+            TreeError: If `other` is not a tree, or there would be too many nodes.
+
+        Example:
+            >>> Tree("[[τ]]").butcher_product(Tree("τ"))
+            Tree('[τ,[τ]]')
+        """
+        return Tree.join((*self._children, other), self._color)
+
+    def text(self, names: Iterable[str] | None = None) -> str:
+        """The tree in brackets, equal for equal trees; `Tree` reads it back.
+
+        Args:
+            names: One name per colour; None for none, for p and q, or for a, b, c, …, by how many colours the tree has.
+
+        Returns:
+            The text.
+
+        Raises:
+            TreeError: If a name is unusable or a colour has none.
+
+        Example:
+            >>> Tree("p[q,q[p]]").text(names=["fast", "slow"])
+            'fast[slow,slow[fast]]'
+        """
+        return tree_text(self.levels, self.colors, names)
+
+    def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
+        """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
+        from .formulas import elementary_differential
+
+        return elementary_differential(self, format, names)
+
+    def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
+        """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
+        from .formulas import elementary_weight
+
+        return elementary_weight(self, format, names)
+
+    def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
+        """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
+        from .formulas import order_condition
+
+        return order_condition(self, format, names)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return f"Tree('{self.text()}')"
+
+    def _repr_svg_(self) -> str:
+        from .drawing import svg
+
+        return svg(self)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Tree):
+            return NotImplemented
+        return self is other or (self._hash == other._hash and _compare(self, other) == 0)
+
+    def __lt__(self, other: Tree) -> bool:
+        return _compare(self, other) < 0 if isinstance(other, Tree) else NotImplemented
+
+    def __le__(self, other: Tree) -> bool:
+        return _compare(self, other) <= 0 if isinstance(other, Tree) else NotImplemented
+
+    def __gt__(self, other: Tree) -> bool:
+        return _compare(self, other) > 0 if isinstance(other, Tree) else NotImplemented
+
+    def __ge__(self, other: Tree) -> bool:
+        return _compare(self, other) >= 0 if isinstance(other, Tree) else NotImplemented
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Tree.from_levels, (self.levels, self.colors)  # flat, or pickle would run out of stack
+
+
+def _compare(first: Tree, second: Tree) -> int:
+    """Negative, zero or positive as the first tree is smaller than, equal to or larger than the second.
+
+    Unrolled, (order, root colour, left, right) says: of two trees that agree in order and colour, `left` is smaller
+    where `right` has more nodes. So the orders of the children decide from the last child back, the larger order being
+    the smaller tree; and where all agree, the children themselves from the first on.
+    """
+    pairs = [(first, second)]
+    while pairs:
+        u, v = pairs.pop()
+        if u is v:
+            continue
+        if u._order != v._order:
+            return u._order - v._order
+        if u._color != v._color:
+            return u._color - v._color
+        children = list(zip(reversed(u._children), reversed(v._children), strict=False))
+        for a, b in children:
+            if a._order != b._order:
+                return b._order - a._order
+        pairs += children
+    return 0
+
+
+def _integers(argument: str, values: Iterable[int]) -> list[int]:
+    if not hasattr(values, "__iter__"):
+        raise TreeError(f"{argument} must be a sequence of whole numbers, but was {values!r:.60}")
+    return [_integer(f"each of {argument}", value) for value in values]
+
+
+def _integer(argument: str, value: int) -> int:
+    """A level or a colour from a caller as a plain int, NumPy's too."""
+    try:
+        number = index(value)
+    except TypeError:
+        number = -1
+    if not 0 <= number < MAX_ORDER:
+        raise TreeError(f"{argument} must be a whole number, 0 to {MAX_ORDER - 1}, but was {value!r:.60}")
+    return number
+
+
+def _check_levels(levels: Sequence[int], colors: Sequence[int]) -> None:
+    if not levels or levels[0] != 0:
+        raise TreeError(f"levels must start with 0, the root, but were {levels!r:.60}")
+    if len(levels) > MAX_ORDER:
+        raise TreeError(f"levels must have at most {MAX_ORDER} entries, but have {len(levels)}")
+    if len(colors) != len(levels):
+        raise TreeError(f"colors must be as many as levels, {len(levels)}, but were {len(colors)}")
+    for position in range(1, len(levels)):
+        before, level = levels[position - 1 : position + 1]
+        if level == 0:
+            raise TreeError(f"levels must have one root, but entry {position + 1} is 0 again: {levels!r:.60}")
+        if level > before + 1:
+            raise TreeError(
+                f"levels must rise by 1 at a time, but entry {position + 1} is {level} after {before}: {levels!r:.60}"
+            )
