@@ -87,6 +87,7 @@ class TreeTable(Sequence[Tree]):
         for row in self._counts[1:]:
             for count in row:
                 self.block.append(self.block[-1] + count)
+        self.offsets = self.block[::colors]
         size = self.block[-1]
         per_order = [sum(row) for row in self._counts]
         base_start = [0, 0]
@@ -328,17 +329,15 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
 
 
 @lru_cache(maxsize=16)
-def _kept_table(order: int, limits: Limits) -> TreeTable:
-    return TreeTable(order, len(limits), limits)
+def _kept_table(order: int, limits: Limits) -> TreeTable | None:
+    small = sum(map(sum, _counts_within_memory(order, limits))) <= 1_000_000
+    return TreeTable(order, len(limits), limits) if small else None
 
 
 def tree_table(
     order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
 ) -> TreeTable:
-    """The table for these arguments, made once: tables below a million trees are kept for the next caller."""
+    """The table for these arguments, made once: tables of up to a million trees are kept for the next caller."""
     order, colors = check_size(order, colors)
     limits = normal_limits(colors, max_children)
-    counts = _counts_within_memory(order, limits)
-    if sum(map(sum, counts)) > 1_000_000:
-        return TreeTable(order, colors, limits)
-    return _kept_table(order, limits)
+    return _kept_table(order, limits) or TreeTable(order, colors, limits)

@@ -1,0 +1,42 @@
+"""B-series and backward error analysis: the algebra of series, and the roof over `trees` and `integrators`.
+
+``import bseries as bs`` is enough: the public names of all three packages are here. Heavy imports wait until a name is
+used (PEP 562); ``__init__.pyi`` lists the names for type checkers.
+"""
+
+from pathlib import Path as _Path
+
+import lazy_loader as _lazy_loader
+
+import integrators as _integrators
+import trees as _trees
+
+for _package in (_integrators, _trees):
+    _found = _Path(_package.__file__ or ".").resolve().parent
+    if _found != _Path(__file__).resolve().parent.parent / _package.__name__:
+        raise ImportError(f"bseries needs its own package {_package.__name__!r}, but {_found} hides it")
+
+_get_own, _, _own_names = _lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "algebra": ["adjoint", "compose", "exp", "inverse", "lie_derivative", "log", "power"],
+        "conditions": ["check", "error_coefficients", "order_of"],
+        "exceptions": ["SeriesError"],
+        "modified": ["exact_flow", "modified_equation", "series"],
+        "truncated": ["BSeries"],
+    },
+)
+_owners = {name: package for package in (_trees, _integrators) for name in package.__all__}
+__all__ = sorted([*_own_names, *_owners, "errors"])  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> object:
+    if name == "errors":
+        return (_trees.TreeError, _integrators.IntegratorError, _get_own("SeriesError"))
+    if name in _owners:
+        return getattr(_owners[name], name)
+    return _get_own(name)
+
+
+def __dir__() -> list[str]:
+    return __all__.copy()

@@ -1,0 +1,281 @@
+"""What a coefficient may be, and how a vector of coefficients is held.
+
+Three kinds of values, from the narrowest to the widest:
+
+- `RationalValues` (``QQ``, in `bseries.rationals`): integers over common denominators, on the fast path. Its docstring
+  says why the integers are proved.
+- `RingValues`: algebraic numbers and expressions in symbols, as elements of a SymPy domain that carries the recursions.
+  A common denominator L of the method's entries is kept apart (coefficient = element / L^n), so that no greatest
+  common divisor is taken before a coefficient is read.
+- `FloatValues` (``RR``): float64, once a float went in.
+
+Operands of different kinds are brought to the wider one; a result that fits into a narrower exact kind goes there.
+SymPy's own rational type never leaves this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from functools import partial
+from numbers import Rational, Real
+from typing import TYPE_CHECKING, Any
+
+from .arithmetic import Exact, Float, FloatLists
+from .exceptions import SeriesError
+from .rationals import Operation, RationalValues, evaluate
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    import sympy
+
+    from trees.table import TreeTable
+
+    Coefficient: TypeAlias = Fraction | sympy.Expr | float
+    Values: TypeAlias = "RationalValues | RingValues | FloatValues"
+
+
+def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
+    """A number in its narrowest kind: Fraction, float, or a SymPy expression without floats.
+
+    Raises:
+        SeriesError: It is not a finite number or expression.
+    """
+    if isinstance(value, Rational) and not isinstance(value, bool):
+        return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, Real) and not isinstance(value, bool):
+        number = float(value)
+        if number - number != 0:
+            raise SeriesError(f"{name} must be finite, but was {number}")
+        return number
+    if type(value).__module__.startswith("sympy."):
+        import sympy
+
+        if isinstance(value, sympy.Rational):
+            return Fraction(int(value.p), int(value.q))
+        if isinstance(value, sympy.Expr) and value.is_finite is not False:
+            return float(value) if value.has(sympy.Float) and value.is_number else value
+    raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
+
+
+class FloatValues:
+    """float64 coefficients of all trees of a table."""
+
+    kind = "float"
+    name = "RR"
+
+    def __init__(self, table: TreeTable, values: Any):
+        self.table = table
+        self.raw = values
+
+    def __getitem__(self, at: int) -> float:
+        return float(self.raw[at])
+
+    def public(self) -> list[float]:
+        """All coefficients."""
+        return list(self.raw) if isinstance(self.raw, list) else self.raw.tolist()
+
+    def is_zero(self, at: int) -> bool:
+        """Whether a coefficient is exactly zero."""
+        return not self.raw[at]
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
+        """The values as a raw vector."""
+        return arithmetic.vector(self.raw)
+
+
+class RingValues:
+    """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
+
+    kind = "ring"
+
+    def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
+        self.table = table
+        self.ring = ring
+        self.elements = elements
+        self.step = step
+
+    @property
+    def name(self) -> str:
+        """The domain's name, such as ``QQ<sqrt(3)>`` or ``QQ(gamma)``."""
+        return str(self.ring if self.step == self.ring.one else self.ring.get_field())
+
+    def __getitem__(self, at: int) -> Fraction | sympy.Expr:
+        import sympy
+
+        element, nodes = self.elements[at], self.table._order[at]
+        if self.step == self.ring.one:
+            value = self.ring.to_sympy(element)
+        else:
+            field = self.ring.get_field()
+            quotient = field.convert_from(element, self.ring) / field.convert_from(self.step, self.ring) ** int(nodes)
+            value = field.to_sympy(quotient)
+        return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
+
+    def public(self) -> list[Fraction | sympy.Expr]:
+        """All coefficients."""
+        return [self[at] for at in range(len(self.elements))]
+
+    def is_zero(self, at: int) -> bool:
+        """Whether a coefficient is zero."""
+        return not self.elements[at]
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
+        """The elements as a raw vector."""
+        return self.elements
+
+    def in_ring(self, ring: Any, step: Any) -> RingValues:
+        """The same coefficients in a larger ring, over another common denominator (a multiple of this one)."""
+        ratio = ring.exquo(step, ring.convert_from(self.step, self.ring))
+        elements = [
+            ring.convert_from(element, self.ring) * ratio ** int(nodes)
+            for element, nodes in zip(self.elements, self.table._order, strict=True)
+        ]
+        return RingValues(self.table, ring, elements, step)
+
+    def narrowed(self) -> RingValues | RationalValues:
+        """These values as rationals if they all are."""
+        ground = [self.ring.to_sympy(element).is_Rational for element in self.elements]
+        if all(ground) and self.step == self.ring.one:
+            return RationalValues.from_fractions(self.table, self.public())  # pyright: ignore[reportArgumentType]
+        return self
+
+
+def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
+    """The smallest SymPy ring for these exact entries: (ring, numerators, common denominator)."""
+    import sympy
+
+    expressions = [sympy.Rational(e.numerator, e.denominator) if isinstance(e, Fraction) else e for e in entries]
+    domain: Any
+    ring: Any
+    domain, elements = sympy.construct_domain(expressions, extension=True)
+    if domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
+        domain, elements = mixed
+    if domain.is_FractionField:
+        ring = domain.get_ring()
+        common = ring.one
+        for element in elements:
+            common = ring.lcm(common, element.denom)
+        numerators = [element.numer * ring.exquo(common, element.denom) for element in elements]
+    else:
+        ring, numerators, common = domain, list(elements), domain.one  # e.g. ZZ[x], QQ<sqrt(3)>, EX
+    # 1/j! must be at hand: coefficients of polynomials are made rational.
+    wide: Any = sympy.QQ if ring.is_ZZ else ring
+    if ring.is_PolynomialRing and ring.domain.is_ZZ:
+        wide = sympy.QQ[ring.symbols]
+    return wide, [wide.convert_from(x, ring) for x in numerators], wide.convert_from(common, ring)
+
+
+def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
+    """A fraction field over the algebraic numbers in the entries; None if the entries are not rational functions."""
+    import sympy
+
+    symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
+    parts = [part for e in expressions for part in sympy.fraction(sympy.together(e))]
+    try:
+        numbers = [c for part in parts for c in sympy.Poly(part, *symbols, domain="EX").coeffs()]
+        algebraic, _ = sympy.construct_domain(numbers, extension=True)
+        field = algebraic[tuple(symbols)].get_field()
+        quotients = [field.from_sympy(a) / field.from_sympy(b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    except (sympy.PolynomialError, sympy.CoercionFailed):
+        return None
+    return field, quotients
+
+
+def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
+    """Values from numbers given one by one, in the narrowest kind that holds them all."""
+    entries = [exact_number(number) for number in numbers]
+    if any(isinstance(entry, float) for entry in entries):
+        return FloatValues(table, [to_float(entry) for entry in entries])
+    if all(isinstance(entry, Fraction) for entry in entries):
+        return RationalValues.from_fractions(table, entries)  # pyright: ignore[reportArgumentType]
+    ring, numerators, common = ring_and_elements(entries)
+    elements = [x * common ** (int(n) - 1) for x, n in zip(numerators, table._order, strict=True)]
+    return RingValues(table, ring, elements, common)
+
+
+def to_float(number: Any) -> float:
+    """The nearest float.
+
+    Raises:
+        SeriesError: It holds symbols without a value.
+    """
+    try:
+        return float(number)
+    except TypeError as error:
+        raise SeriesError(f"coefficient must be a number to become a float, but was {number}") from error
+
+
+def public(values: Values) -> list[Any]:
+    """All coefficients as users see them."""
+    return values.fractions() if isinstance(values, RationalValues) else values.public()
+
+
+def as_floats(values: Values) -> FloatValues:
+    """The nearest floats."""
+    if isinstance(values, FloatValues):
+        return values
+    return FloatValues(values.table, [to_float(number) for number in public(values)])
+
+
+def alike(operands: Sequence[Values]) -> list[Any]:
+    """The operands, all of the widest kind among them (and in one ring)."""
+    if any(isinstance(values, FloatValues) for values in operands):
+        return [as_floats(values) for values in operands]
+    if all(isinstance(values, RationalValues) for values in operands):
+        return list(operands)
+    rings = [values if isinstance(values, RingValues) else _rational_ring(values) for values in operands]
+    ring = rings[0].ring
+    for other in rings[1:]:
+        ring = ring.unify(other.ring)
+    step = ring.one
+    for values in rings:
+        step = ring.lcm(step, ring.convert_from(values.step, values.ring)) if not ring.is_Field else ring.one
+    if ring.is_Field:
+        rings = [_divided(values) for values in rings]
+    return [values.in_ring(ring, step) for values in rings]
+
+
+def _rational_ring(values: Any) -> RingValues:
+    from sympy import QQ
+
+    elements = [QQ(x.numerator, x.denominator) for x in values.fractions()]
+    return RingValues(values.table, QQ, elements, QQ.one)
+
+
+def _divided(values: RingValues) -> RingValues:
+    """The same values with the common denominator divided out, in the field of fractions."""
+    if values.step == values.ring.one:
+        return values
+    field = values.ring.get_field()
+    step = field.convert_from(values.step, values.ring)
+    elements = [
+        field.convert_from(x, values.ring) / step ** int(n)
+        for x, n in zip(values.elements, values.table._order, strict=True)
+    ]
+    return RingValues(values.table, field, elements, field.one)
+
+
+def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
+    """The result of an operation on operands of one kind: a method's stages, or `Values` made `alike`."""
+    first = operands[0]
+    if first.kind == "rational":
+        return evaluate(table, operands, operation)
+    if first.kind == "float":
+        arithmetic = Float() if table._compiled else FloatLists()
+    else:
+        arithmetic = Exact(partial(ring_element, first.ring))
+    raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
+    if first.kind == "float":
+        return FloatValues(table, raw)
+    return RingValues(table, first.ring, raw, first.step).narrowed()
+
+
+def ring_element(ring: Any, number: Any) -> Any:
+    """A rational number as an element of a ring; elements stay as they are."""
+    if isinstance(number, Rational):
+        from sympy import QQ
+
+        return ring.convert_from(QQ(number.numerator, number.denominator), QQ)
+    return number

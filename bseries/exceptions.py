@@ -1,0 +1,8 @@
+"""The error that every misuse of this package raises."""
+
+
+class SeriesError(ValueError):
+    """A request about series that cannot be served.
+
+    The message names the argument, what it must be, and what it was.
+    """

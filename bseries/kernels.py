@@ -1,0 +1,203 @@
+"""Compiled recursions on the coefficients of series: elementary weights, Lie derivatives, Chinese remainders.
+
+Each kernel is one source for every kind of number. Compiled it runs on float64, on int64 that wraps modulo 2^64, and on
+int32 residues of a prime below 2^28 (sums of up to 127 products in int64); uncompiled on lists of Python or SymPy
+numbers. `modulus` is 0 where nothing is to be reduced.
+"""
+
+from __future__ import annotations
+
+import math
+
+from trees.compiled import kernel
+
+
+@kernel
+def reduced(x, modulus, inverse):
+    """A representative of x modulo `modulus` of absolute value at most half of it (up to rounding of x · inverse).
+
+    Machine division would cost more than the sum it reduces. With |x| < 2^63 and modulus > 2^27 the rounded quotient
+    is off by less than 2^-15, so the result stays below 0.51 · modulus.
+    """
+    return x - math.floor(x * inverse + 0.5) * modulus
+
+
+@kernel
+def elementary_weights(
+    first, last, top, colors, left, right, color, stages, a, b, relation, modulus, stage, applied, weight, g, scratch
+):  # fmt: skip
+    """Elementary weights of a (partitioned) Runge–Kutta method for the trees first … last−1.
+
+    The stage vector of u ∘ v is g(u) · (A g(v)), with the matrix A of the colour of v; the weight of a tree is b · g.
+    `a` and `b` are flat, colour by colour; `stage` and `applied` keep g and A g for the ids below `top`. The product of
+    stage vectors is componentwise, or, where `relation` holds q₀ … q_{s−1}, the product of polynomials modulo
+    z^s + q_{s−1} z^{s−1} + … + q₀ (the nodes are the roots of that polynomial). Ids below `colors` are single nodes;
+    `stages` and the columns are unsigned, see `lie_series`.
+    """
+    polynomial = len(relation) > 0
+    inverse = 1.0 / modulus if modulus else 0.0
+    for tree in range(first, last):
+        if tree < colors:
+            for i in range(stages):
+                g[i] = 1
+            if polynomial:
+                for i in range(1, stages):
+                    g[i] = 0
+        elif polynomial:
+            u = left[tree] * stages
+            v = right[tree] * stages
+            multiply_modulo(stages, stage, u, applied, v, relation, modulus, inverse, scratch)
+            for i in range(stages):
+                g[i] = scratch[i]
+        else:
+            u = left[tree] * stages
+            v = right[tree] * stages
+            for i in range(stages):
+                g[i] = stage[u + i] * applied[v + i]
+            if modulus:
+                for i in range(stages):
+                    g[i] = reduced(g[i], modulus, inverse)
+        row = color[tree] * stages
+        total = g[0] * b[row]
+        for i in range(1, stages):
+            total += g[i] * b[row + i]
+        weight[tree] = reduced(total, modulus, inverse) if modulus else total
+        if tree >= top:
+            continue
+        for i in range(stages):
+            entry = (row + i) * stages
+            total = g[0] * a[entry]
+            for j in range(1, stages):
+                total += g[j] * a[entry + j]
+            stage[tree * stages + i] = g[i]
+            applied[tree * stages + i] = reduced(total, modulus, inverse) if modulus else total
+
+
+@kernel
+def multiply_modulo(size, x, at_x, y, at_y, relation, modulus, inverse, product):
+    """Product of two polynomials (coefficients x[at_x:], y[at_y:], ascending) modulo z^size + Σ relation_k z^k."""
+    for k in range(2 * size - 1):
+        low = max(0, k - size + 1)
+        total = x[at_x + low] * y[at_y + k - low]
+        for i in range(low + 1, min(k, size - 1) + 1):
+            total += x[at_x + i] * y[at_y + k - i]
+        product[k] = reduced(total, modulus, inverse) if modulus else total
+    for k in range(2 * size - 2, size - 1, -1):
+        for i in range(size):
+            total = product[k - size + i] - product[k] * relation[i]
+            product[k - size + i] = reduced(total, modulus, inverse) if modulus else total
+
+
+@kernel
+def lie_series(
+    first, last, order, start, trunk, branch, width, top, solve, field, base, base_empty, weights, modulus, rows,
+    result, terms,
+):  # fmt: skip
+    """Σ_j weights[j] · ∂_b^j c for the trees first … last−1, or the b for which that sum is given.
+
+    The Lie derivative of c along the field b (HLW, Lemma IX.9.1):
+
+        (∂_b c)(τ) = c(∅) b(τ) + Σ_{splits of τ} c(trunk) b(branch).
+
+    Args:
+        first, last: Range of ids; all trees below `first` have been done.
+        order: Number of nodes of every tree.
+        start, trunk, branch: Splits, as `trees.table.Splits` describes them.
+        width: Length of a row; unsigned, like `trunk` and `branch`: without checks for negative indices the inner loop
+            runs in vector registers, four times as fast.
+        top: Rows are kept for ids below this one.
+        solve: If true, c is the identity (c(∅) = 1, else 0), `result` is given and `field` is solved for: weights[1]
+            must be 1, and the sum begins with b itself.
+        field: b at every tree; read, or written when solving.
+        base, base_empty: c at every tree (empty: zero) and at ∅.
+        weights: Factor of the j-th derivative, j = 0 … n.
+        modulus: 0, or the prime that everything is reduced by.
+        rows: Row by row ∂_b^j c at one tree, from j = 0 (from j = 1 if `base` is empty), zeros behind j = n.
+        result: Output.
+        terms: Scratch of `width` entries.
+    """
+    shift = 1 if len(base) > 0 else 0
+    inverse = 1.0 / modulus if modulus else 0.0
+    for tree in range(first, last):
+        n = order[tree]
+        for j in range(width):
+            terms[j] = 0
+        for k in range(start[n] + tree * (n - 1), start[n] + (tree + 1) * (n - 1)):
+            b = field[branch[k]]
+            row = trunk[k] * width
+            for j in range(width):
+                terms[j] += rows[row + j] * b
+        if modulus:
+            for j in range(width):
+                terms[j] = reduced(terms[j], modulus, inverse)
+        # Now terms[j] is ∂_b^(j+2−shift) c at the tree, for j = 0 and shift = 1 but for the part c(∅) b(τ).
+        if solve:
+            total = terms[0] * 0 + result[tree]
+            for j in range(n - 1):
+                total -= terms[j] * weights[j + 2]
+            total = reduced(total, modulus, inverse) if modulus else total
+            derivative = field[tree] = total
+        else:
+            derivative = terms[0] * shift + base_empty * field[tree]
+            derivative = reduced(derivative, modulus, inverse) if modulus else derivative
+            total = derivative * weights[1]
+            if shift:
+                total += base[tree] * weights[0]
+            for j in range(n - 1):
+                total += terms[j + shift] * weights[j + 2]
+            result[tree] = reduced(total, modulus, inverse) if modulus else total
+        if tree < top:
+            row = tree * width
+            if shift:
+                rows[row] = base[tree]
+            rows[row + shift] = derivative
+            for j in range(shift, n - 1 + shift):
+                rows[row + 1 + j] = terms[j]
+
+
+@kernel
+def balanced(x, modulus, inverse):
+    """The representative of x modulo an odd `modulus` between −(modulus−1)/2 and (modulus−1)/2, for |x| < 2^60."""
+    rest = reduced(x, modulus, inverse)
+    half = modulus // 2
+    if rest > half:
+        return rest - modulus
+    if rest < -half:
+        return rest + modulus
+    return rest
+
+
+@kernel
+def chinese_remainder(residues, primes, inverses, words, digits, limbs):
+    """Signed integers from their residues, as `words` 32-bit words each (two's complement, low word first).
+
+    Garner's mixed radix with balanced digits d_i: x = d_0 + p_0 (d_1 + p_1 (d_2 + …)) is the representative of least
+    absolute value, whatever its sign. inverses[i, j] is 1/p_j modulo p_i; `digits` has a row for each prime, and its
+    length is the number of trees done at a time, in vector registers.
+    """
+    count = len(primes)
+    size = residues.shape[1]
+    block = digits.shape[1]
+    for first in range(0, size, block):
+        many = min(block, size - first)
+        for i in range(count):
+            p = primes[i]
+            inverse = 1.0 / p
+            digit = digits[i]
+            for t in range(many):
+                digit[t] = balanced(residues[i, first + t] * 1, p, inverse)
+            for j in range(i):
+                factor = inverses[i, j]
+                earlier = digits[j]
+                for t in range(many):
+                    digit[t] = balanced((digit[t] - earlier[t]) * factor, p, inverse)
+        for t in range(many):
+            limb = limbs[first + t]
+            for w in range(words):
+                limb[w] = 0
+            for i in range(count - 1, -1, -1):
+                carry = digits[i, t]
+                for w in range(words):
+                    carry += limb[w] * primes[i]
+                    limb[w] = carry & 0xFFFFFFFF
+                    carry >>= 32

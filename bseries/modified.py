@@ -1,0 +1,173 @@
+"""The series of a method, of the exact flow, and the modified equation."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from integrators import PartitionedRungeKutta, RungeKutta
+from trees.counting import count_trees
+from trees.table import TreeTable, tree_table
+
+from . import recursions
+from .algebra import log, log_claim, wider_step
+from .arithmetic import majorants
+from .coefficients import RationalStages, stages_of
+from .domains import apply
+from .exceptions import SeriesError
+from .rationals import Operation, RationalValues, primorial
+from .truncated import BSeries
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .coefficients import Method
+
+
+def series(method: Method, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
+    """The B-series (P-series) of a Runge–Kutta (partitioned) method: its elementary weights.
+
+    Args:
+        method: The method; each part of a partitioned one is a colour of the trees.
+        order: Largest number of nodes, or a table of trees to work on.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+
+    Returns:
+        The flow series; a(τ) = Σ b_i Φ_i(τ), so that order conditions read a(τ) = 1/γ(τ).
+
+    Raises:
+        SeriesError: `method` is no method, or has too many stages.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
+
+    Example:
+        >>> import bseries as bs
+        >>> series(bs.method("rk4"), 5)["[[[[τ]]]]"]
+        Fraction(0, 1)
+
+    References:
+        HLW, theorems III.1.4 and III.2.4.
+    """
+
+    def expression(arithmetic: Any, weights: Any) -> Any:
+        return weights(field=False)
+
+    table = _table(method, order, max_children)
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
+    return _of_method(method, table, operation, 1)
+
+
+def modified_equation(
+    method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
+) -> BSeries:
+    """The modified equation: the field whose exact flow the numerical method follows.
+
+    With b the result, the method's numerical solution is formally the exact solution of
+    y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y).
+
+    Args:
+        method: A method, or any flow series.
+        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation. For a method a table of trees
+            to work on is welcome too; for a series None means its own order.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+
+    Returns:
+        The field series b = log a; b(τ) vanishes for 2 ≤ |τ| ≤ p if the method has order p.
+
+    Raises:
+        SeriesError: `method` is neither a method nor a flow, or `order` exceeds the order of the series.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
+
+    Example:
+        >>> import bseries as bs
+        >>> b = modified_equation(bs.method("explicit-midpoint"), 3)
+        >>> [(str(tree), str(value)) for tree, value in b.items() if value]
+        [('τ', '1'), ('[[τ]]', '-1/6'), ('[τ,τ]', '-1/12')]
+
+    References:
+        HLW, theorem IX.9.2; E. Hairer, *Backward analysis of numerical integrators and symplectic methods*,
+        Annals of Numerical Mathematics 1 (1994).
+    """
+    if isinstance(method, BSeries):
+        return log(method if order is None else method.truncate(order))  # pyright: ignore[reportArgumentType]
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+
+    def expression(arithmetic: Any, weights: Any) -> Any:
+        return recursions.logarithm(weights(field=True), table, arithmetic)
+
+    table = _table(method, order, max_children)
+    return _of_method(method, table, Operation(expression, log_claim, wider_step, field=True), 0)
+
+
+def exact_flow(order: int, *, colors: int = 1, max_children: Any = None) -> BSeries:
+    """The B-series of the exact flow: 1/γ(τ).
+
+    Args:
+        order: Largest number of nodes.
+        colors: Number of colours of the trees.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+
+    Raises:
+        TreeError: An argument is out of its range.
+
+    Example:
+        >>> exact_flow(4)["[τ,[τ]]"]
+        Fraction(1, 8)
+
+    References:
+        HLW, theorem III.1.3.
+    """
+    table = tree_table(order, colors, max_children)
+    denominators = [math.factorial(n) for n in range(table.max_order + 1)]
+    density, nodes = table.density.tolist(), table.order.tolist()
+    numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
+    values = RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
+    return BSeries(table, values, 1)
+
+
+def _compact(table: TreeTable, numerators: list[int]) -> Any:
+    if not table._compiled or table.max_order > 20:
+        return numerators
+    import numpy as np
+
+    return np.array(numerators, np.int64)
+
+
+def _table(method: object, order: int | TreeTable, max_children: Any) -> TreeTable:
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        raise SeriesError(f"method must be a method such as method('rk4') or a series, but was {method!r:.60}")
+    colors = len(method.partitions)
+    if isinstance(order, TreeTable):
+        if order.colors != colors:
+            raise SeriesError(f"order must be a table of trees in {colors} colours, but has {order.colors}")
+        return order
+    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
+    return tree_table(order, colors, max_children)
+
+
+def _of_method(method: Method, table: TreeTable, operation: Operation, empty: int) -> BSeries:
+    stages = stages_of(method)
+    values = apply(table, [stages], operation)
+    digits = min((part.digits for part in method.partitions if part.digits), default=None)
+    uncertainty = None
+    if digits is not None and isinstance(stages, RationalStages):
+        uncertainty = _uncertainty(stages, table, operation, digits)
+    return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
+
+
+def _uncertainty(stages: RationalStages, table: TreeTable, operation: Operation, digits: int) -> Callable[[int], float]:
+    """How far each coefficient may be from that of the method whose entries were rounded to so many digits.
+
+    The bound M(τ) of a coefficient is a polynomial in the |entries|, homogeneous of degree |τ| and with nonnegative
+    coefficients; relative errors of at most ε in the entries therefore change it by at most ((1 + ε)^|τ| − 1) M(τ).
+    """
+    arithmetic = majorants(stages.exponent, table.max_order)
+    bounds = operation.expression(arithmetic, lambda *, field: stages.load(table, arithmetic, field=field))
+    relative = float(Fraction(1, 2) * Fraction(10) ** (1 - digits))
+
+    def uncertainty(at: int) -> float:
+        n = int(table._order[at])
+        return math.expm1(n * math.log1p(relative)) * float(bounds[at]) * 2.0 ** (arithmetic.exponent * n)
+
+    return uncertainty

@@ -1,0 +1,8 @@
+"""Numerical methods as exact data: tableaux, their files, and a catalogue. Knows nothing of trees.
+
+Heavy imports wait until a name is used (PEP 562); ``__init__.pyi`` is the list of public names.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,138 @@
+"""What a tableau entry may be: `Fraction` where rational, SymPy where exact but irrational, float."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from math import fsum, isfinite
+from numbers import Rational, Real
+from typing import TYPE_CHECKING, Any
+
+from .errors import IntegratorError
+from .expressions import parse_number
+
+if TYPE_CHECKING:
+    import sympy
+
+    Entry = Fraction | float | sympy.Expr
+
+
+def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
+    """One entry of a tableau, kept exact.
+
+    Args:
+        value: a number of Python, NumPy or SymPy, a SymPy expression of roots and symbols, or a formula as text.
+        argument: what a message calls the entry.
+        names: symbols that a formula may use; the symbols of a SymPy expression need not be declared.
+
+    Returns:
+        A `Fraction` if the value is rational, a float if it is one, else a SymPy expression.
+
+    Raises:
+        IntegratorError: the value is not finite and real, or not made of rationals, roots and declared symbols.
+    """
+    if isinstance(value, str):
+        return parse_number(value, names=names, argument=argument)
+    if is_sympy(value):
+        return _from_sympy(value, argument)
+    if isinstance(value, Rational) and not isinstance(value, bool):
+        return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, Decimal | Real) and not isinstance(value, bool):
+        number = float(value)
+        if (not isfinite(number) and value != value) or abs(number) == float("inf"):
+            raise IntegratorError(f"{argument} must be a finite number, but was {value}")
+        if isinstance(value, Decimal):
+            return Fraction(value)
+        if number != value:
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {value!r:.60}")
+        return number
+    raise IntegratorError(f"{argument} must be a real number or a formula, but was {value!r:.60}")
+
+
+def is_sympy(value: object) -> bool:
+    """Whether a value is a SymPy object; SymPy is not imported to find out."""
+    sympy = sys.modules.get("sympy")
+    return sympy is not None and isinstance(value, sympy.Basic)
+
+
+def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
+    """A SymPy expression read through its text: one grammar decides what is allowed, and one form is stored."""
+    import sympy
+
+    if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise IntegratorError(f"{argument} must be a finite number, but was {value!s:.60}")
+    if value.is_number and value.is_real is False:
+        raise IntegratorError(f"{argument} must be real, but was {value!s:.60}")
+    if value.has(sympy.Float):
+        if value.free_symbols:
+            raise IntegratorError(
+                f"{argument} must not mix floats and symbols, but was {value!s:.60}: write decimals as fractions"
+            )
+        return round_entry(value)
+    names = sorted(str(symbol) for symbol in value.free_symbols)
+    return parse_number(str(value), names=names, argument=argument)
+
+
+def round_entry(value: Any) -> float:
+    """The double nearest to a number."""
+    return float(value.evalf(30)) if is_sympy(value) else float(value)
+
+
+def sum_entries(values: Iterable[Entry]) -> Entry:
+    """The sum of entries of one method: exact, or correctly rounded for floats."""
+    terms: list[Any] = list(values)
+    if any(isinstance(value, float) for value in terms):
+        return fsum(terms)
+    if not any(map(is_sympy, terms)):
+        return sum(terms, Fraction(0))
+    import sympy
+
+    total = sympy.expand(sympy.Add(*terms))
+    return Fraction(int(total.p), int(total.q)) if isinstance(total, sympy.Rational) else total
+
+
+def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
+    """Whether terms sum to zero: exactly, or within what inexact entries can show.
+
+    Args:
+        terms: numbers of one method, or products of two.
+        precision: the relative error of the entries, 0 if they are exact.
+
+    Returns:
+        The answer, or None for a formula that can neither be shown to vanish nor not to.
+
+    Example:
+        >>> terms = [Fraction(1, 3), Fraction("-0.333")]
+        >>> cancels(terms, 0), cancels(terms, Fraction(1, 100))
+        (False, True)
+    """
+    if precision:
+        return abs(sum(terms)) <= precision * sum(map(abs, terms))
+    if not any(map(is_sympy, terms)):
+        return sum(terms) == 0
+    import sympy
+
+    return sympy.Add(*terms).equals(0)
+
+
+def find_domain(values: Iterable[Entry]) -> str:
+    """The smallest of the domains QQ, algebraic, symbolic and float that holds all entries."""
+    kinds = {type(value) for value in values if not is_sympy(value)}
+    formulas = [value for value in values if is_sympy(value)]
+    if float in kinds:
+        return "float"
+    if any(value.free_symbols for value in formulas):  # type: ignore[union-attr]
+        return "symbolic"
+    return "algebraic" if formulas else "QQ"
+
+
+def symbol_names(values: Iterable[Entry]) -> tuple[str, ...]:
+    """The names of the symbols in some entries, sorted."""
+    return tuple(sorted({str(symbol) for value in values if is_sympy(value) for symbol in value.free_symbols}))  # type: ignore[union-attr]
+
+
+def substitute(value: Entry, replacements: Mapping[Any, Any], argument: str) -> Entry:
+    """An entry with SymPy objects put in place of its symbols."""
+    return read_entry(value.xreplace(replacements), argument) if is_sympy(value) else value  # type: ignore[union-attr]

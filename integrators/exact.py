@@ -1,0 +1,197 @@
+"""Arithmetic on exact numbers and formulas, with limits: `Fraction`s while rational, else SymPy.
+
+What cannot be done raises `ArithmeticError` with the predicate of a sentence, such as "divides by zero".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import isqrt
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy
+
+    Exact = Fraction | sympy.Expr
+
+MAX_DIGITS = 4000
+"""Integers stay below Python's own limit for conversion from and to text, which is 4300 digits."""
+MAX_BITS = MAX_DIGITS * 3322 // 1000
+MAX_ROOT = 100
+MAX_EXPONENT = 100
+"""Powers of formulas, which may have to be expanded, stay below; powers of rationals are limited by their digits."""
+MAX_RADICAND_BITS = 400
+"""SymPy looks for factors of what is under a root, which takes its time from some hundreds of digits on."""
+MAX_NESTING = 6
+"""Powers within powers are limited: the time SymPy takes to find a sign grows exponentially with their depth."""
+
+
+def bounded(value: Any) -> Any:
+    """The value, a SymPy rational as `Fraction`, if it is finite, real and of reasonable size."""
+    if isinstance(value, Fraction):
+        if _bits(value) > MAX_BITS:
+            raise ArithmeticError(f"has a number of more than {MAX_DIGITS} digits")
+        return value
+    import sympy
+
+    if isinstance(value, sympy.Rational):
+        return bounded(Fraction(int(value.p), int(value.q)))
+    if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise ArithmeticError("is not finite")
+    if _bits(value) > MAX_BITS:
+        raise ArithmeticError(f"has a number of more than {MAX_DIGITS} digits")
+    exponents = [power.exp for power in value.atoms(sympy.Pow) if power.exp.is_Rational]
+    if any(abs(exponent) > MAX_EXPONENT or exponent.q > MAX_ROOT for exponent in exponents):
+        raise ArithmeticError(f"has an exponent beyond {MAX_EXPONENT} or a root beyond the {MAX_ROOT}th")
+    if _nesting(value) > MAX_NESTING:
+        raise ArithmeticError(f"has more than {MAX_NESTING} roots or powers within each other")
+    if value.is_number and value.is_real is False:
+        raise ArithmeticError("is not real")
+    return value
+
+
+def _bits(value: Exact) -> int:
+    """The bits of the largest integer in a value."""
+    if isinstance(value, Fraction):
+        return max(value.numerator.bit_length(), value.denominator.bit_length())
+    import sympy
+
+    return max((max(int(a.p).bit_length(), int(a.q).bit_length()) for a in value.atoms(sympy.Rational)), default=1)
+
+
+def _nesting(value: sympy.Basic) -> int:
+    """How many powers of sums lie within each other."""
+    import sympy
+
+    inner = max(map(_nesting, value.args), default=0)
+    return inner + 1 if isinstance(value, sympy.Pow) and inner + len(value.base.args) > 0 else inner
+
+
+def add(terms: Sequence[Any]) -> Exact:
+    """The sum of one term or more."""
+    if len(terms) == 1:
+        return terms[0]
+    total = Fraction(0)
+    for term in terms:
+        if not isinstance(term, Fraction):
+            import sympy
+
+            return bounded(sympy.Add(*terms))
+        total += term
+        bounded(total)
+    return total
+
+
+def multiply(factors: Sequence[Any]) -> Exact:
+    """The product of one factor or more, formed at once: SymPy's form of a product depends on how it is grouped."""
+    if len(factors) == 1:
+        return factors[0]
+    product = Fraction(1)
+    for factor in factors:
+        if not isinstance(factor, Fraction):
+            import sympy
+
+            return bounded(sympy.Mul(*factors))
+        product *= factor
+        bounded(product)
+    return product
+
+
+def invert(value: Exact) -> Exact:
+    """The inverse 1 / value."""
+    if isinstance(value, Fraction):
+        if value == 0:
+            raise ArithmeticError("divides by zero")
+        return 1 / value
+    if value.is_number and value.is_zero is not False:
+        raise ArithmeticError("divides by a number that cannot be told from zero")
+    return bounded(1 / value)
+
+
+def power(base: Exact, exponent: Exact) -> Exact:
+    """The power base^exponent with a rational exponent; roots of negative numbers are refused."""
+    if not isinstance(exponent, Fraction):
+        raise ArithmeticError("has an exponent that is not rational")
+    if exponent < 0:
+        base, exponent = invert(base), -exponent
+    if exponent.denominator > 1:
+        return _fractional_power(base, exponent)
+    times = exponent.numerator
+    if times * (_bits(base) - 1) > MAX_BITS:
+        raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
+    return bounded(base**times)
+
+
+def _fractional_power(base: Exact, exponent: Fraction) -> Exact:
+    if _sign(base) < 0:
+        raise ArithmeticError("has a fractional power of a negative number (an odd root is written root(x, n))")
+    if isinstance(base, Fraction):
+        rational = _rational_root(base, exponent.denominator)
+        if rational is not None:
+            return power(rational, Fraction(exponent.numerator))
+    import sympy
+
+    if exponent * (_bits(base) - 1) > MAX_BITS:
+        raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
+    if _bits(base) > MAX_RADICAND_BITS:
+        raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
+    return bounded(sympy.sympify(base) ** sympy.Rational(exponent.numerator, exponent.denominator))
+
+
+def root(value: Exact, degree: Exact) -> Exact:
+    """The real root of a degree; odd roots of negative numbers are negative."""
+    if not isinstance(degree, Fraction) or degree.denominator > 1 or not 2 <= degree <= MAX_ROOT:
+        raise ArithmeticError(f"has a root whose degree is not an integer from 2 to {MAX_ROOT}")
+    if _sign(value) < 0:
+        if degree % 2 == 0:
+            raise ArithmeticError("has an even root of a negative number")
+        return multiply([Fraction(-1), root(multiply([Fraction(-1), value]), degree)])
+    return _fractional_power(value, 1 / degree)
+
+
+def _sign(value: Exact) -> int:
+    """The sign of a number; 1 for a formula with symbols."""
+    if isinstance(value, Fraction):
+        return (value > 0) - (value < 0)
+    if not value.is_number:
+        return 1
+    if value.is_negative is None:
+        raise ArithmeticError("has a root of a number whose sign cannot be decided")
+    return -1 if value.is_negative else 1
+
+
+def _rational_root(value: Fraction, degree: int) -> Fraction | None:
+    """The root of a number that is not negative, if it is rational."""
+    numerator, denominator = _integer_root(value.numerator, degree), _integer_root(value.denominator, degree)
+    return None if numerator is None or denominator is None else Fraction(numerator, denominator)
+
+
+def _integer_root(value: int, degree: int) -> int | None:
+    """The exact root of a natural number, if there is one, by Newton's iteration from above."""
+    if degree == 2:
+        found = isqrt(value)
+    else:
+        if value < 2 or degree >= value.bit_length():
+            return value if value < 2 else None
+        found, step = 1 << -(-value.bit_length() // degree), -1
+        while step < 0:
+            step = (value // found ** (degree - 1) - found) // degree
+            found += min(step, 0)
+    return found if found**degree == value else None
+
+
+def transcendental_power(base: Any, exponent: Any) -> Exact:
+    """The power base^exponent with a formula as exponent."""
+    import sympy
+
+    if _sign(base) <= 0:
+        raise ArithmeticError("has a formula as exponent of a number that is not positive")
+    return bounded(sympy.sympify(base) ** exponent)
+
+
+def apply(name: str, argument: Exact) -> Exact:
+    """An elementary function of an argument."""
+    import sympy
+
+    return bounded(getattr(sympy, name)(sympy.sympify(argument)))

@@ -1,0 +1,399 @@
+"""Tableau files in JSON and TOML: what is written is read back as an equal method, and a failed write leaves nothing.
+
+    {"name": "heun2", "A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"], "c": [0, 1]}
+
+Further keys: ``embedded`` (a row of weights or several), ``parameters`` (symbols that formulas use), ``digits`` (correct digits
+of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals). In place of A,
+b and c a file has ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or ``partitions`` (name to tableau).
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from decimal import Decimal
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from .entries import read_entry
+from .errors import IntegratorError
+from .expressions import format_number, shorten
+from .stage_algebra import StageAlgebra
+from .tableau import PartitionedRungeKutta, RungeKutta, TableauWarning
+from .tableau_input import items
+
+if TYPE_CHECKING:
+    from typing import IO
+
+    Method = RungeKutta | PartitionedRungeKutta
+
+MAX_BYTES = 10_000_000
+FORMATS = ("json", "toml")
+LABELS = ("name", "reference")
+PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
+KEYS = (*PART_KEYS, "partitions")
+LARGEST_NUMBER = 2**53
+"""Larger integers are written as text, since many readers of JSON turn numbers into doubles."""
+
+
+def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
+    """Read a method from a file.
+
+    Args:
+        source: a path, or an open file of text or bytes.
+        format: ``"json"`` or ``"toml"``; by default what the suffix says, and without a suffix what the text looks like.
+
+    Returns:
+        The method; a `TableauWarning` is emitted for each of its issues.
+
+    Raises:
+        IntegratorError: the file cannot be read, is no JSON or TOML, or holds no tableau. The message starts with its name.
+    """
+    if hasattr(source, "read"):
+        label = str(getattr(source, "name", "input"))
+        raw = source.read(MAX_BYTES + 1)  # type: ignore[union-attr]
+    else:
+        label = os.fspath(source)  # type: ignore[arg-type]
+        raw = _read_bytes(label)
+    text = _decode(raw, label) if isinstance(raw, bytes) else raw
+    if len(raw) > MAX_BYTES:
+        raise IntegratorError(f"{shorten(label)} must have at most {MAX_BYTES} bytes, but has more")
+    if format is None:
+        format = _suffix(label) or ("json" if text.lstrip().startswith("{") else "toml")
+    return loads_method(text, format, source=label)
+
+
+def loads_method(text: str, format: str, *, source: str = "text") -> Method:
+    """Read a method from text.
+
+    Args:
+        text: a tableau file's content.
+        format: ``"json"`` or ``"toml"``.
+        source: what a message calls the text.
+
+    Returns:
+        The method; a `TableauWarning` is emitted for each of its issues.
+
+    Raises:
+        IntegratorError: the text is no JSON or TOML, or holds no tableau.
+
+    Example:
+        >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
+        ((Fraction(1, 10),),)
+    """
+    parse = {"json": _parse_json, "toml": _parse_toml}[_checked_format(format)]
+    try:
+        method = _read_method(parse(text))
+    except RecursionError:
+        raise IntegratorError(f"{shorten(source)}: nesting must be flat, but was too deep") from None
+    except IntegratorError as error:
+        raise IntegratorError(f"{shorten(source)}: {error}") from None
+    for issue in method.issues:
+        warnings.warn(issue, TableauWarning, stacklevel=2)
+    return method
+
+
+def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:
+    """Write a method to a file, from which `load_method` reads an equal one.
+
+    Args:
+        method: the method.
+        path: the file; it is replaced at once when everything is written, or left as it was.
+        format: ``"json"`` or ``"toml"``; by default what the suffix says.
+
+    Raises:
+        IntegratorError: the format is unknown or the file cannot be written.
+    """
+    if format is None and not _suffix(os.fspath(path)):
+        raise IntegratorError(f"path must end in .json or .toml, but was {shorten(os.fspath(path))}")
+    atomic_write(path, dumps_method(method, format or _suffix(os.fspath(path))))
+
+
+def dumps_method(method: Method, format: str) -> str:
+    """A method as the text of a tableau file.
+
+    Args:
+        method: the method.
+        format: ``"json"`` or ``"toml"``.
+
+    Returns:
+        The text.
+
+    Raises:
+        IntegratorError: the format is unknown.
+
+    Example:
+        >>> print(dumps_method(RungeKutta([["1/2"]], [1], name="implicit-midpoint"), "json"), end="")
+        {
+          "name": "implicit-midpoint",
+          "A": [
+            ["1/2"]
+          ],
+          "b": [1],
+          "c": ["1/2"]
+        }
+    """
+    data = _write_method(method)
+    if _checked_format(format) == "json":
+        return _json_text(data) + "\n"
+    import tomli_w
+
+    return tomli_w.dumps(data)
+
+
+def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write a file so that it is either complete or as it was before, whatever interrupts.
+
+    The content goes to a new file beside it, which then takes its name; links are followed, permissions kept.
+
+    Args:
+        path: the file.
+        content: bytes, or text to be written as UTF-8.
+
+    Raises:
+        IntegratorError: the file cannot be written.
+    """
+    name = os.fspath(path)
+    temporary = None
+    try:
+        data = content if isinstance(content, bytes) else content.encode()
+        target = os.path.realpath(name)
+        if os.path.exists(target) and not os.path.isfile(target) and not os.path.isdir(target):
+            with open(target, "wb") as device:  # a pipe or a device has no content to protect
+                device.write(data)
+            return
+        if os.path.isfile(target) and not os.access(target, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+        temporary = os.path.join(os.path.dirname(target), f".{os.urandom(8).hex()}.tmp")
+        with open(temporary, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if os.path.isfile(target):
+            os.chmod(temporary, os.stat(target).st_mode & 0o7777)
+        os.replace(temporary, target)
+    except (OSError, ValueError) as error:
+        _remove(temporary)
+        reason = getattr(error, "strerror", None) or str(error)
+        raise IntegratorError(f"{shorten(name)} must be a writable file, but was not: {reason}") from None
+    except BaseException:
+        _remove(temporary)
+        raise
+
+
+def _remove(path: str | None) -> None:
+    if path is not None and os.path.lexists(path):
+        os.unlink(path)
+
+
+def _suffix(path: str) -> str:
+    suffix = os.path.splitext(path)[1][1:].lower()
+    return suffix if suffix in FORMATS else ""
+
+
+def _checked_format(format: str) -> str:
+    if format not in FORMATS:
+        raise IntegratorError(f"format must be json or toml, but was {shorten(str(format))}")
+    return format
+
+
+def _read_bytes(path: str) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise IntegratorError(f"{shorten(path)} must be a readable file, but was not: {reason}") from None
+
+
+def _decode(raw: bytes, label: str) -> str:
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # A file that is too long is cut, perhaps within a character.
+        if len(raw) > MAX_BYTES:
+            return ""
+        raise IntegratorError(
+            f"{shorten(label)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
+        ) from None
+    if "\0" in text:
+        raise IntegratorError(f"{shorten(label)} must be text, but was binary")
+    return text
+
+
+def _parse_json(text: str) -> Any:
+    import json
+
+    def refuse(name: str) -> Any:
+        raise IntegratorError(f"numbers must be finite, but one was {name}")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            key = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
+            raise IntegratorError(f"keys must be unique, but {shorten(key)!r} was repeated")
+        return found
+
+    try:
+        return json.loads(text, parse_float=Decimal, parse_constant=refuse, object_pairs_hook=unique)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise IntegratorError(f"content must be JSON, but was not at {where}: {error.msg}") from None
+    except (ValueError, ArithmeticError) as error:
+        raise _wrapped(error, "JSON") from None
+
+
+def _parse_toml(text: str) -> Any:
+    import tomllib
+
+    try:
+        return tomllib.loads(text, parse_float=Decimal)
+    except (ValueError, ArithmeticError) as error:
+        raise _wrapped(error, "TOML") from None
+
+
+def _wrapped(error: Exception, format: str) -> IntegratorError:
+    """What a parser found, as one sentence; TOML's names line and column itself."""
+    return (
+        error
+        if isinstance(error, IntegratorError)
+        else IntegratorError(f"content must be {format}, but was not: {error}")
+    )
+
+
+def _read_method(data: Any) -> Method:
+    _check_keys(data, KEYS, "content")
+    if "partitions" not in data:
+        return _read_tableau(data, ())
+    _check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
+    partitions = data["partitions"]
+    if not isinstance(partitions, dict):
+        raise IntegratorError(f"partitions must map names to tableaux, but was {shorten(repr(partitions))}")
+    parameters = items(data.get("parameters", ()), "parameters")
+    parts = {name: _prefixed(name, _read_tableau, part, parameters) for name, part in partitions.items()}
+    return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
+
+
+def _prefixed(name: str, read: Callable[..., RungeKutta], *arguments: Any) -> RungeKutta:
+    try:
+        return read(*arguments)
+    except IntegratorError as error:
+        raise IntegratorError(f"partition {shorten(name)}: {error}") from None
+
+
+def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
+    _check_keys(data, PART_KEYS, "a tableau")
+    labels = {key: data.get(key) for key in LABELS}
+    if "algebra" in data:
+        _check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
+        return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
+    for key in ("A", "b"):
+        if key not in data:
+            raise IntegratorError(f"content must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
+    if data.get("domain", "float") != "float":
+        raise IntegratorError(f"domain must be float or left out, but was {shorten(repr(data['domain']))}")
+    rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
+    if "domain" in data:
+        rows = {key: _as_floats(value) for key, value in rows.items()}
+    method = RungeKutta(
+        **rows,
+        parameters=[*parameters, *items(data.get("parameters", ()), "parameters")],
+        digits=data.get("digits"),
+        **labels,
+        warn=False,
+    )
+    return method.to_float() if "domain" in data else method
+
+
+def _as_floats(value: Any) -> Any:
+    """The numbers in nested lists as doubles; everything else as it is, to be judged by `RungeKutta`."""
+    if isinstance(value, list):
+        return [_as_floats(entry) for entry in value]
+    return float(value) if isinstance(value, int | Decimal) and not isinstance(value, bool) else value
+
+
+def _read_algebra(data: Any) -> StageAlgebra:
+    _check_keys(data, ("polynomial", "A", "b"), "algebra")
+    for key in ("polynomial", "A", "b"):
+        if key not in data:
+            raise IntegratorError(f"algebra must have the key {key}, but had {', '.join(data) or 'none'}")
+    rows = [items(row, f"row {i} of algebra.A") for i, row in enumerate(items(data["A"], "algebra.A"), 1)]
+    polynomial, b = (items(data[key], f"algebra.{key}") for key in ("polynomial", "b"))
+    read = [[read_entry(value, "an entry of algebra") for value in row] for row in (polynomial, b, *rows)]
+    return StageAlgebra(read[0], read[2:], read[1])
+
+
+def _check_keys(data: Any, known: Iterable[str], argument: str) -> None:
+    if not isinstance(data, dict):
+        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shorten(repr(data))}")
+    for key in data:
+        if key not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(key, known, n=1, cutoff=0.5)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise IntegratorError(
+                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{hint}"
+            )
+
+
+def _write_method(method: Method) -> dict[str, Any]:
+    """The method as the dictionary of a file, without what is absent."""
+    if isinstance(method, PartitionedRungeKutta):
+        partitions = dict(zip(method.names, map(_write_method, method.partitions), strict=True))
+        return {**_labels(method), "partitions": partitions}
+    if not isinstance(method, RungeKutta):
+        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shorten(repr(method))}")
+    algebra = method.algebra
+    if algebra is not None:
+        polynomial, b = _numbers(algebra.polynomial), _numbers(algebra.b)
+        return {
+            **_labels(method),
+            "algebra": {"polynomial": polynomial, "A": [_numbers(row) for row in algebra.A], "b": b},
+        }
+    data = _labels(method)
+    if method.parameters:
+        data["parameters"] = list(method.parameters)
+    if method.digits is not None:
+        data["digits"] = method.digits
+    if method.domain == "float":
+        data["domain"] = "float"
+    data |= {"A": [_numbers(row) for row in method.A], "b": _numbers(method.b)}
+    # A formula for a row sum can be longer than one may be written; it comes back as it was by summing again.
+    if method.domain not in ("algebraic", "symbolic") or method.c != method.row_sums:
+        data["c"] = _numbers(method.c)
+    if method.embedded:
+        data["embedded"] = [_numbers(row) for row in method.embedded]
+    return data
+
+
+def _labels(method: Method) -> dict[str, Any]:
+    labels = {"name": method.name, "reference": method.reference}
+    return {key: value for key, value in labels.items() if value is not None}
+
+
+def _numbers(values: Iterable[Any]) -> list[Any]:
+    return [_number(value) for value in values]
+
+
+def _number(value: Any) -> Any:
+    """A double as it is, a small integer as a number, everything else as text."""
+    if isinstance(value, float):
+        return value
+    if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER:
+        return int(value)
+    return format_number(value)
+
+
+def _json_text(value: Any, indent: str = "") -> str:
+    """JSON with one key, or one row of a matrix, to a line."""
+    import json
+
+    deeper = indent + "  "
+    if isinstance(value, Mapping):
+        lines = [f"{deeper}{json.dumps(k, ensure_ascii=False)}: {_json_text(v, deeper)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n" + ",\n".join(deeper + _json_text(row) for row in value) + f"\n{indent}]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

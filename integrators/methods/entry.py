@@ -1,0 +1,43 @@
+"""What the catalogue knows about a method before it is built."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..tableau import PartitionedRungeKutta, RungeKutta
+
+
+class MethodEntry(NamedTuple):
+    """One method, or one family of methods, of the catalogue.
+
+    Attributes:
+        name: The name; a family's name is followed by its number of stages.
+        kind: ``explicit``, ``embedded pair``, ``diagonally implicit``, ``implicit`` or ``partitioned``.
+        stages: Number of stages; None for a family, whose stages are given behind its name.
+        order: The order claimed by the source; for a family its formula, such as ``"2s-1"``.
+        description: What the method is, in one line.
+        reference: Where it was published.
+        build: Builds the method from ``name`` and ``reference``, and from ``stages`` (families) and the parameters.
+        aliases: Other names that find it.
+        parameters: Names of its free parameters.
+        least_stages: The smallest number of stages a family has.
+    """
+
+    name: str
+    kind: str
+    stages: int | None
+    order: int | str
+    description: str
+    reference: str
+    build: Callable[..., RungeKutta | PartitionedRungeKutta]
+    aliases: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    least_stages: int = 1
+
+    @property
+    def is_family(self) -> bool:
+        """Whether the number of stages is given behind the name, as in ``gauss3``."""
+        return self.stages is None

@@ -1,0 +1,35 @@
+"""Fixtures of the series tests: both executions of the kernels, and random exact series."""
+
+import random
+from fractions import Fraction
+
+import pytest
+
+import trees.table
+from bseries import BSeries
+
+
+@pytest.fixture(params=["compiled", "interpreted"])
+def execution(request, monkeypatch):
+    """Run everything on compiled kernels (the fast exact path), or in the interpreter on plain Fractions."""
+    if request.param == "compiled":
+        import numba  # noqa: F401
+    monkeypatch.setattr(trees.table, "compiling_pays", lambda work: request.param == "compiled")
+    trees.table._kept_table.cache_clear()
+    yield request.param
+    trees.table._kept_table.cache_clear()
+
+
+@pytest.fixture
+def random_series():
+    """random_series(order, seed, empty=1, colors=1): small fractions of both signs, some zero."""
+
+    def make(order, seed, empty=1, colors=1):
+        source = random.Random(seed)
+
+        def rule(tree):
+            return Fraction(source.randint(-5, 5), source.choice([1, 2, 3, 4, 5, 7]))
+
+        return BSeries.from_rule(rule, order, empty=empty, colors=colors)
+
+    return make

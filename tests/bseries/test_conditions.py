@@ -1,0 +1,161 @@
+"""Orders and error coefficients: every catalogue method, the simplifying assumptions, published numbers, controls."""
+
+from fractions import Fraction
+
+import pytest
+import sympy
+
+import bseries as bs
+from bseries.conditions import first_failure
+from bseries.simplifying import simplifying_assumptions
+
+FIXED = [entry for entry in bs.catalogue() if not entry.is_family]
+FAMILIES = [
+    (f"{entry.name}{stages}", eval_order)
+    for entry in bs.catalogue()
+    if entry.is_family and len(bs.method(f"{entry.name}{entry.least_stages}").partitions) == 1
+    for stages in range(entry.least_stages, 8)
+    for eval_order in [entry.order]
+]
+
+
+def claimed(order, stages):
+    """The number that an order such as 2s-1 stands for."""
+    factor, _, offset = str(order).partition("s")
+    return int(factor) * stages + int(offset or 0)
+
+
+@pytest.mark.parametrize("entry", FIXED, ids=lambda entry: entry.name)
+def test_catalogue_orders_hold_and_end_there(entry):
+    method = bs.method(entry.name)
+    p = int(entry.order)
+    assert bs.order_of(method) == p
+    s = bs.series(method, p + 1)
+    assert s.table.order[first_failure(s)] == p + 1
+
+
+@pytest.mark.parametrize(("name", "order"), FAMILIES)
+def test_family_orders_by_simplifying_assumptions(name, order):
+    method = bs.method(name)
+    p = claimed(order, method.stages)
+    assert bs.order_of(method) == p
+    if p < 8:  # the trees agree
+        assert bs.order_of(bs.series(method, p)) == p
+        assert bs.order_of(bs.series(method, p + 1)) == p
+
+
+def test_simplifying_assumptions_of_the_families():
+    s = 5  # HLW section II.1.4, Hairer–Wanner table IV.5.13
+    known = {"gauss5": (10, 5, 5), "radau-ia5": (9, 4, 5), "radau-iia5": (9, 5, 4)}
+    known |= {"lobatto-iiia5": (8, 5, 3), "lobatto-iiib5": (8, 3, 5), "lobatto-iiic5": (8, 4, 4)}
+    for name, expected in known.items():
+        assert simplifying_assumptions(bs.method(name), 2 * s + 2)[:3] == expected
+
+
+@pytest.mark.parametrize("name", ["lobatto-iiia-iiib2", "lobatto-iiia-iiib3", "lobatto-iiib-iiia3", "gauss-gauss2"])
+def test_orders_of_partitioned_families(name):
+    assert bs.order_of(bs.method(name)) == {"2": 2, "3": 4}[name[-1]] * (2 if "gauss" in name else 1)
+
+
+def test_principal_error_of_the_classical_method():
+    """Published by nodepy: √1745/2880 and 1/120; of order 6, √8531/5760 and 1/144."""
+    error = bs.error_coefficients(bs.method("rk4"))
+    assert (error.order, error.norm_squared, error.largest) == (4, Fraction(1745, 2880**2), Fraction(1, 120))
+    assert error.norm == pytest.approx(1745**0.5 / 2880)
+    error = bs.error_coefficients(bs.method("rk4"), 5)
+    assert (error.norm_squared, error.largest) == (Fraction(8531, 5760**2), Fraction(1, 144))
+
+
+def test_principal_error_equals_the_first_term_of_the_modified_equation():
+    for name in ("heun2", "kutta3", "radau-iia2", "stormer-verlet-dkd"):
+        error = bs.error_coefficients(bs.method(name))
+        b = bs.modified_equation(bs.method(name), error.order + 1)
+        assert all(b[tree] == e * tree.symmetry for tree, e in error.terms)
+
+
+def test_a_family_in_a_symbol():
+    error = bs.error_coefficients(bs.method("sdirk2"))
+    gamma = sympy.Symbol("gamma")
+    tall = dict(error.terms)[bs.Tree("[[τ]]")]
+    assert error.order == 2
+    assert sympy.expand(tall - (-(gamma**2) + gamma - sympy.Rational(1, 6))) == 0
+    assert error.norm is None
+    root = bs.method("sdirk2", gamma="(3 - sqrt(3))/6")
+    assert bs.order_of(root) == 3
+    assert bs.order_of(bs.method("sdirk2", gamma="(3 - sqrt(3))/6 + 1/10^12")) == 2
+
+
+def test_decimals_are_decided_within_their_digits():
+    assert bs.order_of(bs.method("tsit5")) == 5
+    tsit5 = bs.method("tsit5")
+    exact = bs.RungeKutta(tsit5.A, tsit5.b, warn=False)  # the same decimals, taken literally
+    assert bs.order_of(exact) < 5
+    coarse = bs.RungeKutta([[0, 0], ["0.6667", 0]], ["0.25", "0.75"], digits=4)
+    assert bs.order_of(coarse) == 2
+    wrong = bs.RungeKutta([[0, 0], ["0.6777", 0]], ["0.25", "0.75"], digits=4)
+    assert bs.order_of(wrong) == 1
+
+
+def test_floats_are_decided_up_to_rounding():
+    for name in ("rk4", "dormand-prince54", "gauss2", "stormer-verlet-kdk"):
+        method = bs.method(name)
+        parts = [part.to_float() for part in method.partitions]
+        rounded = parts[0] if len(parts) == 1 else bs.PartitionedRungeKutta(dict(zip("pq", parts, strict=True)))
+        assert bs.order_of(rounded) == bs.order_of(method)
+
+
+def test_inconsistent_methods_have_order_zero():
+    with pytest.warns(bs.TableauWarning, match="inconsistent"):
+        method = bs.RungeKutta([[0]], ["1/2"])
+    assert bs.order_of(method) == 0
+    assert not bs.check(method).properties["consistent"]
+
+
+def test_order_of_a_composition():
+    """Strang from Lie–Trotter: the symplectic Euler method and its adjoint, half a step each, have order 2."""
+    a = bs.series(bs.method("symplectic-euler-p"), 4).scale_step(Fraction(1, 2))
+    assert bs.order_of(a * 0 + bs.compose(a.adjoint(), a)) == 2
+    assert bs.order_of(bs.compose(a, a)) == 1
+
+
+def test_the_order_stops_where_it_is_told_to():
+    assert bs.order_of(bs.method("rk4"), 3) == 3
+    assert bs.order_of(bs.exact_flow(6)) == 6
+    assert bs.order_of(bs.method("gauss5"), 7) == 7
+
+
+@pytest.mark.parametrize(
+    ("name", "properties"),
+    [
+        ("rk4", {"explicit": True, "symmetric": False, "symplectic": False}),
+        ("gauss3", {"explicit": False, "symmetric": True, "symplectic": True}),
+        ("lobatto-iiia3", {"explicit": False, "symmetric": True, "symplectic": False}),
+        ("radau-iia2", {"explicit": False, "symmetric": False, "symplectic": False}),
+        ("stormer-verlet-kdk", {"symmetric": True, "symplectic": True}),
+        ("symplectic-euler-q", {"symmetric": False, "symplectic": True}),
+    ],
+)
+def test_check_reports_what_the_tableau_decides(name, properties):
+    report = bs.check(bs.method(name))
+    assert properties.items() <= report.properties.items()
+    data = report.to_dict()
+    assert (data["kind"], data["order"]) == ("check", report.order)
+
+
+def test_check_reports_embedded_orders():
+    assert bs.check(bs.method("dormand-prince54")).embedded_orders == (4,)
+    assert bs.check(bs.method("dop853")).embedded_orders == (5, 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: bs.order_of("rk4"), "method must be a method such as method\\('rk4'\\) or a series, but was 'rk4'"),
+        (lambda: bs.order_of(bs.exact_flow(3).log()), "method must be a flow"),
+        (lambda: bs.order_of(bs.exact_flow(3), 5), "order must be at most 3"),
+        (lambda: bs.check(None), "method must be a method"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(bs.SeriesError, match=message):
+        call()

@@ -1,0 +1,156 @@
+"""The fast exact path against plain Fractions: residues, bounds, claims, and their negative controls."""
+
+import math
+import random
+from fractions import Fraction
+
+import numba  # noqa: F401
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bseries as bs
+import trees.table
+from bseries import rationals, recursions
+from bseries.algebra import log_claim, wider_step
+from bseries.arithmetic import Exact, Majorant, majorants, primes_beyond
+from bseries.rationals import Operation, RationalValues, combine, evaluate, smallest_step
+
+ORDER = 6
+
+
+def table(order, compiled, colors=1):
+    """A new table with compiled kernels, or with interpreted ones."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trees.table, "compiling_pays", lambda work: compiled)
+        return trees.TreeTable(order, colors)
+
+
+FAST, PLAIN = table(ORDER, True), table(ORDER, False)
+
+
+def modified(method, on):
+    from bseries.coefficients import stages_of
+
+    def expression(arithmetic, weights):
+        return recursions.logarithm(weights(field=True), on, arithmetic)
+
+    return evaluate(on, [stages_of(method)], Operation(expression, log_claim, wider_step, field=True))
+
+
+numbers = st.one_of(
+    st.fractions(-3, 3, max_denominator=12),
+    st.fractions(max_denominator=10**12),
+    st.integers(-(10**30), 10**30).map(Fraction),
+    st.integers(1, 10**30).map(lambda n: Fraction(1, n)),
+    st.just(Fraction(0)),
+)
+
+
+@st.composite
+def tableaus(draw):
+    stages = draw(st.integers(1, 4))
+    row = st.lists(numbers, min_size=stages, max_size=stages)
+    return bs.RungeKutta(draw(st.lists(row, min_size=stages, max_size=stages)), draw(row), warn=False)
+
+
+@settings(max_examples=150, deadline=None)
+@given(tableaus())
+def test_modified_equations_of_random_tableaus(method):
+    assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+
+
+@pytest.mark.parametrize("bits", [10, 20, 40, 62, 63, 64, 126, 127, 128, 300])
+def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
+    """Denominators chosen such that numerators of the top order have about so many bits."""
+    used = []
+    for name in ("_run_wrapped", "_run_primes"):
+        original = getattr(rationals, name)
+        monkeypatch.setattr(rationals, name, lambda *a, name=name, original=original: used.append(name) or original(*a))
+    odd = max(3, round(2 ** (bits / ORDER)) | 1)
+    method = bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
+    assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+    assert used == ["_run_wrapped" if bits < 50 else "_run_primes"] or 40 <= bits <= 64
+
+
+def test_many_stages_and_families():
+    for name in ("dop853", "gauss4", "radau-ia3", "lobatto-iiib4"):
+        method = bs.method(name)
+        assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+
+
+def test_bounds_hold_and_are_not_absurd():
+    """On one tall tree after another the bound solves 2β + 1 − exp β = x, hence grows like 1/(2 log 2 − 1) = 2.59."""
+    source = random.Random(1)
+    values = [Fraction(source.randint(-20, 20), source.randint(1, 9)) for _ in FAST]
+    fast, plain = (RationalValues.from_fractions(on, values) for on in (FAST, PLAIN))
+    field = fast.load(FAST, (bound := majorants(fast.exponent, ORDER)), field=True)
+    scale = [2.0 ** (bound.exponent * tree.order) for tree in FAST]
+    limits = recursions.logarithm(field, FAST, bound) * scale * Majorant.SLACK
+    exact = recursions.logarithm(plain.load(PLAIN, Exact(), field=True), PLAIN, Exact())
+    assert all(abs(x) <= limit for x, limit in zip(exact, limits, strict=True))
+    assert np.median([limit / abs(x) for x, limit in zip(exact, limits, strict=True) if x]) < 2.6**ORDER
+    flow = recursions.lie_series(field, field, 1, FAST, bound, Fraction(-3, 2)) * scale * Majorant.SLACK
+    raw = plain.load(PLAIN, Exact(), field=True)
+    exact = recursions.lie_series(raw, raw, 1, PLAIN, Exact(), Fraction(-3, 2))
+    assert all(abs(x) <= limit for x, limit in zip(exact, flow, strict=True))
+
+
+def test_bounds_neither_underflow_nor_overflow():
+    for entry in (Fraction(1, 10**200), Fraction(10**200), Fraction(1)):
+        method = bs.RungeKutta([[0, 0], [entry, 0]], [entry, 1 / entry], warn=False)
+        assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+
+
+@pytest.mark.parametrize("bits", [1, 20, 61, 62, 63, 64, 100, 128, 1000])
+def test_chinese_remainders_give_back_integers_of_either_sign(bits):
+    source = random.Random(bits)
+    top = 2**bits
+    integers = [0, 1, -1, top, -top, *(source.randint(-top, top) for _ in range(600))]
+    primes = primes_beyond(bits + 2, 1)
+    residues = np.array([[x % p for x in integers] for p in primes], np.int32)
+    assert list(combine(residues, primes, bits)) == integers
+    if len(primes) > 1:  # one prime less, and they are lost: the count of primes is not generous by more than one
+        assert list(combine(residues[:-1], primes[:-1], bits)) != integers
+
+
+def test_primes_are_prime_distinct_and_avoid_denominators():
+    first = primes_beyond(200, 1)
+    assert len(set(first)) == len(first)
+    assert all(p % d for p in first for d in range(2, math.isqrt(p) + 1))
+    assert first[0] not in primes_beyond(200, first[0] * 12)
+    with pytest.raises(bs.SeriesError, match="must have coefficients of fewer digits"):
+        primes_beyond(1e7, 1)
+
+
+def test_a_denominator_that_is_a_prime_of_the_pool():
+    prime = primes_beyond(10, 1)[0]
+    method = bs.RungeKutta([[Fraction(1, prime)]], [1], warn=False)
+    assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+
+
+def test_a_wrong_claim_is_noticed():
+    method = bs.method("rk4")
+
+    def expression(arithmetic, weights):
+        return recursions.logarithm(weights(field=True), PLAIN, arithmetic)
+
+    from bseries.coefficients import stages_of
+
+    wrong = Operation(expression, lambda n, step: step**n, wider_step, field=True)
+    with pytest.raises(ArithmeticError, match="claimed denominator is wrong"):
+        evaluate(PLAIN, [stages_of(method)], wrong)
+
+
+def test_smallest_step():
+    assert smallest_step([1, 2, 4, 8], 2**10 * 5) == 2
+    assert smallest_step([1, 1, 2, 6, 24, 120], 120) == 30
+
+
+@pytest.mark.parametrize("order", [9, 12])
+def test_floats_agree_with_exact_coefficients(order):
+    exact = bs.modified_equation(bs.method("rk4"), order)
+    rounded = bs.modified_equation(bs.method("rk4").to_float(), order)
+    assert rounded.domain == "RR"
+    assert np.allclose(rounded.coefficients(), [float(x) for x in exact.coefficients()], rtol=1e-9, atol=1e-13)
