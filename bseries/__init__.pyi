@@ -3,9 +3,9 @@ from integrators import PartitionedRungeKutta as PartitionedRungeKutta
 from integrators import RungeKutta as RungeKutta
 from integrators import StageAlgebra as StageAlgebra
 from integrators import TableauWarning as TableauWarning
+from integrators import catalogue as catalogue
 from integrators import load_method as load_method
 from integrators import method as method
-from integrators import catalogue as catalogue
 from integrators import save_method as save_method
 from trees import Tree as Tree
 from trees import TreeError as TreeError

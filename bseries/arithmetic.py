@@ -11,13 +11,19 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trees.compiled import Kernel
 
 from .exceptions import SeriesError
 
-PRIME_BITS = 28
+if TYPE_CHECKING:
+    from trees.table import Splits, TreeTable
+
+PRIME_BITS = 30
+"""Primes lie just below 2^30: products of two residues below 2^58, and up to `MOST_TERMS` of them add up in int64."""
+
+MOST_TERMS = 31
 
 
 class Exact:
@@ -49,9 +55,14 @@ class Exact:
         """A length."""
         return number
 
-    def ids(self, column: Any) -> Any:
-        """A column of a tree table without negative numbers, in the form that the kernels want."""
-        return column if isinstance(column, list) else column.tolist()
+    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
+        """Order, colour, left and right of every tree, in the form that the kernels want."""
+        return table.lists
+
+    def splits(self, splits: Splits) -> tuple[Any, Any, Any]:
+        """Starts, trunks and branches, in the form that the kernels want."""
+        start, trunk, branch = (x if isinstance(x, list) else x.tolist() for x in splits[2:])
+        return start, trunk, branch
 
     def number(self, value: Any) -> Any:
         """One exact number, as an element of the ring in use."""
@@ -104,12 +115,15 @@ class Compiled(Exact):
 
         return np.uint64(number)
 
-    def ids(self, column: Any) -> Any:
-        """A column of a tree table as an array of unsigned numbers."""
+    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
+        """Order, colour, left and right of every tree as unsigned arrays."""
+        return table.arrays
+
+    def splits(self, splits: Splits) -> tuple[Any, Any, Any]:
+        """Starts, trunks and branches as arrays."""
         import numpy as np
 
-        array = np.asarray(column)
-        return array.view(f"u{array.itemsize}")
+        return np.asarray(splits.start), np.asarray(splits.trunk), np.asarray(splits.branch)
 
     def vector(self, values: Sequence[Any]) -> Any:
         """An array of exact numbers, brought into this arithmetic."""
@@ -146,7 +160,7 @@ class Majorant(Float):
 
     Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
     2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a relative error of the
-    bounds of lower order and of the n² operations of a tree adds up to less than 4 n³ u < 2^−30 up to 60 nodes and 127
+    bounds of lower order and of the n² operations of a tree adds up to less than 4 n³ u < 2^−32 up to 60 nodes and 31
     stages, and `SLACK` covers several such steps.
     """
 
@@ -168,7 +182,7 @@ class Majorant(Float):
 
 
 class Prime(Compiled):
-    """Residues modulo a prime below 2^28, of least absolute value."""
+    """Residues modulo a prime below 2^30, of least absolute value."""
 
     dtype, wide = "int32", "int64"
 
@@ -235,7 +249,7 @@ def factorial_weights(arithmetic: Exact, count: int, factor: Any, field: bool) -
 
 @lru_cache(maxsize=1)
 def _prime_pool() -> list[int]:
-    """The primes in the last 2^18 numbers below 2^28, largest first."""
+    """The primes in the last 2^18 numbers below 2^30, largest first."""
     import numpy as np
 
     start, stop = 2**PRIME_BITS - 2**18, 2**PRIME_BITS

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from .arithmetic import Exact, Majorant
 from .domains import ring_and_elements, to_float
-from .exceptions import SeriesError
 from .rationals import smallest_step
 from .recursions import Stages, elementary_weights
 
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from trees.table import TreeTable
 
     Method = RungeKutta | PartitionedRungeKutta
-
-MOST_STAGES = 127
-"""Sums of so many products of residues fit into int64 (see `bseries.kernels`)."""
 
 
 class RationalStages:
@@ -37,6 +33,7 @@ class RationalStages:
     def __init__(self, stages: Stages, bounds: Stages):
         self.stages = stages
         self.bounds = bounds
+        self.terms = stages.size
         self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
 
     @cached_property
@@ -80,8 +77,6 @@ class RingStages(FloatStages):
 @lru_cache(maxsize=64)
 def stages_of(method: Method) -> RationalStages | FloatStages | RingStages:
     """A method's stages, in the form that suits its entries."""
-    if method.stages > MOST_STAGES:
-        raise SeriesError(f"method must have at most {MOST_STAGES} stages, but has {method.stages}")
     parts, count = method.partitions, method.stages
     algebras = [part.algebra for part in parts if part.algebra is not None]
     if len(algebras) == len(parts) and len({algebra.polynomial for algebra in algebras}) == 1:

@@ -7,11 +7,12 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators import PartitionedRungeKutta, RungeKutta
-from trees.counting import count_trees
+from trees.counting import check_order, count_trees
 
 from .domains import RingValues, alike, to_float
 from .exceptions import SeriesError
-from .modified import exact_flow, series
+from .modified import digits_of, exact_flow, series
+from .presentation import number_text
 from .simplifying import simplifying_assumptions
 from .truncated import BSeries
 
@@ -112,12 +113,13 @@ def _decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     """The order, and how far it was tested."""
     if not isinstance(method, RungeKutta | PartitionedRungeKutta):
         raise SeriesError(f"method must be a method such as method('rk4') or a series, but was {method!r:.60}")
+    max_order = None if max_order is None else check_order(max_order)
     method = trusted(method)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
         proved = simplifying_assumptions(method, 2 * method.stages + 1 if max_order is None else max_order + 1).order
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
-    limit = max_order or _affordable_order(len(method.partitions))
+    limit = _affordable_order(len(method.partitions)) if max_order is None else max_order
     for reach in [*range(4, limit, 2), limit]:
         order = _order_of_series(series(method, min(reach, limit)))
         if order < reach:
@@ -198,6 +200,12 @@ class Report(NamedTuple):
     embedded_orders: tuple[int, ...]
     properties: dict[str, bool]
 
+    @property
+    def row_sums(self) -> tuple[tuple[Any, ...], ...]:
+        """Row sums of A for each part; in floats where they are roots of high degree, which fill pages."""
+        parts = self.method.partitions
+        return tuple((p.to_float() if p.algebra is not None and p.stages > 3 else p).row_sums for p in parts)
+
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready data."""
         method = self.method
@@ -212,14 +220,15 @@ class Report(NamedTuple):
         if self.embedded_orders:
             data["embedded_orders"] = list(self.embedded_orders)
         data["properties"] = self.properties
-        data["row_sums"] = [[str(x) for x in part.row_sums] for part in method.partitions]
+        digits = digits_of(method)
+        data["row_sums"] = [[number_text(x, digits) for x in sums] for sums in self.row_sums]
         data["issues"] = list(method.issues)
         if self.error is not None:
             names = method.names if len(method.partitions) > 1 else None
-            terms = [{"tree": tree.text(names), "coefficient": str(e)} for tree, e in self.error.terms]
-            norms = {"norm_squared": str(self.error.norm_squared), "norm": self.error.norm}
-            largest = self.error.largest
-            data["error"] = {**norms, "largest": None if largest is None else str(largest), "terms": terms}
+            terms = [{"tree": t.text(names), "coefficient": number_text(e, digits)} for t, e in self.error.terms]
+            norms = {"norm_squared": number_text(self.error.norm_squared, digits), "norm": self.error.norm}
+            largest = None if self.error.largest is None else number_text(self.error.largest, digits)
+            data["error"] = {**norms, "largest": largest, "terms": terms}
         return data
 
 

@@ -146,10 +146,15 @@ def _table(method: object, order: int | TreeTable, max_children: Any) -> TreeTab
     return tree_table(order, colors, max_children)
 
 
+def digits_of(method: Method) -> int | None:
+    """How many digits a method published as decimals was given with; None if it is exact."""
+    return min((part.digits for part in method.partitions if part.digits is not None), default=None)
+
+
 def _of_method(method: Method, table: TreeTable, operation: Operation, empty: int) -> BSeries:
     stages = stages_of(method)
     values = apply(table, [stages], operation)
-    digits = min((part.digits for part in method.partitions if part.digits), default=None)
+    digits = digits_of(method)
     uncertainty = None
     if digits is not None and isinstance(stages, RationalStages):
         uncertainty = _uncertainty(stages, table, operation, digits)

@@ -31,16 +31,16 @@ def terms(series: BSeries, *, nonzero: bool = False) -> Iterator[Term]:
             yield Term(tree, coefficient, coefficient / tree.symmetry, zero)
 
 
-def number_text(value: Any, series: BSeries, *, is_zero: bool = False) -> str:
-    """A coefficient as text; those of decimal methods are rounded to the method's digits."""
-    if series.digits is None or not isinstance(value, Fraction):
-        return str(value)
-    if is_zero:
+def number_text(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
+    """A coefficient as text; those of decimal methods are rounded to the method's digits, zero if they cannot tell."""
+    if digits is not None and is_zero:
         return "0"
-    if value.denominator == 1 and abs(value) < 10**series.digits:
+    if digits is None or not isinstance(value, Fraction):
         return str(value)
-    rounded = Context(prec=series.digits).divide(Decimal(value.numerator), Decimal(value.denominator))
-    return str(rounded.normalize())
+    if value.denominator == 1 and abs(value) < 10**digits:
+        return str(value)
+    rounded = Context(prec=digits).divide(Decimal(value.numerator), Decimal(value.denominator)).normalize()
+    return f"{rounded:e}" if rounded.adjusted() < -4 else str(rounded)
 
 
 def to_dict(series: BSeries, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
@@ -81,8 +81,8 @@ def to_dict(series: BSeries, kind: str = "series", *, nonzero: bool = False) -> 
             "order": term.tree.order,
             "symmetry": term.tree.symmetry,
             "density": term.tree.density,
-            "coefficient": number_text(term.coefficient, series, is_zero=term.is_zero),
-            "weight": number_text(term.weight, series, is_zero=term.is_zero),
+            "coefficient": number_text(term.coefficient, series.digits, is_zero=term.is_zero),
+            "weight": number_text(term.weight, series.digits, is_zero=term.is_zero),
             "differential": term.tree.differential(names=names),
         }
         for term in terms(series, nonzero=nonzero)
@@ -95,14 +95,14 @@ def names_of(series: BSeries) -> tuple[str, ...] | None:
     return series.names if series.table.colors > 1 else None
 
 
-def latex_number(value: Any, series: BSeries, *, is_zero: bool = False) -> str:
+def latex_number(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
     """A coefficient as LaTeX."""
-    if isinstance(value, Fraction) and series.digits is None:
+    if isinstance(value, Fraction) and digits is None:
         if value.denominator == 1:
             return str(value)
         return f"{'-' if value < 0 else ''}\\frac{{{abs(value.numerator)}}}{{{value.denominator}}}"
     if isinstance(value, Fraction | float):
-        mantissa, _, exponent = number_text(value, series, is_zero=is_zero).lower().partition("e")
+        mantissa, _, exponent = number_text(value, digits, is_zero=is_zero).lower().partition("e")
         return f"{mantissa} \\cdot 10^{{{int(exponent)}}}" if exponent else mantissa
     import sympy
 
@@ -120,12 +120,12 @@ def to_latex(series: BSeries, *, nonzero: bool = False) -> str:
         f - \\frac{1}{2} h\\, f'(f)
     """
     shift = 1 if series.empty == 0 else 0
-    empty = latex_number(series.empty, series)
+    empty = latex_number(series.empty, None)
     summands = [] if shift else ["y" if series.empty == 1 else f"{_factor(empty)} y"]
     for term in terms(series, nonzero=nonzero):
         power = term.tree.order - shift
         h = {0: "", 1: "h\\, "}.get(power, f"h^{{{power}}}\\, ")
-        number = latex_number(term.weight, series, is_zero=term.is_zero)
+        number = latex_number(term.weight, series.digits, is_zero=term.is_zero)
         number = {"1": "", "-1": "-"}.get(number, f"{_factor(number)} ")
         summands.append(f"{number}{h}{term.tree.differential('latex', names_of(series))}")
     return " + ".join(summands).replace("+ -", "- ").replace("-  ", "- ") or "0"
@@ -143,8 +143,8 @@ def to_text(series: BSeries) -> str:
     rows += [
         (
             term.tree.text(names),
-            number_text(term.coefficient, series, is_zero=term.is_zero),
-            number_text(term.weight, series, is_zero=term.is_zero),
+            number_text(term.coefficient, series.digits, is_zero=term.is_zero),
+            number_text(term.weight, series.digits, is_zero=term.is_zero),
             term.tree.differential(names=names),
         )
         for term in terms(series)
@@ -161,8 +161,8 @@ def to_html(series: BSeries) -> str:
     names = names_of(series)
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"
-        f"<td>{escape(number_text(term.coefficient, series, is_zero=term.is_zero))}</td>"
-        f"<td>{escape(number_text(term.weight, series, is_zero=term.is_zero))}</td>"
+        f"<td>{escape(number_text(term.coefficient, series.digits, is_zero=term.is_zero))}</td>"
+        f"<td>{escape(number_text(term.weight, series.digits, is_zero=term.is_zero))}</td>"
         f"<td>{escape(term.tree.differential(names=names))}</td></tr>"
         for _, term in zip(range(200), terms(series), strict=False)
     )

@@ -23,7 +23,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from . import kernels
-from .arithmetic import Exact, Majorant, Prime, Wrapped, majorants, prime_field, primes_beyond, wrapped_integers
+from .arithmetic import (
+    MOST_TERMS,
+    Exact,
+    Majorant,
+    Prime,
+    Wrapped,
+    majorants,
+    prime_field,
+    primes_beyond,
+    wrapped_integers,
+)
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
@@ -32,8 +42,15 @@ if TYPE_CHECKING:
 class Source(Protocol):
     """An input of a rational operation: a method's stages or a series."""
 
-    step: int
-    """L: values at trees with n nodes become integers when multiplied by L^n."""
+    @property
+    def step(self) -> int:
+        """L: values at trees with n nodes become integers when multiplied by L^n."""
+        ...
+
+    @property
+    def terms(self) -> int:
+        """How many products of residues are added at a time when the values are loaded."""
+        ...
 
     @property
     def exponent(self) -> int:
@@ -57,6 +74,7 @@ class RationalValues:
 
     kind = "rational"
     name = "QQ"
+    terms = 1
 
     def __init__(self, table: TreeTable, numerators: Any, denominators: Sequence[int], step: int):
         self.table = table
@@ -206,7 +224,8 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         loaders = [partial(source.load, table, arithmetic) for source in sources]
         return operation.expression(arithmetic, *loaders)
 
-    if not table._compiled or table.max_order > 60:
+    terms = max(table.max_order, *(source.terms for source in sources))
+    if not table._compiled or terms > MOST_TERMS:
         values = run(Exact())
         scaled = [value * denominators[n] for n, value in zip(table._order, values, strict=True)]
         return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
@@ -236,27 +255,36 @@ def _integer(value: Fraction | int) -> int:
 def _bits(table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]) -> list[float]:
     """Bits of the largest numerator, sign not counted, for trees with 1, 2, … nodes: proved upper bounds."""
     bounds = run(majorants(exponent, table.max_order))
-    bits = []
-    for n, (first, last) in enumerate(pairwise(table.offsets), 1):
-        largest = float(bounds[first:last].max()) if last > first else 0.0
-        if not largest < math.inf:
+    import numpy as np
+
+    filled = [n for n, (first, last) in enumerate(pairwise(table.offsets), 1) if last > first]
+    largest = np.maximum.reduceat(bounds, [table.offsets[n - 1] for n in filled]).tolist()
+    bits = [0.0] * table.max_order
+    for n, bound in zip(filled, largest, strict=True):
+        if not bound < math.inf:
             raise ArithmeticError("the bound of an exact computation overflowed")
-        bits.append(math.log2(largest * Majorant.SLACK) + exponent * n + math.log2(denominators[n]) if largest else 0.0)
+        bits[n - 1] = math.log2(bound * Majorant.SLACK) + exponent * n + math.log2(denominators[n]) if bound else 0.0
     return bits
 
 
 def _run_wrapped(
     table: TreeTable, run: Callable[[Exact], Any], arithmetic: Wrapped, denominators: Sequence[int], field: bool
 ) -> Any:
-    import numpy as np
-
     values = run(arithmetic)
-    twos = [_twos(d) for d in denominators]
-    odd = np.array([arithmetic.number(d >> two) for d, two in zip(denominators, twos, strict=True)])
-    shift = np.array([max(0, (arithmetic.twos + 1) * n - field - two) for n, two in enumerate(twos)])
+    odd, shift = _scaling(arithmetic, tuple(denominators), field)
     values *= odd[table._order]
     values >>= shift[table._order]
     return values
+
+
+@lru_cache(maxsize=64)
+def _scaling(arithmetic: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[Any, Any]:
+    """Odd part of each denominator modulo 2^64, and by how many powers of two the raw values exceed the rest of it."""
+    import numpy as np
+
+    odd = [arithmetic.number(d >> _twos(d)) for d in denominators]
+    shift = [max(0, (arithmetic.twos + 1) * n - field - _twos(d)) for n, d in enumerate(denominators)]
+    return np.array(odd), np.array(shift)
 
 
 def _run_primes(

@@ -38,9 +38,10 @@ def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, f
     """Weights of a method for every tree of the table; `field` scales them as `Wrapped` wants a field."""
     size, top, count = len(table), table.offsets[-2], stages.size
     a, b, relation = _entries(stages, arithmetic, field)
+    _, color, left, right = arithmetic.columns(table)
     weight = arithmetic.zeros(size)
     arithmetic.run(kernels.elementary_weights)(
-        0, size, top, table.colors, *_columns(table, arithmetic, "_left", "_right", "_color"), arithmetic.size(count),
+        0, size, top, table.colors, left, right, color, arithmetic.size(count),
         a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count), weight,
         arithmetic.scratch(count), arithmetic.scratch(2 * count),
     )  # fmt: skip
@@ -97,17 +98,12 @@ def _lie_series(
     top = table.offsets[-2]
     width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
     rows, terms = arithmetic.zeros(top * int(width)), arithmetic.scratch(int(width) + 1)
-    (order,) = _columns(table, arithmetic, "_order")
+    order = arithmetic.columns(table)[0]
     for splits in table.split_chunks():
-        start, trunk, branch = (arithmetic.ids(column) for column in splits[2:])
         run(
-            splits.first, splits.last, order, start, trunk, branch, width, top, solve, field, base, empty, weights,
-            arithmetic.modulus, rows, result, terms,
+            splits.first, splits.last, order, *arithmetic.splits(splits), width, top, solve, field, base, empty,
+            weights, arithmetic.modulus, rows, result, terms,
         )  # fmt: skip
-
-
-def _columns(table: TreeTable, arithmetic: Exact, *names: str) -> list[Any]:
-    return [arithmetic.ids(getattr(table, name)) for name in names]
 
 
 def refuse_beyond_memory_of_recursions(sizes: Sequence[int], colors: int) -> None:

@@ -1,8 +1,8 @@
 from .errors import IntegratorError as IntegratorError
 from .files import load_method as load_method
 from .files import save_method as save_method
-from .methods import method as method
 from .methods import catalogue as catalogue
+from .methods import method as method
 from .stage_algebra import StageAlgebra as StageAlgebra
 from .tableau import PartitionedRungeKutta as PartitionedRungeKutta
 from .tableau import RungeKutta as RungeKutta

@@ -10,8 +10,9 @@ from math import fsum, isfinite
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
+from . import exact
 from .errors import IntegratorError
-from .expressions import parse_number
+from .expressions import parse_number, shorten
 
 if TYPE_CHECKING:
     import sympy
@@ -33,22 +34,23 @@ def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
     Raises:
         IntegratorError: the value is not finite and real, or not made of rationals, roots and declared symbols.
     """
-    if isinstance(value, str):
-        return parse_number(value, names=names, argument=argument)
+    if isinstance(value, str | Decimal):
+        return parse_number(str(value), names=names, argument=argument)
     if is_sympy(value):
         return _from_sympy(value, argument)
     if isinstance(value, Rational) and not isinstance(value, bool):
-        return Fraction(int(value.numerator), int(value.denominator))
-    if isinstance(value, Decimal | Real) and not isinstance(value, bool):
+        try:
+            return exact.bounded(Fraction(int(value.numerator), int(value.denominator)))
+        except ArithmeticError as error:
+            raise IntegratorError(f"{argument} must be of reasonable size, but {error}") from None
+    if isinstance(value, Real) and not isinstance(value, bool):
         number = float(value)
-        if (not isfinite(number) and value != value) or abs(number) == float("inf"):
+        if not isfinite(number):
             raise IntegratorError(f"{argument} must be a finite number, but was {value}")
-        if isinstance(value, Decimal):
-            return Fraction(value)
         if number != value:
-            raise IntegratorError(f"{argument} must fit in a double or be text, but was {value!r:.60}")
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(repr(value))}")
         return number
-    raise IntegratorError(f"{argument} must be a real number or a formula, but was {value!r:.60}")
+    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shorten(repr(value))}")
 
 
 def is_sympy(value: object) -> bool:
@@ -62,13 +64,13 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
     import sympy
 
     if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-        raise IntegratorError(f"{argument} must be a finite number, but was {value!s:.60}")
+        raise IntegratorError(f"{argument} must be a finite number, but was {shorten(str(value))}")
     if value.is_number and value.is_real is False:
-        raise IntegratorError(f"{argument} must be real, but was {value!s:.60}")
+        raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
     if value.has(sympy.Float):
         if value.free_symbols:
             raise IntegratorError(
-                f"{argument} must not mix floats and symbols, but was {value!s:.60}: write decimals as fractions"
+                f"{argument} must not mix floats and symbols, but was {shorten(str(value))}: write fractions"
             )
         return round_entry(value)
     names = sorted(str(symbol) for symbol in value.free_symbols)

@@ -23,8 +23,9 @@ MAX_EXPONENT = 100
 """Powers of formulas, which may have to be expanded, stay below; powers of rationals are limited by their digits."""
 MAX_RADICAND_BITS = 400
 """SymPy looks for factors of what is under a root, which takes its time from some hundreds of digits on."""
+MAX_ARGUMENT = 10_000
 MAX_NESTING = 6
-"""Powers within powers are limited: the time SymPy takes to find a sign grows exponentially with their depth."""
+"""Powers and functions within each other are limited: SymPy finds signs in exponential time."""
 
 
 def bounded(value: Any) -> Any:
@@ -45,7 +46,7 @@ def bounded(value: Any) -> Any:
     if any(abs(exponent) > MAX_EXPONENT or exponent.q > MAX_ROOT for exponent in exponents):
         raise ArithmeticError(f"has an exponent beyond {MAX_EXPONENT} or a root beyond the {MAX_ROOT}th")
     if _nesting(value) > MAX_NESTING:
-        raise ArithmeticError(f"has more than {MAX_NESTING} roots or powers within each other")
+        raise ArithmeticError(f"has more than {MAX_NESTING} roots, powers or functions within each other")
     if value.is_number and value.is_real is False:
         raise ArithmeticError("is not real")
     return value
@@ -61,11 +62,10 @@ def _bits(value: Exact) -> int:
 
 
 def _nesting(value: sympy.Basic) -> int:
-    """How many powers of sums lie within each other."""
-    import sympy
-
+    """How many powers and functions of formulas lie within each other."""
     inner = max(map(_nesting, value.args), default=0)
-    return inner + 1 if isinstance(value, sympy.Pow) and inner + len(value.base.args) > 0 else inner
+    applied = (value.is_Pow or value.is_Function) and bool(value.args[0].args)
+    return inner + 1 if applied else inner
 
 
 def add(terms: Sequence[Any]) -> Exact:
@@ -187,11 +187,18 @@ def transcendental_power(base: Any, exponent: Any) -> Exact:
 
     if _sign(base) <= 0:
         raise ArithmeticError("has a formula as exponent of a number that is not positive")
-    return bounded(sympy.sympify(base) ** exponent)
+    return bounded(sympy.sympify(base) ** _moderate(exponent))
 
 
 def apply(name: str, argument: Exact) -> Exact:
     """An elementary function of an argument."""
     import sympy
 
-    return bounded(getattr(sympy, name)(sympy.sympify(argument)))
+    return bounded(getattr(sympy, name)(_moderate(sympy.sympify(argument))))
+
+
+def _moderate(argument: Any) -> Any:
+    """The argument of a function, unless it is a number whose exponential is beyond all bounds."""
+    if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
+        raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")
+    return argument

@@ -106,6 +106,21 @@ def format_number(value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
+def decimal_text(value: Fraction) -> str:
+    """The text of a fraction: a decimal if it is a finite one, else as `format_number`.
+
+    Example:
+        >>> decimal_text(Fraction(-161, 1000)), decimal_text(Fraction(1, 66))
+        ('-0.161', '1/66')
+    """
+    places = value.denominator.bit_length()
+    scaled = value * 10**places
+    if scaled.denominator > 1:
+        return str(value)
+    digits = str(abs(scaled.numerator)).rjust(places + 1, "0")
+    return "-" * (value < 0) + f"{digits[:-places]}.{digits[-places:]}".rstrip("0").rstrip(".")
+
+
 def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
     """The names of symbols as a tuple, if a formula can use them.
 

@@ -2,34 +2,36 @@
 
     {"name": "heun2", "A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"], "c": [0, 1]}
 
-Further keys: ``embedded`` (a row of weights or several), ``parameters`` (symbols that formulas use), ``digits`` (correct digits
-of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals). In place of A,
-b and c a file has ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or ``partitions`` (name to tableau).
+Further keys: ``embedded`` (a row of weights or several), ``parameters`` (symbols that formulas use), ``digits``
+(correct digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact
+decimals). In place of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or
+``partitions`` (name to tableau).
 """
 
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from .entries import read_entry
 from .errors import IntegratorError
-from .expressions import format_number, shorten
+from .expressions import decimal_text, format_number, shorten
+from .formats import FORMATS, json_text, parse_json, parse_toml
+from .partitioned import PartitionedRungeKutta
+from .runge_kutta import RungeKutta, emit
 from .stage_algebra import StageAlgebra
-from .tableau import PartitionedRungeKutta, RungeKutta, TableauWarning
 from .tableau_input import items
+from .text_files import atomic_write as atomic_write
+from .text_files import read_text
 
 if TYPE_CHECKING:
     from typing import IO
 
     Method = RungeKutta | PartitionedRungeKutta
 
-MAX_BYTES = 10_000_000
-FORMATS = ("json", "toml")
 LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
@@ -42,26 +44,20 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
 
     Args:
         source: a path, or an open file of text or bytes.
-        format: ``"json"`` or ``"toml"``; by default what the suffix says, and without a suffix what the text looks like.
+        format: ``"json"`` or ``"toml"``; by default what the suffix says, without one what the text looks like.
 
     Returns:
         The method; a `TableauWarning` is emitted for each of its issues.
 
     Raises:
-        IntegratorError: the file cannot be read, is no JSON or TOML, or holds no tableau. The message starts with its name.
+        IntegratorError: the file cannot be read, is no JSON or TOML, or holds no tableau.
     """
-    if hasattr(source, "read"):
-        label = str(getattr(source, "name", "input"))
-        raw = source.read(MAX_BYTES + 1)  # type: ignore[union-attr]
-    else:
-        label = os.fspath(source)  # type: ignore[arg-type]
-        raw = _read_bytes(label)
-    text = _decode(raw, label) if isinstance(raw, bytes) else raw
-    if len(raw) > MAX_BYTES:
-        raise IntegratorError(f"{shorten(label)} must have at most {MAX_BYTES} bytes, but has more")
+    text, label = read_text(source)
     if format is None:
         format = _suffix(label) or ("json" if text.lstrip().startswith("{") else "toml")
-    return loads_method(text, format, source=label)
+    method = _read(text, format, label)
+    emit(method.issues)
+    return method
 
 
 def loads_method(text: str, format: str, *, source: str = "text") -> Method:
@@ -82,16 +78,19 @@ def loads_method(text: str, format: str, *, source: str = "text") -> Method:
         >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
         ((Fraction(1, 10),),)
     """
-    parse = {"json": _parse_json, "toml": _parse_toml}[_checked_format(format)]
+    method = _read(text, format, source)
+    emit(method.issues)
+    return method
+
+
+def _read(text: str, format: str, source: str) -> Method:
+    parse = {"json": parse_json, "toml": parse_toml}[_checked_format(format)]
     try:
-        method = _read_method(parse(text))
+        return _read_method(parse(text))
     except RecursionError:
         raise IntegratorError(f"{shorten(source)}: nesting must be flat, but was too deep") from None
     except IntegratorError as error:
         raise IntegratorError(f"{shorten(source)}: {error}") from None
-    for issue in method.issues:
-        warnings.warn(issue, TableauWarning, stacklevel=2)
-    return method
 
 
 def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:
@@ -136,55 +135,10 @@ def dumps_method(method: Method, format: str) -> str:
     """
     data = _write_method(method)
     if _checked_format(format) == "json":
-        return _json_text(data) + "\n"
+        return json_text(data) + "\n"
     import tomli_w
 
     return tomli_w.dumps(data)
-
-
-def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a file so that it is either complete or as it was before, whatever interrupts.
-
-    The content goes to a new file beside it, which then takes its name; links are followed, permissions kept.
-
-    Args:
-        path: the file.
-        content: bytes, or text to be written as UTF-8.
-
-    Raises:
-        IntegratorError: the file cannot be written.
-    """
-    name = os.fspath(path)
-    temporary = None
-    try:
-        data = content if isinstance(content, bytes) else content.encode()
-        target = os.path.realpath(name)
-        if os.path.exists(target) and not os.path.isfile(target) and not os.path.isdir(target):
-            with open(target, "wb") as device:  # a pipe or a device has no content to protect
-                device.write(data)
-            return
-        if os.path.isfile(target) and not os.access(target, os.W_OK):
-            raise PermissionError(13, "Permission denied")
-        temporary = os.path.join(os.path.dirname(target), f".{os.urandom(8).hex()}.tmp")
-        with open(temporary, "xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if os.path.isfile(target):
-            os.chmod(temporary, os.stat(target).st_mode & 0o7777)
-        os.replace(temporary, target)
-    except (OSError, ValueError) as error:
-        _remove(temporary)
-        reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(f"{shorten(name)} must be a writable file, but was not: {reason}") from None
-    except BaseException:
-        _remove(temporary)
-        raise
-
-
-def _remove(path: str | None) -> None:
-    if path is not None and os.path.lexists(path):
-        os.unlink(path)
 
 
 def _suffix(path: str) -> str:
@@ -196,70 +150,6 @@ def _checked_format(format: str) -> str:
     if format not in FORMATS:
         raise IntegratorError(f"format must be json or toml, but was {shorten(str(format))}")
     return format
-
-
-def _read_bytes(path: str) -> bytes:
-    try:
-        with open(path, "rb") as file:
-            return file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(f"{shorten(path)} must be a readable file, but was not: {reason}") from None
-
-
-def _decode(raw: bytes, label: str) -> str:
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        # A file that is too long is cut, perhaps within a character.
-        if len(raw) > MAX_BYTES:
-            return ""
-        raise IntegratorError(
-            f"{shorten(label)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
-        ) from None
-    if "\0" in text:
-        raise IntegratorError(f"{shorten(label)} must be text, but was binary")
-    return text
-
-
-def _parse_json(text: str) -> Any:
-    import json
-
-    def refuse(name: str) -> Any:
-        raise IntegratorError(f"numbers must be finite, but one was {name}")
-
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            key = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
-            raise IntegratorError(f"keys must be unique, but {shorten(key)!r} was repeated")
-        return found
-
-    try:
-        return json.loads(text, parse_float=Decimal, parse_constant=refuse, object_pairs_hook=unique)
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        raise IntegratorError(f"content must be JSON, but was not at {where}: {error.msg}") from None
-    except (ValueError, ArithmeticError) as error:
-        raise _wrapped(error, "JSON") from None
-
-
-def _parse_toml(text: str) -> Any:
-    import tomllib
-
-    try:
-        return tomllib.loads(text, parse_float=Decimal)
-    except (ValueError, ArithmeticError) as error:
-        raise _wrapped(error, "TOML") from None
-
-
-def _wrapped(error: Exception, format: str) -> IntegratorError:
-    """What a parser found, as one sentence; TOML's names line and column itself."""
-    return (
-        error
-        if isinstance(error, IntegratorError)
-        else IntegratorError(f"content must be {format}, but was not: {error}")
-    )
 
 
 def _read_method(data: Any) -> Method:
@@ -310,7 +200,8 @@ def _as_floats(value: Any) -> Any:
     """The numbers in nested lists as doubles; everything else as it is, to be judged by `RungeKutta`."""
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]
-    return float(value) if isinstance(value, int | Decimal) and not isinstance(value, bool) else value
+    # An integer beyond the largest double becomes infinite by way of text, and is refused as such.
+    return float(str(value)) if isinstance(value, int | Decimal) and not isinstance(value, bool) else value
 
 
 def _read_algebra(data: Any) -> StageAlgebra:
@@ -359,12 +250,13 @@ def _write_method(method: Method) -> dict[str, Any]:
         data["digits"] = method.digits
     if method.domain == "float":
         data["domain"] = "float"
-    data |= {"A": [_numbers(row) for row in method.A], "b": _numbers(method.b)}
+    write = decimal_text if method.domain == "decimal" else format_number
+    data |= {"A": [_numbers(row, write) for row in method.A], "b": _numbers(method.b, write)}
     # A formula for a row sum can be longer than one may be written; it comes back as it was by summing again.
     if method.domain not in ("algebraic", "symbolic") or method.c != method.row_sums:
-        data["c"] = _numbers(method.c)
+        data["c"] = _numbers(method.c, write)
     if method.embedded:
-        data["embedded"] = [_numbers(row) for row in method.embedded]
+        data["embedded"] = [_numbers(row, write) for row in method.embedded]
     return data
 
 
@@ -373,27 +265,13 @@ def _labels(method: Method) -> dict[str, Any]:
     return {key: value for key, value in labels.items() if value is not None}
 
 
-def _numbers(values: Iterable[Any]) -> list[Any]:
-    return [_number(value) for value in values]
-
-
-def _number(value: Any) -> Any:
-    """A double as it is, a small integer as a number, everything else as text."""
-    if isinstance(value, float):
-        return value
-    if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER:
-        return int(value)
-    return format_number(value)
-
-
-def _json_text(value: Any, indent: str = "") -> str:
-    """JSON with one key, or one row of a matrix, to a line."""
-    import json
-
-    deeper = indent + "  "
-    if isinstance(value, Mapping):
-        lines = [f"{deeper}{json.dumps(k, ensure_ascii=False)}: {_json_text(v, deeper)}" for k, v in value.items()]
-        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
-    if isinstance(value, list) and value and isinstance(value[0], list):
-        return "[\n" + ",\n".join(deeper + _json_text(row) for row in value) + f"\n{indent}]"
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+def _numbers(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
+    """Doubles as they are, small integers as numbers, everything else as text."""
+    return [
+        value
+        if isinstance(value, float)
+        else int(value)
+        if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER
+        else write(value)
+        for value in values
+    ]

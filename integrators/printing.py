@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .expressions import format_number
 
 if TYPE_CHECKING:
     from .tableau import RungeKutta
 
-MAX_WIDTH = 40
 DIGITS = 10
 
 
@@ -37,16 +36,19 @@ def tableau_html(method: RungeKutta) -> str:
 def _cells(method: RungeKutta) -> list[list[str]]:
     """The tableau as text, node first; zeros on and above the diagonal of an explicit method are left out.
 
-    Long roots are rounded to decimals, a method with more than a screen of them in all entries.
+    Published decimals, and roots of polynomials of degree above three, are shown with ten digits.
     """
-    if method.algebra is not None and method.domain != "QQ" and method.stages > 3:
-        a, b, c = method.algebra.tableau_decimal(DIGITS)
-        table = [[c_i, *row] for c_i, row in zip(c, a, strict=True)] + [["", *b]]
-        return [[cell if isinstance(cell, str) else f"{float(cell):.{DIGITS}g}" for cell in row] for row in table]
-    table = [[c_i, *row] for c_i, row in zip(method.c, method.A, strict=True)]
-    table += [["", *row] for row in (method.b, *method.embedded)]
-    cells = [["" if cell == "" else format_number(cell) for cell in row] for row in table]
+    rounds = method.digits is not None or (method.algebra is not None and method.stages > 3)
+    shown = method.to_float() if rounds else method
+    rows = [*zip(shown.c, shown.A, strict=True), *(("", row) for row in (shown.b, *shown.embedded))]
+    cells = [[_cell(value) for value in (first, *row)] for first, row in rows]
     if method.is_explicit:
         for i in range(method.stages):
             cells[i][i + 1 :] = [""] * (method.stages - i)
     return cells
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}"
+    return value if isinstance(value, str) else format_number(value)

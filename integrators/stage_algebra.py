@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from . import polynomials
 from .errors import IntegratorError
+from .expressions import shorten
 from .frozen import Frozen
 from .polynomials import Matrix, Polynomial
+from .tableau_input import items
 
 if TYPE_CHECKING:
     import sympy
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 
 MAX_DIGITS = 1000
+MAX_STAGES = 100
 
 
 class StageAlgebra(Frozen):
@@ -58,9 +61,11 @@ class StageAlgebra(Frozen):
     def __init__(self, polynomial: Sequence[Any], A: Sequence[Sequence[Any]], b: Sequence[Any]) -> None:
         nodes = _rationals(polynomial, "polynomial")
         stages = len(nodes) - 1
+        if stages > MAX_STAGES:
+            raise IntegratorError(f"polynomial must have degree {MAX_STAGES} at most, but has {stages}")
         if stages < 1 or nodes[-1] != 1:
             raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _shown(nodes))
-        rows = tuple(_rationals(row, f"row {i} of A") for i, row in enumerate(A, 1))
+        rows = tuple(_rationals(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1))
         if len(rows) != stages or any(len(row) != stages for row in rows):
             sizes = sorted({len(row) for row in rows})
             raise IntegratorError(
@@ -100,6 +105,11 @@ class StageAlgebra(Frozen):
     def weigh(self, g: Polynomial) -> Fraction:
         """The number Σ_i b_i g(c_i)."""
         return sum((b * v for b, v in zip(self.b, g, strict=False)), Fraction(0))
+
+    @property
+    def row_sums(self) -> Polynomial:
+        """The sums Σ_j a_ij, as a polynomial: x for most methods."""
+        return self.apply(polynomials.ONE)
 
     @cached_property
     def has_rational_nodes(self) -> bool:
@@ -278,9 +288,11 @@ def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
 def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
     """The values as `Fraction`s; only exact rationals are taken."""
     numbers = []
-    for k, value in enumerate(values):
+    for k, value in enumerate(items(values, argument)):
         if isinstance(value, bool) or not isinstance(value, Rational):
-            raise IntegratorError(f"{argument} must hold integers and fractions, but entry {k + 1} was {value!r:.60}")
+            raise IntegratorError(
+                f"{argument} must hold integers and fractions, but entry {k + 1} was {shorten(repr(value))}"
+            )
         numbers.append(Fraction(int(value.numerator), int(value.denominator)))
     return tuple(numbers)
 
@@ -288,12 +300,12 @@ def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
 def _shown(p: Polynomial) -> str:
     """A polynomial as text, shortened."""
     text = " + ".join(f"{a}*x^{k}" if k else str(a) for k, a in enumerate(p) if a) or "0"
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shorten(text)
 
 
 def _checked_digits(digits: int) -> int:
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
-        raise IntegratorError(f"digits must be an integer from 1 to {MAX_DIGITS}, but was {digits!r:.60}")
+        raise IntegratorError(f"digits must be an integer from 1 to {MAX_DIGITS}, but was {shorten(repr(digits))}")
     return digits
 
 

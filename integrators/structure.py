@@ -6,6 +6,7 @@ A method given by a stage algebra is decided by rational bilinear forms wherever
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import mul
 from typing import TYPE_CHECKING
 
 from . import polynomials
@@ -21,11 +22,18 @@ if TYPE_CHECKING:
 def find_issues(method: RungeKutta) -> tuple[str, ...]:
     """One sentence for each row sum that is not its node, and one if the weights do not sum to 1."""
     algebra = method.algebra
-    found = []
-    if algebra is None or algebra.apply(polynomials.ONE) != polynomials.remainder(polynomials.X, algebra.polynomial):
-        for i, (row, total, node) in enumerate(zip(method.A, method.row_sums, method.c, strict=True), 1):
-            if cancels((*row, -node), method.precision) is False:
-                found.append(f"row {i} of A sums to {_shown(total)}, but c[{i}] is {_shown(node)}")
+    if algebra is None:
+        agree = [cancels((*row, -node), method.precision) for row, node in zip(method.A, method.c, strict=True)]
+    elif algebra.row_sums == polynomials.remainder(polynomials.X, algebra.polynomial):
+        agree = []
+    else:
+        gap = polynomials.add(algebra.row_sums, polynomials.scale(polynomials.X, -1))
+        agree = [value == 0 for value in algebra.values(gap)]
+    found = [
+        f"row {i + 1} of A sums to {_shown(method.row_sums[i])}, but c[{i + 1}] is {_shown(method.c[i])}"
+        for i, agrees in enumerate(agree)
+        if agrees is False
+    ]
     consistent = cancels((*method.b, -1), method.precision) if algebra is None else algebra.b[0] == 1
     if consistent is False:
         found.append(f"weights b sum to {_shown(method.weight_sum)}, not 1: the method is inconsistent")
@@ -52,13 +60,16 @@ def is_symplectic_pair(first: RungeKutta, second: RungeKutta) -> bool:
 
 def _is_symplectic_algebra(first: StageAlgebra, second: StageAlgebra) -> bool:
     """The same for all stage values f and g at once, on the basis 1, x, …: b(f · Âg) + b(Af · g) = b(f) b(g)."""
-    basis = [polynomials.power(k) for k in range(first.stages)]
-    return first.b == second.b and all(
-        first.weigh(first.multiply(f, second.apply(g))) + first.weigh(first.multiply(first.apply(f), g))
-        == first.weigh(f) * first.weigh(g)
-        for f in basis
-        for g in basis
+    b, basis = first.b, range(first.stages)
+    # The matrix of b(f · g) has the entries b(x^(k+l)).
+    moments = list(b)
+    while len(moments) < 2 * len(b) - 1:
+        moments.append(-sum(map(mul, first.polynomial[:-1], moments[-len(b) :])))
+    left, right = (
+        [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
+        for algebra in (second, first)
     )
+    return b == second.b and all(left[k][j] + right[j][k] == b[k] * b[j] for k in basis for j in basis)
 
 
 def is_symmetric(parts: Sequence[RungeKutta]) -> bool:

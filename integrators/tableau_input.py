@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from .entries import find_domain, read_entry, round_entry
 from .errors import IntegratorError
-from .expressions import check_names
+from .expressions import check_names, shorten
 
 if TYPE_CHECKING:
     from .entries import Entry
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     Row = tuple[Entry, ...]
 
 MAX_STAGES = 1000
-RESERVED_NAMES = ("t", "τ")
 
 
 def read_tableau(
@@ -44,7 +43,7 @@ def items(value: Any, argument: str) -> list[Any]:
     """The entries of a sequence or array."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, str | bytes | Mapping | set | frozenset) or not isinstance(value, Iterable):
-        raise IntegratorError(f"{argument} must be a sequence, but was {value!r:.60}")
+        raise IntegratorError(f"{argument} must be a sequence, but was {shorten(repr(value))}")
     return list(value)
 
 
@@ -85,7 +84,7 @@ def _embedded_rows(embedded: Any) -> list[Any]:
 def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
     """The rows as they are if exact; one float makes all of them floats."""
     if digits is not None and (isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= 1000):
-        raise IntegratorError(f"digits must be an integer from 1 to 1000, but was {digits!r:.60}")
+        raise IntegratorError(f"digits must be an integer from 1 to 1000, but was {shorten(repr(digits))}")
     values = [value for row in rows for value in row]
     domain = find_domain(values)
     if digits is not None and domain in ("algebraic", "symbolic"):
@@ -100,14 +99,14 @@ def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
 def check_label(value: object, argument: str) -> None:
     """Refuse a name or reference that is not text."""
     if value is not None and not isinstance(value, str):
-        raise IntegratorError(f"{argument} must be text, but was {value!r:.60}")
+        raise IntegratorError(f"{argument} must be text, but was {shorten(repr(value))}")
 
 
 def check_partition_names(names: Iterable[Any]) -> None:
     """Refuse names of parts that formulas and trees could not tell apart."""
     for name in names:
-        if not isinstance(name, str) or not name.isidentifier() or not name[0].isalpha() or name in RESERVED_NAMES:
+        if not isinstance(name, str) or not name.isidentifier() or name[0] == "_" or name == "t" or "τ" in name:
             raise IntegratorError(
-                "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or τ, "
-                f"but one was {name!r:.60}"
+                "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold τ, "
+                f"but one was {shorten(repr(name))}"
             )

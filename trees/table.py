@@ -240,6 +240,18 @@ class TreeTable(Sequence[Tree]):
         """Id of the largest child of every tree; −1 for single nodes."""
         return self._public(self._right, "int32")
 
+    @cached_property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Order, colour, left and right as unsigned arrays, which kernels index without a look at the sign."""
+        columns = (self.order, self.color, self.left, self.right)
+        return tuple(column.view(f"u{column.itemsize}") for column in columns)  # pyright: ignore[reportReturnType]
+
+    @cached_property
+    def lists(self) -> tuple[list[int], list[int], list[int], list[int]]:
+        """Order, colour, left and right as lists, for kernels run by the interpreter."""
+        columns = (self._order, self._color, self._left, self._right)
+        return tuple(x if isinstance(x, list) else x.tolist() for x in columns)  # pyright: ignore[reportReturnType]
+
     @property
     def symmetry(self) -> np.ndarray:
         """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 ends)."""
@@ -263,8 +275,8 @@ class TreeTable(Sequence[Tree]):
         compiled = self._compiled and self.max_order <= 20
         if not compiled:
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
-            columns = [list(map(int, column)) for column in (self._order, self._left, self._right)]
-            kernels.symmetry_and_density.py_func(*columns, symmetry, density, multiplicity)
+            order, _, left, right = self.lists
+            kernels.symmetry_and_density.py_func(order, left, right, symmetry, density, multiplicity)
             return symmetry, density
         symmetry, density = self._column(len(self), "int64"), self._column(len(self), "int64")
         kernels.symmetry_and_density.compiled(

@@ -41,7 +41,7 @@ def catalogue() -> tuple[MethodEntry, ...]:
     return ENTRIES
 
 
-def method(name: str, **parameters: Any) -> RungeKutta | PartitionedRungeKutta:
+def method(name: str, /, **parameters: Any) -> RungeKutta | PartitionedRungeKutta:
     """Build a method of the catalogue.
 
     Args:

@@ -1,0 +1,128 @@
+"""The group of verbs: finds the file of a verb when it is called, and turns every failure into one line."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from io import StringIO
+from typing import Any
+
+import click
+
+VERBS = {
+    "modified": "series_verbs",
+    "series": "series_verbs",
+    "check": "check_verb",
+    "trees": "tree_verb",
+    "methods": "catalogue_verb",
+    "completion": "completion_verb",
+}
+"""Every verb and the module that holds it."""
+
+INTERRUPTED, BROKEN_PIPE = 130, 141
+"""Exit codes as of a process that died of SIGINT or SIGPIPE: 128 + the signal's number."""
+
+
+class Refusal(click.ClickException):
+    """A failure that ends the command with one sentence and exit code 2."""
+
+    exit_code = 2
+
+
+class Application(click.Group):
+    """Verbs that are imported when called, and one way to fail."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The verbs, in the order of the help."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a verb."""
+        if cmd_name not in VERBS:
+            return None
+        return getattr(import_module(f".{VERBS[cmd_name]}", __package__), cmd_name)
+
+    def main(self, args: Sequence[str] | None = None, *rest: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run; failures print one line and exit with code 2."""
+        arguments = list(sys.argv[1:] if args is None else args) or ["--help"]
+        if not standalone_mode:
+            return super().main(arguments, *rest, standalone_mode=False, **extra)
+        try:
+            code = super().main(arguments, *rest, standalone_mode=False, **extra)
+        except click.ClickException as error:
+            say("error", _sentence(error))
+            code = 2
+        except click.Abort:  # Ctrl-C while arguments were read
+            code = INTERRUPTED
+        sys.exit(code)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a verb; what a user can cause becomes a sentence or a quiet end."""
+        try:
+            prepare_stdout()
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+            return result
+        except KeyboardInterrupt:
+            ctx.exit(INTERRUPTED)
+        except BrokenPipeError:
+            discard_output()
+            ctx.exit(BROKEN_PIPE)
+        except OSError as error:  # the disk is full, for example; errors of input files are the library's
+            discard_output()
+            raise Refusal(f"output must be writable, but was not: {error.strerror}") from None
+        except MemoryError:
+            raise Refusal("there must be more memory for this request; a smaller --order needs less") from None
+        except ValueError as error:
+            from bseries import errors
+
+            if isinstance(error, errors):
+                raise Refusal(str(error)) from None
+            raise
+
+
+def say(kind: str, sentence: str) -> None:
+    """One line on stderr: ``bseries: error: …`` or ``bseries: warning: …``."""
+    click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
+
+
+def _sentence(error: click.ClickException) -> str:
+    """What went wrong; where an option is misspelt, also where all are listed."""
+    message = error.format_message()
+    if isinstance(error, click.UsageError) and error.ctx is not None:
+        return f"{message.rstrip('.')}; see `{error.ctx.command_path} --help`"
+    return message
+
+
+def prepare_stdout() -> None:
+    """Make sure that there is an output and that it can carry the letter τ."""
+    if sys.stdout is None:  # closed by the caller
+        sys.stdout = StringIO()
+    elif (sys.stdout.encoding or "").lower().replace("-", "") != "utf8" and hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(encoding="utf-8")  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def discard_output() -> None:
+    """Let the interpreter flush what is left into nothing: nobody reads it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@click.group(cls=Application, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="bseries-engine", message="%(prog)s %(version)s")
+def application() -> None:
+    """Rooted trees, B-series and backward error analysis of numerical methods for y' = f(y), exactly.
+
+    \b
+    Examples:
+      bseries modified rk4 --order 6
+      bseries modified stormer-verlet --order 3 --nonzero
+      bseries check gauss3
+      bseries series --A "0,0;1/2,0" --b "0,1" --format csv
+      bseries trees --order 5
+
+    METHOD is a name from `bseries methods`; a tableau file, if it has a path separator or ends in .json or .toml; or -
+    for a tableau file on standard input. Instead of it, --A and --b give a tableau inline. Everything is computed
+    exactly unless floats go in.
+    """

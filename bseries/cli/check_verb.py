@@ -1,0 +1,132 @@
+"""`bseries check`: order, principal error, and what the tableau tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import layout
+from .layout import Column
+from .method_argument import takes_method
+from .output import WholeNumber, names_or_none, takes_output
+
+if TYPE_CHECKING:
+    from ..conditions import ErrorCoefficients, Report
+    from .method_argument import Method
+    from .output import Output
+
+Number = Callable[[Any, Any], str]
+"""How to write a number of a method."""
+
+COLUMNS = (Column("quantity"), Column("value"))
+MOST_TERMS = 50
+"""More error coefficients than these are left to JSON and CSV."""
+
+
+@click.command()
+@takes_method()
+@click.option("--order", type=WholeNumber(), help="How far to test order conditions; by default as far as needed.")
+@click.option("--nonzero", is_flag=True, help="Leave out error coefficients that are zero.")
+@takes_output
+def check(method: Method, order: int | None, nonzero: bool, output: Output) -> Iterable[str]:
+    """Order, principal error and properties of a method.
+
+    Symmetric and symplectic mean that the tableau satisfies the conditions, for all values of symbols. The principal
+    error coefficients are e(τ) = (a(τ) - 1/γ(τ))/σ(τ) for the trees with p+1 nodes, p being the order; the norm is the
+    square root of the sum of their squares.
+
+    \b
+    Examples:
+      bseries check rk4
+      bseries check gauss3 --format json
+      bseries check dormand-prince54 --nonzero
+      bseries check --A "0,0;2/3,0" --b "1/4,3/4"
+    """
+    from trees.counting import check_order
+
+    from ..conditions import check
+
+    report = check(method, None if order is None else check_order(order))
+    if output.format == "json":
+        data = report.to_dict()
+        if nonzero and "error" in data:
+            data["error"]["terms"] = [term for term in data["error"]["terms"] if term["coefficient"] != "0"]
+        return [layout.json(data)]
+    number = _latex_number if output.format == "latex" else _number
+    facts, errors = list(_facts(report, number)), list(_errors(report, number, nonzero))
+    if output.format == "csv":
+        return layout.csv([column.heading for column in COLUMNS], [*facts, *errors])
+    notes = list(_notes(report))
+    if len(errors) > MOST_TERMS:
+        notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
+        errors = []
+    if output.format == "latex":
+        return [layout.latex(COLUMNS, [(layout.latex_text(name), value) for name, value in [*facts, *errors]])]
+    title = f"Order and properties of {method.name}"
+    if output.format == "markdown":
+        return [layout.markdown(COLUMNS, [*facts, *errors], title=title, notes=notes)]
+    text = layout.table(COLUMNS, [*facts, *([None] if errors else []), *errors], output.width)
+    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+
+
+def _facts(report: Report, number: Number) -> Iterator[tuple[str, str]]:
+    """What the report says, as pairs of a name and a text."""
+    method = report.method
+    yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
+    yield "order conditions tested", f"to {report.tested_to} nodes"
+    if report.embedded_orders:
+        yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
+    yield "stages", str(method.stages)
+    for name, holds in report.properties.items():
+        yield name.replace("_", " "), "yes" if holds else "no"
+    for sums, name in zip(report.row_sums, method.names, strict=True):
+        yield f"row sums of {name}" if name else "row sums", ", ".join(number(x, method) for x in sums)
+    if report.error is not None:
+        yield from _norms(report.error, method, number)
+
+
+def _norms(error: ErrorCoefficients, method: Method, number: Number) -> Iterator[tuple[str, str]]:
+    if error.norm is not None:
+        yield "principal error norm", number(error.norm, method)
+        yield "largest error coefficient", number(error.largest, method)
+    yield "square of the norm", number(error.norm_squared, method)
+
+
+def _errors(report: Report, number: Number, nonzero: bool) -> Iterator[tuple[str, str]]:
+    names = names_or_none(report.method.names)
+    for tree, e in report.error.terms if report.error is not None else ():
+        if e or not nonzero:
+            yield f"e({tree.text(names)})", number(e, report.method)
+
+
+def _number(value: Any, method: Any) -> str:
+    """A number, rounded to the digits of a method published as decimals."""
+    from ..modified import digits_of
+    from ..presentation import number_text
+
+    return number_text(value, digits_of(method))
+
+
+def _latex_number(value: Any, method: Any) -> str:
+    """The same as LaTeX."""
+    from ..modified import digits_of
+    from ..presentation import latex_number
+
+    return f"${latex_number(value, digits_of(method))}$"
+
+
+def _notes(report: Report) -> Iterator[str]:
+    if report.error is not None:
+        p = report.order
+        yield f"e(τ) = (a(τ) - 1/γ(τ))/σ(τ): the error of a step is h^{p + 1} Σ e(τ) F(τ) + O(h^{p + 2})."
+    if report.method.digits is not None:
+        yield (
+            f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
+            "and residuals that these digits cannot tell from zero count as zero."
+        )
+    if report.method.domain == "float":
+        yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
+    for issue in report.method.issues:
+        yield f"Beware: {issue}."

@@ -1,0 +1,57 @@
+"""A progress bar on stderr, for work that takes more than a second in front of a terminal."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import Any
+
+PATIENCE = 1.0
+"""Seconds before a bar is drawn."""
+
+
+class Progress:
+    """A bar that appears by itself when work takes long, and goes without a trace. Use it in a `with` statement."""
+
+    def __init__(self) -> None:
+        self._timer: Any = None
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        if sys.stderr.isatty():
+            from threading import Timer
+
+            self._timer = Timer(PATIENCE, self._draw)
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def _draw(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bars
+
+        columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+        bar = Bars(*columns, console=Console(stderr=True), transient=True)
+        self._task = bar.add_task("computing", total=None)
+        bar.start()
+        self._bar = bar
+
+    def update(self, done: int, total: int) -> None:
+        """Say how much of the writing is done; before the first call the bar only shows that work goes on."""
+        if self._bar is not None:
+            self._bar.update(self._task, description="writing", completed=done, total=total)
+
+    def close(self) -> None:
+        """Take the bar away, or keep it from appearing."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
+            self._timer = None
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()

@@ -1,0 +1,178 @@
+"""`bseries modified` and `bseries series`: the coefficients of a method, tree by tree."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import layout
+from .layout import Column
+from .method_argument import takes_method
+from .output import WholeNumber, names_or_none, takes_output
+from .tree_options import takes_max_children
+
+if TYPE_CHECKING:
+    from ..presentation import Term
+    from ..truncated import BSeries
+    from .method_argument import Method
+    from .output import Output
+
+FIELDS = ("tree", "levels", "colors", "order", "symmetry", "density", "coefficient", "weight", "differential")
+COLUMNS = (Column("|τ|", True), Column("tree τ"), Column("coefficient"), Column("weight"), Column("F(τ)"))
+
+
+def takes_series_options(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """METHOD and all options that verbs about the series of a method share."""
+    options = (
+        takes_method(),
+        click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
+        takes_max_children,
+        click.option("--nonzero", is_flag=True, help="Leave out trees whose coefficient is zero."),
+        click.option("--float", "as_float", is_flag=True, help="Round the exact coefficients to floats."),
+        takes_output,
+    )
+    return functools.reduce(lambda command, option: option(command), reversed(options), verb)
+
+
+@click.command()
+@takes_series_options
+def modified(method: Method, **options: Any) -> Iterable[str]:
+    """The modified equation, which a method solves exactly.
+
+    It is y' = f_h(y) with f_h = Σ h^(|τ|-1) weight(τ) F(τ). There is one line for each tree τ; weight = coefficient/σ
+    is the number that textbooks print. --order N means trees with 1 to N nodes, hence powers h^0 to h^(N-1).
+
+    \b
+    Examples:
+      bseries modified rk4 --order 6
+      bseries modified stormer-verlet --order 3 --format latex
+      bseries modified sdirk2 --set gamma=1/4 --nonzero
+      bseries modified --A "0,0;1/2,0" --b "0,1" -o midpoint.json
+      bseries modified ./tableau.toml --order 12 --format csv
+
+    LaTeX is the sum written out, without zeros. CSV is for large orders: it is written as it is made.
+    """
+    from ..modified import modified_equation
+
+    return answer(method, modified_equation, "modified", **options)
+
+
+@click.command()
+@takes_series_options
+def series(method: Method, **options: Any) -> Iterable[str]:
+    """The B-series of a method: its elementary weights.
+
+    The method is y1 = y0 + Σ h^|τ| weight(τ) F(τ)(y0), with weight = coefficient/σ; the exact flow has the coefficients
+    1/γ(τ). There is one line for each tree τ.
+
+    \b
+    Examples:
+      bseries series rk4
+      bseries series gauss2 --order 6 --format json
+      bseries series sdirk2 --order 3
+      bseries methods heun2 --format json | bseries series -
+    """
+    from ..modified import series
+
+    return answer(method, series, "series", **options)
+
+
+def answer(
+    method: Method,
+    compute: Callable[..., BSeries],
+    kind: str,
+    *,
+    order: int,
+    max_children: Any,
+    nonzero: bool,
+    as_float: bool,
+    output: Output,
+) -> Iterable[str]:
+    """Compute a series of a method and lay it out."""
+    from trees import count_trees
+
+    output.check_rows(sum(count_trees(order, len(method.partitions), max_children)))
+    s = compute(method, order, max_children=max_children)
+    if as_float:
+        s = s.to_float()
+    if output.format == "json":
+        data = s.to_dict(kind, nonzero=nonzero)
+        if method.issues:
+            data["issues"] = list(method.issues)
+        return [layout.json(data, "terms")]
+    if output.format == "latex":
+        return [s.to_latex(nonzero=True) + "\n"]
+    if output.format == "csv":
+        return layout.csv(FIELDS, _csv_rows(s, _terms(s, nonzero, output)))
+    title, notes = _title(s, kind), _notes(s, method, kind, nonzero=nonzero, rounded=as_float)
+    rows = _table_rows(s, _terms(s, nonzero, output))
+    if output.format == "markdown":
+        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = layout.table(COLUMNS, layout.sections(rows, 0), output.width)
+    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+
+
+def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[Term]:
+    from ..presentation import terms
+
+    return output.track(terms(s, nonzero=nonzero), len(s))
+
+
+def _numbers(s: BSeries, term: Term) -> tuple[str, str]:
+    from ..presentation import number_text
+
+    return (
+        number_text(term.coefficient, s.digits, is_zero=term.is_zero),
+        number_text(term.weight, s.digits, is_zero=term.is_zero),
+    )
+
+
+def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
+    names = names_or_none(s.names)
+    for term in terms:
+        tree = term.tree
+        yield str(tree.order), tree.text(names), *_numbers(s, term), tree.differential(names=names)
+
+
+def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
+    names = names_or_none(s.names)
+    for term in terms:
+        tree = term.tree
+        lists = (" ".join(map(str, numbers)) for numbers in (tree.levels, tree.colors))
+        counts = map(str, (tree.order, tree.symmetry, tree.density))
+        yield tree.text(names), *lists, *counts, *_numbers(s, term), tree.differential(names=names)
+
+
+def _title(s: BSeries, kind: str) -> str:
+    what = {"modified": "Modified equation", "series": "B-series"}[kind]
+    nodes = f"1 to {s.order} nodes" if s.order > 1 else "1 node"
+    least, most = (0, s.order - 1) if kind == "modified" else (1, s.order)
+    powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
+    return f"{what} of {s.label}: trees with {nodes}, powers {powers}"
+
+
+def _notes(s: BSeries, method: Method, kind: str, *, nonzero: bool, rounded: bool) -> list[str]:
+    """What a reader must know about the numbers."""
+    formula = {
+        "modified": "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ",
+        "series": "y1 = y0 + Σ h^|τ| · weight(τ) · F(τ)(y0); weight = coefficient/σ",
+    }
+    notes = [formula[kind]]
+    if rounded:
+        notes.append("Floating point (RR): exact coefficients, each rounded to the nearest float.")
+    elif not s.is_exact:
+        notes.append("Floating point (RR): the tableau holds floats, so the coefficients carry rounding errors.")
+    elif s.digits is None:
+        notes.append(f"Exact coefficients, in {s.domain}.")
+    if s.digits is not None:
+        notes.append(
+            f"The tableau is published as decimals with {s.digits} digits: numbers are rounded to {s.digits} digits, "
+            "and what these digits cannot tell from zero is 0."
+        )
+    if nonzero:
+        notes.append("Trees whose coefficient is zero are left out.")
+    notes += [f"Beware: {issue}." for issue in method.issues]
+    return notes

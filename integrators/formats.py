@@ -1,0 +1,67 @@
+"""JSON and TOML with numbers kept exact: decimals become `Decimal`s, never floats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from decimal import Decimal, InvalidOperation
+from typing import Any, NoReturn
+
+from .errors import IntegratorError
+from .expressions import shorten
+
+FORMATS = ("json", "toml")
+
+
+def parse_json(text: str) -> Any:
+    """The content of JSON text; repeated keys, NaN and infinity are refused."""
+    import json
+
+    try:
+        return json.loads(text, parse_float=Decimal, parse_constant=_refuse, object_pairs_hook=_unique)
+    except IntegratorError:
+        raise
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise IntegratorError(f"content must be JSON, but was not at {where}: {error.msg}") from None
+    except ValueError as error:
+        raise IntegratorError(f"content must be JSON of reasonable size, but was not: {error}") from None
+    except InvalidOperation:
+        raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def _refuse(name: str) -> NoReturn:
+    raise IntegratorError(f"numbers must be finite, but one was {name}")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise IntegratorError(f"keys must be unique, but {shorten(key)!r} was repeated")
+        found[key] = value
+    return found
+
+
+def parse_toml(text: str) -> Any:
+    """The content of TOML text. Its parser names line and column itself."""
+    import tomllib
+
+    try:
+        return tomllib.loads(text, parse_float=Decimal)
+    except ValueError as error:
+        raise IntegratorError(f"content must be TOML, but was not: {error}") from None
+    except InvalidOperation:
+        raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def json_text(value: Any, indent: str = "") -> str:
+    """JSON with one key, or one row of a matrix, to a line."""
+    import json
+
+    deeper = indent + "  "
+    if isinstance(value, Mapping):
+        lines = [f"{deeper}{json.dumps(k, ensure_ascii=False)}: {json_text(v, deeper)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n" + ",\n".join(deeper + json_text(row) for row in value) + f"\n{indent}]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,193 @@
+"""BSeries as a value: mapping, arithmetic, domains, truncation, presentations, refusals."""
+
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy
+
+import bseries as bs
+from bseries.presentation import terms
+
+RK4 = bs.method("rk4")
+X = sympy.Symbol("x")
+
+
+def test_a_mapping_over_the_trees_of_its_table():
+    s = bs.series(RK4, 4)
+    assert len(s) == 8
+    assert list(s) == list(bs.TreeTable(4))
+    assert s["∅"] == 1
+    assert "∅" not in s
+    assert s["[τ,τ]"] == s["[t^2]"] == s["[0,1,1]"] == s[bs.Tree("[τ,τ]")] == Fraction(1, 3)
+    assert dict(s.items()) == {tree: s[tree] for tree in s}
+    assert s.get(bs.Tree("[[[[τ]]]]"), "far") == "far"
+    assert bs.Tree("[τ]") in s
+    with pytest.raises(bs.TreeError, match="must be one of the 8 trees"):
+        s["[[[[τ]]]]"]
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(s)
+
+
+def test_colours_are_read_and_written_by_their_names():
+    parts = {"u": bs.method("implicit-euler"), "v": bs.method("explicit-euler")}
+    s = bs.series(bs.PartitionedRungeKutta(parts), 2)
+    assert (s["u[u]"], s["u[v]"], s["v[u]"], s["v[v]"]) == (1, 0, 1, 0)
+    assert [term["tree"] for term in s.to_dict()["terms"]] == ["u", "v", "u[u]", "u[v]", "v[u]", "v[v]"]
+
+
+def test_vector_space():
+    a, b = bs.series(RK4, 5), bs.exact_flow(5)
+    assert (a - b) + b == a
+    assert -(a - b) == b - a
+    assert (a * 3)["∅"] == 3
+    assert 2 * a == a + a == a / Fraction(1, 2)
+    assert (a * 0).nonzero() == []
+    with pytest.raises(TypeError):
+        a + 1
+
+
+@pytest.mark.parametrize(
+    ("number", "domain"),
+    [
+        (Fraction(1, 3), "QQ"),
+        (2, "QQ"),
+        (np.int64(2), "QQ"),
+        (0.5, "RR"),
+        (np.float32(0.5), "RR"),
+        (sympy.Rational(1, 3), "QQ"),
+        (sympy.sqrt(2), "QQ<sqrt(2)>"),
+        (X, "QQ[x]"),
+        (1 / (1 + X), "QQ(x)"),
+        (sympy.Float("0.5"), "RR"),
+    ],
+)
+def test_the_domain_is_the_smallest_that_holds_all(number, domain):
+    series = bs.exact_flow(3) * number
+    assert series.domain == domain
+    assert series.is_exact == (domain != "RR")
+    assert type(series["[τ]"]) is {"QQ": Fraction, "RR": float}.get(domain, type(series["[τ]"]))
+    flow = bs.BSeries.from_rule(lambda tree: number, 3)
+    assert flow.domain == domain
+    assert flow.log().domain == domain
+
+
+def test_irrational_entries_with_rational_coefficients_are_rational():
+    root = sympy.sqrt(3) / 6
+    half, quarter = sympy.Rational(1, 2), sympy.Rational(1, 4)
+    gauss = bs.RungeKutta([[quarter, quarter - root], [quarter + root, quarter]], [half, half])
+    assert gauss.algebra is None
+    assert bs.series(gauss, 6).domain == "QQ"
+    assert bs.series(gauss, 6) == bs.series(bs.method("gauss2"), 6)
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [(Fraction(1, 2), X), (X, sympy.sqrt(2)), (sympy.sqrt(2), sympy.sqrt(3)), (1 / X, 1 / (X + 1)), (X, 0.5)],
+    ids=str,
+)
+def test_operands_of_different_domains(numbers):
+    a, b = (bs.BSeries.from_rule(lambda tree, number=number: number * tree.order, 3) for number in numbers)
+    if any(isinstance(number, float) for number in numbers):
+        with pytest.raises(bs.SeriesError, match="must be a number to become a float, but was x"):
+            bs.compose(a, b)
+        return
+    result = bs.compose(bs.compose(a, b), b.inverse())
+    assert result == a
+    assert all(sympy.simplify(result[tree] - a[tree]) == 0 for tree in a)
+
+
+def test_symbolic_powers_interpolate():
+    theta = sympy.Symbol("theta")
+    family = bs.series(RK4, 4) ** theta
+    third = bs.series(RK4, 4) ** Fraction(1, 3)
+    for tree in third:
+        assert sympy.Rational(str(third[tree])) == sympy.sympify(family[tree]).subs(theta, sympy.Rational(1, 3))
+
+
+def test_truncation_agrees_with_computing_less():
+    for method in (RK4, bs.method("sdirk2"), RK4.to_float(), bs.method("tsit5")):
+        assert bs.modified_equation(method, 5).truncate(3) == bs.modified_equation(method, 3)
+    with pytest.raises(bs.SeriesError, match="order must be at most 3, the order of the series, but was 4"):
+        bs.series(RK4, 3).truncate(4)
+
+
+def test_step_scaling():
+    s = bs.series(RK4, 4)
+    assert s.scale_step(Fraction(1, 2))["[τ,τ]"] == s["[τ,τ]"] / 8
+    assert s.scale_step(-1).scale_step(-1) == s
+    assert s.scale_step(X)["[τ]"] == X**2 / 2
+
+
+def test_weights_are_coefficients_over_symmetry():
+    found = {str(term.tree): (term.coefficient, term.weight) for term in terms(bs.series(RK4, 3))}
+    assert found["[τ,τ]"] == (Fraction(1, 3), Fraction(1, 6))
+
+
+def test_json_keeps_its_schema():
+    data = json.loads(json.dumps(bs.modified_equation(RK4, 5).to_dict("modified")))
+    head = {key: value for key, value in data.items() if key != "terms"}
+    assert head == {
+        "schema": 1, "kind": "modified", "method": "rk4", "order": 5, "domain": "QQ", "colors": [""], "empty": "0",
+    }  # fmt: skip
+    assert data["terms"][6] == {
+        "tree": "[τ,[τ]]", "levels": [0, 1, 1, 2], "colors": [0, 0, 0, 0], "order": 4, "symmetry": 1, "density": 8,
+        "coefficient": "0", "weight": "0", "differential": "f''(f,f'(f))",
+    }  # fmt: skip
+    assert len(bs.modified_equation(RK4, 5).to_dict(nonzero=True)["terms"]) == 10
+
+
+def test_decimals_are_shown_with_their_digits_and_zero_within_them():
+    b = bs.modified_equation(bs.method("tsit5"), 6)
+    data = b.to_dict("modified")
+    assert data["digits"] == 16
+    assert all(term["coefficient"] == "0" for term in data["terms"][1:17])
+    assert any(term["coefficient"] != "0" for term in data["terms"][17:])
+    assert all(len(term["coefficient"]) < 25 for term in data["terms"])
+    assert b["[τ]"] != 0  # the mapping keeps the exact result of the printed decimals
+    assert b.is_zero("[τ]")
+
+
+def test_latex_of_a_flow_and_of_a_field():
+    assert bs.series(RK4, 2).to_latex() == "y + h\\, f + \\frac{1}{2} h^{2}\\, f'(f)"
+    latex = bs.modified_equation(bs.method("sdirk2"), 3).to_latex(nonzero=True)
+    assert latex.startswith("f + \\left(- \\gamma^{2} + \\gamma - \\frac{1}{6}\\right) h^{2}\\,")
+    tiny = bs.BSeries.from_rule(lambda tree: 1e-10 ** (tree.order - 1), 2)
+    assert tiny.to_latex() == "y + 1.0 h\\, f + 1 \\cdot 10^{-10} h^{2}\\, f'(f)"
+
+
+def test_text_and_html():
+    s = bs.modified_equation(bs.method("symplectic-euler-p"), 2)
+    lines = str(s).splitlines()
+    assert lines[0].split() == ["tree", "coefficient", "weight", "differential"]
+    assert lines[3].split()[:3] == ["p[p]", "1/2", "1/2"]
+    html = s._repr_html_()
+    assert html.count("<svg") == 6
+    assert "symplectic-euler-p" in html
+    assert s._repr_latex_().startswith("$")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: bs.series("rk4", 4), "method must be a method such as method\\('rk4'\\) or a series, but was 'rk4'"),
+        (lambda: bs.modified_equation(RK4), "order must be given for a method"),
+        (lambda: bs.series(RK4, 30), "order must be smaller: a series of 550695545884 trees would take"),
+        (lambda: bs.series(RK4, bs.TreeTable(3, 2)), "order must be a table of trees in 1 colours, but has 2"),
+        (lambda: bs.BSeries.from_rule(lambda tree: "1", 3), "coefficient must be a number or a SymPy expression"),
+        (lambda: bs.BSeries.from_rule(lambda tree: float("inf"), 3), "coefficient must be finite, but was inf"),
+        (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo, 3), "coefficient must be a number"),
+        (lambda: bs.series(RK4, 3).exp(), "must be a field, with the coefficient 0 of the empty tree, but has 1"),
+        (lambda: bs.series(RK4, 3).log().log(), "must be a flow, with the coefficient 1 of the empty tree"),
+        (lambda: bs.compose(bs.series(RK4, 3), 1), "c must be a BSeries, but was 1"),
+        (lambda: bs.compose(bs.series(RK4, 3), bs.series(RK4, 4)), "both series must have the same trees"),
+        (lambda: bs.series(RK4, 3) ** "2", "exponent must be a number"),
+        (lambda: bs.series(RK4, 3) / 0, "number must not be zero"),
+        (lambda: bs.series(RK4, 3) * bs.series(RK4, 3), "compose\\(a, b\\) applies a and then b"),
+        (lambda: bs.series(RK4, 2.5), "order must be a whole number, but was 2.5"),
+    ],
+)
+def test_refusals_name_the_argument(call, message):
+    with pytest.raises(bs.errors, match=message):
+        call()

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+import bseries as bs
+
+
+def test_catalogue_in_every_format(answer):
+    entries = bs.catalogue()
+    data = json.loads(answer("methods", "--format", "json"))
+    assert (data["schema"], data["kind"], len(data["methods"])) == (1, "methods", len(entries))
+    rk4 = next(entry for entry in data["methods"] if entry["name"] == "rk4")
+    assert (rk4["kind"], rk4["stages"], rk4["order"]) == ("explicit", 4, 4)
+    assert rk4["reference"].startswith("W. Kutta")
+    rows = list(csv.DictReader(io.StringIO(answer("methods", "--format", "csv"))))
+    assert [row["name"] for row in rows] == [entry["name"] for entry in data["methods"]]
+    for format in ("table", "markdown", "latex"):
+        text = answer("methods", "--format", format)
+        assert all(entry.name in text for entry in entries)
+
+
+def test_catalogue_shows_families_aliases_and_parameters(answer):
+    text = answer("methods")
+    assert "gauss{s}" in text
+    assert "also: stormer-verlet, velocity-verlet, leapfrog, UTU" in text
+    assert "parameters: gamma" in text
+
+
+@pytest.mark.parametrize("name", ["rk4", "gauss3", "tsit5", "dormand-prince54", "stormer-verlet-kdk", "sdirk2"])
+def test_json_of_one_method_is_a_tableau_file(answer, tmp_path, name):
+    path = tmp_path / "method.json"
+    answer("methods", name, "-o", str(path))
+    assert bs.load_method(path) == bs.method(name)
+    from_name = answer("series", name, "--order", "3")
+    assert answer("series", str(path), "--order", "3") == from_name
+    assert answer("series", "-", "--order", "3", stdin=path.read_bytes()) == from_name
+
+
+def test_one_method_with_its_source(answer):
+    text = answer("methods", "classical-rk4")
+    assert str(bs.method("rk4")) in text
+    assert "kind: explicit, stages: 4, order: 4" in text
+    assert "aliases: classical-rk4" in text
+    assert "reference: W. Kutta, Z. Math. Phys. 46 (1901)" in text
+    family = answer("methods", "gauss2", "--format", "markdown")
+    assert "```text\n1/2 - sqrt(3)/6 │ 1/4" in family
+    assert "- kind: implicit, stages: 2, order: 2s with s stages" in family
+    assert "order" not in answer("methods", "--A", "0", "--b", "1")
+
+
+def test_tableau_as_csv_and_latex(answer):
+    rows = list(csv.reader(io.StringIO(answer("methods", "fehlberg45", "--format", "csv"))))
+    assert rows[0] == ["part", "row", "node", "1", "2", "3", "4", "5", "6"]
+    assert [row[1] for row in rows[1:]] == ["A1", "A2", "A3", "A4", "A5", "A6", "b", "embedded"]
+    assert rows[4] == ["", "A4", "12/13", "1932/2197", "-7200/2197", "7296/2197", "0", "0", "0"]
+    parts = list(csv.reader(io.StringIO(answer("methods", "leapfrog", "--format", "csv"))))[1:]
+    assert [row[:2] for row in parts] == [[part, row] for part in "pq" for row in ("A1", "A2", "b")]
+    latex = answer("methods", "heun2", "--format", "latex")
+    assert latex.splitlines() == [
+        r"\begin{array}{c|cc}",
+        r"0 & 0 & 0 \\",
+        r"1 & 1 & 0 \\ \hline",
+        r" & \frac{1}{2} & \frac{1}{2} \\",
+        r"\end{array}",
+    ]
+    assert r"\frac{\sqrt{3}}{6}" in answer("methods", "gauss2", "--format", "latex")
+    assert "0.046910077030668" in answer("methods", "gauss5", "--format", "csv")
+
+
+def test_parameters_get_values(answer):
+    assert "1/4" in answer("methods", "sdirk2", "--set", "gamma=1/4")
+    assert "parameters: gamma" in answer("methods", "sdirk2")

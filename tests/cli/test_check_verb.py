@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+
+def facts(text: str) -> dict[str, str]:
+    return {row["quantity"]: row["value"] for row in csv.DictReader(io.StringIO(text))}
+
+
+def test_rk4_in_json(answer):
+    data = json.loads(answer("check", "rk4", "--format", "json"))
+    assert (data["kind"], data["order"]) == ("check", 4)
+    # Σ e² = 1745/2880² (Butcher, Numerical Methods for Ordinary Differential Equations, section 318)
+    assert data["error"]["norm_squared"] == "349/1658880"
+    assert data["error"]["terms"][0] == {"tree": "[[[[τ]]]]", "coefficient": "-1/120"}
+
+
+@pytest.mark.parametrize("name", ["rk4", "heun2", "gauss2", "kutta3", "stormer-verlet"])
+def test_principal_error_is_the_first_term_of_the_modified_equation(answer, name):
+    report = json.loads(answer("check", name, "--format", "json"))
+    leading = report["order"] + 1
+    terms = json.loads(answer("modified", name, "--order", str(leading), "--format", "json"))["terms"]
+    expected = [(term["tree"], term["weight"]) for term in terms if term["order"] == leading]
+    assert [(term["tree"], term["coefficient"]) for term in report["error"]["terms"]] == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "explicit", "symmetric", "symplectic"),
+    [
+        ("rk4", "yes", "no", "no"),
+        ("implicit-midpoint", "no", "yes", "yes"),
+        ("trapezoidal", "no", "yes", "no"),
+        ("radau-iia2", "no", "no", "no"),
+        ("lobatto-iiie2", "no", "yes", "yes"),
+    ],
+)
+def test_properties(answer, name, explicit, symmetric, symplectic):
+    found = facts(answer("check", name, "--format", "csv"))
+    assert (found["explicit"], found["symmetric"], found["symplectic"]) == (explicit, symmetric, symplectic)
+
+
+def test_rows_of_every_format_agree(answer):
+    found = facts(answer("check", "fehlberg45", "--format", "csv"))
+    assert found["order"] == "4"
+    assert found["order of embedded weights"] == "5"
+    assert found["row sums"] == "0, 1/4, 3/8, 12/13, 1, 1/2"
+    table, markdown = answer("check", "fehlberg45"), answer("check", "fehlberg45", "--format", "markdown")
+    for name, value in found.items():
+        assert any(line.split("  ", 1)[0] == name and line.endswith(value) for line in table.splitlines())
+        assert f"| `{name}` | `{value}` |" in markdown
+    assert r"e([[[[$\tau$]]]]) & $\frac{1}{780}$ \\" in answer("check", "fehlberg45", "--format", "latex")
+
+
+def test_nonzero_and_long_lists(answer):
+    full, short = (facts(answer("check", "crouzeix3", "--format", "csv", *more)) for more in ((), ("--nonzero",)))
+    assert short == {name: value for name, value in full.items() if not (name.startswith("e(") and value == "0")}
+    assert len(short) < len(full)
+    data = json.loads(answer("check", "crouzeix3", "--nonzero", "--format", "json"))
+    assert [term["coefficient"] for term in data["error"]["terms"]] == [v for k, v in short.items() if k[:2] == "e("]
+    text = answer("check", "lobatto-iiia-iiib3")
+    assert "principal error coefficients are listed by --format csv and json" in text
+    assert "e(p" not in text
+    assert "e(p[p[p[p[p]]]])" in answer("check", "lobatto-iiia-iiib3", "--format", "csv")
+
+
+def test_symbolic_family(answer):
+    found = facts(answer("check", "sdirk2", "--format", "csv"))
+    assert found["order"] == "2"
+    assert "principal error norm" not in found
+    assert facts(answer("check", "sdirk2", "--set", "gamma=1/2+sqrt(3)/6", "--format", "csv"))["order"] == "3"
+
+
+def test_order_limits_the_test(answer):
+    assert facts(answer("check", "rk4", "--order", "3", "--format", "csv"))["order"] == "at least 3"
+
+
+def test_decimals_and_inconsistent_methods(run, answer):
+    assert "decimals with 16 digits" in answer("check", "tsit5")
+    result = run("check", "--A", "0", "--b", "1/2")
+    assert result.exit_code == 0
+    assert "inconsistent" in result.stdout
+    assert "inconsistent" in result.stderr

@@ -1,0 +1,92 @@
+"""What only whole processes show: exit codes, signals, pipes, and what is imported."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+BSERIES = [sys.executable, "-c", "from bseries.cli import main; main()"]
+
+
+def process(*arguments: str, **options) -> subprocess.Popen:
+    return subprocess.Popen([*BSERIES, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
+
+
+def test_broken_pipe_is_quiet():
+    bash = process("trees", "--order", "12", "--format", "csv")
+    assert bash.stdout is not None
+    assert bash.stdout.readline() == b"id,tree,levels,colors,order,symmetry,density,alpha,differential,weight\n"
+    bash.stdout.close()
+    assert bash.stderr is not None
+    assert bash.stderr.read() == b""
+    assert bash.wait() == 141
+    bash.stderr.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
+    job = process("trees", "--order", "16", "--format", "csv", "-o", str(tmp_path / "trees.csv"))
+    time.sleep(1.5)
+    job.send_signal(signal.SIGINT)
+    out, err = job.communicate()
+    assert (job.returncode, out, err) == (130, b"", b"")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "err"),
+    [
+        (["modified", "rk4"], 0, b""),
+        (["--version"], 0, b""),
+        (["--help"], 0, b""),
+        ([], 0, b""),
+        (["check", "--help"], 0, b""),
+        (["modified", "nosuch"], 2, b"bseries: error: name must be a method of the catalogue, but was 'nosuch'\n"),
+    ],
+)
+def test_exit_codes(arguments, code, err):
+    job = process(*arguments)
+    out, found = job.communicate()
+    assert (job.returncode, found) == (code, err)
+    assert bool(out) == (code == 0)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_full_disk():
+    with open("/dev/full", "wb") as full:
+        job = subprocess.run([*BSERIES, "modified", "rk4"], stdout=full, stderr=subprocess.PIPE, check=False)
+    assert job.returncode == 2
+    assert job.stderr == b"bseries: error: output must be writable, but was not: No space left on device\n"
+
+
+def test_output_is_utf8_whatever_the_locale():
+    environment = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    out, err = process("series", "rk4", "--order", "2", env=environment).communicate()
+    assert "[τ]" in out.decode("utf-8")
+    assert err == b""
+
+
+def test_the_common_path_imports_nothing_heavy():
+    code = (
+        "import sys; from bseries.cli.application import application\n"
+        "application(['modified', 'rk4', '--order', '6'], standalone_mode=False)\n"
+        "heavy = {'numpy', 'sympy', 'numba', 'networkx', 'matplotlib', 'rich', 'scipy'} & set(sys.modules)\n"
+        "print(sorted(heavy), file=sys.stderr)"
+    )
+    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert job.stderr == b"[]\n"
+
+
+def test_help_imports_no_library():
+    code = (
+        "import sys; from bseries.cli.application import application\n"
+        "application(['--help'], standalone_mode=False)\n"
+        "print(sorted({'numpy', 'fractions', 'bseries.modified'} & set(sys.modules)), file=sys.stderr)"
+    )
+    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert job.stderr == b"[]\n"
