@@ -14,6 +14,8 @@ from .rationals import smallest_step
 from .recursions import Stages, elementary_weights
 
 if TYPE_CHECKING:
+    import random
+
     from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
     from trees.table import TreeTable
 
@@ -35,6 +37,13 @@ class RationalStages:
         self.bounds = bounds
         self.terms = stages.size
         self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
+
+    def perturbed(self, source: random.Random, digits: int) -> RationalStages:
+        """The same stages with every entry half a unit of its last significant digit larger or smaller."""
+        half = Fraction(1, 2) * Fraction(10) ** (1 - digits)
+        a, b = ([x * (1 + source.choice((-half, half))) for x in row] for row in (self.stages.a, self.stages.b))
+        bounds = Stages(self.stages.size, [abs(x) for x in a], [abs(x) for x in b], [])
+        return RationalStages(Stages(self.stages.size, a, b, self.stages.relation), bounds)
 
     @cached_property
     def exponent(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from decimal import Context, Decimal
 from fractions import Fraction
@@ -15,12 +16,23 @@ if TYPE_CHECKING:
 
 
 class Term(NamedTuple):
-    """One tree of a series with all that is said about it."""
+    """One tree of a series with all that is said about it; `digits` are those to show of a decimal method's numbers."""
 
     tree: Tree
     coefficient: Any
     weight: Any
     is_zero: bool
+    digits: int | None
+
+    @property
+    def coefficient_text(self) -> str:
+        """The coefficient as text."""
+        return number_text(self.coefficient, self.digits, is_zero=self.is_zero)
+
+    @property
+    def weight_text(self) -> str:
+        """The weight as text."""
+        return number_text(self.weight, self.digits, is_zero=self.is_zero)
 
 
 def terms(series: BSeries, *, nonzero: bool = False) -> Iterator[Term]:
@@ -28,11 +40,19 @@ def terms(series: BSeries, *, nonzero: bool = False) -> Iterator[Term]:
     for at, (tree, coefficient) in enumerate(series.items()):
         zero = series._is_zero(at)
         if not (nonzero and zero):
-            yield Term(tree, coefficient, coefficient / tree.symmetry, zero)
+            yield Term(tree, coefficient, coefficient / tree.symmetry, zero, _digits(series, at, coefficient))
+
+
+def _digits(series: BSeries, at: int, coefficient: Any) -> int | None:
+    """Significant digits that the digits of a method's decimals leave to a coefficient."""
+    error = 0.0 if series.uncertainty is None or not coefficient else series.uncertainty(at)
+    if series.digits is None or error == 0:
+        return series.digits
+    return max(1, min(series.digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
 
 
 def number_text(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
-    """A coefficient as text; those of decimal methods are rounded to the method's digits, zero if they cannot tell."""
+    """A coefficient as text; those of decimal methods are rounded to `digits`."""
     if digits is not None and is_zero:
         return "0"
     if digits is None or not isinstance(value, Fraction):
@@ -81,8 +101,8 @@ def to_dict(series: BSeries, kind: str = "series", *, nonzero: bool = False) -> 
             "order": term.tree.order,
             "symmetry": term.tree.symmetry,
             "density": term.tree.density,
-            "coefficient": number_text(term.coefficient, series.digits, is_zero=term.is_zero),
-            "weight": number_text(term.weight, series.digits, is_zero=term.is_zero),
+            "coefficient": term.coefficient_text,
+            "weight": term.weight_text,
             "differential": term.tree.differential(names=names),
         }
         for term in terms(series, nonzero=nonzero)
@@ -125,7 +145,7 @@ def to_latex(series: BSeries, *, nonzero: bool = False) -> str:
     for term in terms(series, nonzero=nonzero):
         power = term.tree.order - shift
         h = {0: "", 1: "h\\, "}.get(power, f"h^{{{power}}}\\, ")
-        number = latex_number(term.weight, series.digits, is_zero=term.is_zero)
+        number = latex_number(term.weight, term.digits, is_zero=term.is_zero)
         number = {"1": "", "-1": "-"}.get(number, f"{_factor(number)} ")
         summands.append(f"{number}{h}{term.tree.differential('latex', names_of(series))}")
     return " + ".join(summands).replace("+ -", "- ").replace("-  ", "- ") or "0"
@@ -143,8 +163,8 @@ def to_text(series: BSeries) -> str:
     rows += [
         (
             term.tree.text(names),
-            number_text(term.coefficient, series.digits, is_zero=term.is_zero),
-            number_text(term.weight, series.digits, is_zero=term.is_zero),
+            term.coefficient_text,
+            term.weight_text,
             term.tree.differential(names=names),
         )
         for term in terms(series)
@@ -161,8 +181,8 @@ def to_html(series: BSeries) -> str:
     names = names_of(series)
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"
-        f"<td>{escape(number_text(term.coefficient, series.digits, is_zero=term.is_zero))}</td>"
-        f"<td>{escape(number_text(term.weight, series.digits, is_zero=term.is_zero))}</td>"
+        f"<td>{escape(term.coefficient_text)}</td>"
+        f"<td>{escape(term.weight_text)}</td>"
         f"<td>{escape(term.tree.differential(names=names))}</td></tr>"
         for _, term in zip(range(200), terms(series), strict=False)
     )

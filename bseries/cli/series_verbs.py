@@ -121,20 +121,11 @@ def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[Term]:
     return output.track(terms(s, nonzero=nonzero), len(s))
 
 
-def _numbers(s: BSeries, term: Term) -> tuple[str, str]:
-    from ..presentation import number_text
-
-    return (
-        number_text(term.coefficient, s.digits, is_zero=term.is_zero),
-        number_text(term.weight, s.digits, is_zero=term.is_zero),
-    )
-
-
 def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
     names = names_or_none(s.names)
     for term in terms:
         tree = term.tree
-        yield str(tree.order), tree.text(names), *_numbers(s, term), tree.differential(names=names)
+        yield str(tree.order), tree.text(names), term.coefficient_text, term.weight_text, tree.differential(names=names)
 
 
 def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
@@ -143,7 +134,7 @@ def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
         tree = term.tree
         lists = (" ".join(map(str, numbers)) for numbers in (tree.levels, tree.colors))
         counts = map(str, (tree.order, tree.symmetry, tree.density))
-        yield tree.text(names), *lists, *counts, *_numbers(s, term), tree.differential(names=names)
+        yield tree.text(names), *lists, *counts, term.coefficient_text, term.weight_text, tree.differential(names=names)
 
 
 def _title(s: BSeries, kind: str) -> str:
@@ -169,8 +160,8 @@ def _notes(s: BSeries, method: Method, kind: str, *, nonzero: bool, rounded: boo
         notes.append(f"Exact coefficients, in {s.domain}.")
     if s.digits is not None:
         notes.append(
-            f"The tableau is published as decimals with {s.digits} digits: numbers are rounded to {s.digits} digits, "
-            "and what these digits cannot tell from zero is 0."
+            f"The tableau is published as decimals with {s.digits} digits: numbers are rounded to what these tell, and "
+            "what they cannot tell from zero is 0."
         )
     if nonzero:
         notes.append("Trees whose coefficient is zero are left out.")
