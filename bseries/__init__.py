@@ -19,7 +19,7 @@ for _package in (_integrators, _trees):
 _get_own, _, _own_names = _lazy_loader.attach(
     __name__,
     submod_attrs={
-        "algebra": ["adjoint", "compose", "exp", "inverse", "lie_derivative", "log", "power"],
+        "algebra": ["compose", "lie_derivative"],
         "conditions": ["check", "error_coefficients", "order_of"],
         "exceptions": ["SeriesError"],
         "modified": ["exact_flow", "modified_equation", "series"],

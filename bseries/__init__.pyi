@@ -14,13 +14,8 @@ from trees import count_trees as count_trees
 from trees import draw as draw
 from trees import svg as svg
 
-from .algebra import adjoint as adjoint
 from .algebra import compose as compose
-from .algebra import exp as exp
-from .algebra import inverse as inverse
 from .algebra import lie_derivative as lie_derivative
-from .algebra import log as log
-from .algebra import power as power
 from .conditions import check as check
 from .conditions import error_coefficients as error_coefficients
 from .conditions import order_of as order_of

@@ -13,7 +13,7 @@ from typing import Any
 from . import recursions
 from .domains import alike, apply, exact_number
 from .exceptions import SeriesError
-from .rationals import Operation, lcm_up_to, primorial
+from .rationals import Operation, lcm_up_to, primes_up_to, primorial
 from .truncated import BSeries
 
 
@@ -36,8 +36,7 @@ def _result(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
     for other in operands[1:]:
         first.check_same_trees(other)
     values = apply(first.table, alike([operand._values for operand in operands]), operation)
-    digits = min((operand.digits for operand in operands if operand.digits), default=None)
-    return BSeries(first.table, values, empty, names=first.names, digits=digits)
+    return BSeries(first.table, values, empty, names=first.names)
 
 
 def log_claim(n: int, step: int) -> int:
@@ -137,15 +136,14 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
     _flow(a, "a")
     if not isinstance(c, BSeries):
         raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
-    whole = c.empty.denominator if isinstance(c.empty, Fraction) else 1
+    if c.empty not in (0, 1):  # by linearity in c: c = c(∅) ∅ + the rest
+        return a * c.empty + compose(a, c.with_empty(0))
 
     def expression(arithmetic: Any, first: Any, second: Any) -> Any:
         field = recursions.logarithm(first(field=True), a.table, arithmetic)
         return recursions.lie_series(field, second(field=False), c.empty, a.table, arithmetic)
 
-    operation = Operation(
-        expression, lambda n, step: whole * step**n, lambda _, step: whole * step, field=False, wraps=whole % 2 == 1
-    )
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
     return _result(operation, c.empty, a, c)
 
 
@@ -204,16 +202,16 @@ def power(a: BSeries, exponent: object) -> BSeries:
     s: Any = exact_number(exponent, "exponent")
     if not isinstance(s, Fraction):
         return exp(log(a) * s)
-    # binom(p/q, k) has the denominator q^k times at most rad(q)^(k−1).
+    # binom(p/q, k) has the denominator q^k times, for every prime r that divides q, fewer than k times r (from k!).
     q = s.denominator
-    factor = q * math.prod(p for p in range(2, q + 1) if q % p == 0 and primorial(p) % p == 0)
+    factor = q * math.prod(r for r in primes_up_to(a.order) if q % r == 0)
 
     def expression(arithmetic: Any, first: Any) -> Any:
         field = recursions.logarithm(first(field=True), a.table, arithmetic)
         return recursions.lie_series(field, None, 1, a.table, arithmetic, s)
 
     operation = Operation(
-        expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, field=False, wraps=q % 2 == 1
+        expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, field=False, units=q
     )
     return _result(operation, 1, a)
 
@@ -246,13 +244,12 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
     _field(b, "b")
     if not isinstance(c, BSeries):
         raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
-    whole = c.empty.denominator if isinstance(c.empty, Fraction) else 1
+    if c.empty not in (0, 1):
+        return b * c.empty + lie_derivative(b, c.with_empty(0))
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         once = arithmetic.vector([0, 1] + [0] * b.order)
         return recursions.derivatives(field(field=True), base(field=False), c.empty, once, b.table, arithmetic)
 
-    operation = Operation(
-        expression, lambda n, step: whole * step**n, lambda _, step: whole * step, field=True, wraps=whole % 2 == 1
-    )
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=True)
     return _result(operation, 0, b, c)

@@ -39,9 +39,9 @@ class RationalStages:
         self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
 
     def perturbed(self, source: random.Random, digits: int) -> RationalStages:
-        """The same stages with every entry half a unit of its last significant digit larger or smaller."""
-        half = Fraction(1, 2) * Fraction(10) ** (1 - digits)
-        a, b = ([x * (1 + source.choice((-half, half))) for x in row] for row in (self.stages.a, self.stages.b))
+        """The same stages with every entry x changed to x (1 ± 5 · 10^−digits)."""
+        change = 5 * Fraction(10) ** -digits
+        a, b = ([x * (1 + source.choice((-change, change))) for x in row] for row in (self.stages.a, self.stages.b))
         bounds = Stages(self.stages.size, [abs(x) for x in a], [abs(x) for x in b], [])
         return RationalStages(Stages(self.stages.size, a, b, self.stages.relation), bounds)
 

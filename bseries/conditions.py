@@ -11,7 +11,7 @@ from trees.counting import check_order, count_trees
 
 from .domains import RingValues, alike, to_float
 from .exceptions import SeriesError
-from .modified import digits_of, exact_flow, series
+from .modified import exact_flow, series
 from .presentation import number_text
 from .simplifying import simplifying_assumptions
 from .truncated import BSeries
@@ -29,7 +29,7 @@ FLOAT_DIGITS = 15
 
 
 class ErrorCoefficients(NamedTuple):
-    """The terms of the local error's first nonvanishing power of h.
+    """The terms of the local error with one power of h, the first that does not vanish unless another was asked for.
 
     `terms` pairs each tree of order p+1 with e(τ) = (a(τ) − 1/γ(τ)) / σ(τ); the local error is
     h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)).
@@ -96,6 +96,8 @@ def _order_of_series(s: BSeries) -> int:
 
 def first_failure(s: BSeries) -> int | None:
     """Id of the first tree whose order condition a flow violates."""
+    if not s.is_exact:
+        raise SeriesError("method must be a method or an exact series, but was a series in floats")
     exact = exact_flow(s.order, colors=s.table.colors, max_children=s.table.limits)
     mine, others = alike([s._values, exact._values])
     for at in range(len(s)):
@@ -121,9 +123,9 @@ def _decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = _affordable_order(len(method.partitions)) if max_order is None else max_order
     for reach in [*range(4, limit, 2), limit]:
-        order = _order_of_series(series(method, min(reach, limit)))
+        order = _order_of_series(series(method, reach))
         if order < reach:
-            return order, min(reach, limit)
+            return order, reach
     return limit, limit
 
 
@@ -167,7 +169,7 @@ def error_coefficients(method: Method, order: int | None = None) -> ErrorCoeffic
     References:
         J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, section 318.
     """
-    order = order_of(method) if order is None else order
+    order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
     exact = exact_flow(order + 1, colors=s.table.colors)
     ids = s.table.ids(order + 1)
@@ -220,7 +222,7 @@ class Report(NamedTuple):
         if self.embedded_orders:
             data["embedded_orders"] = list(self.embedded_orders)
         data["properties"] = self.properties
-        digits = digits_of(method)
+        digits = method.digits
         data["row_sums"] = [[number_text(x, digits) for x in sums] for sums in self.row_sums]
         data["issues"] = list(method.issues)
         if self.error is not None:

@@ -16,6 +16,7 @@ SymPy's own rational type never leaves this file.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from numbers import Rational, Real
@@ -42,6 +43,8 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
     Raises:
         SeriesError: It is not a finite number or expression.
     """
+    if isinstance(value, Decimal) and value.is_finite():
+        return Fraction(value)
     if isinstance(value, Rational) and not isinstance(value, bool):
         return Fraction(int(value.numerator), int(value.denominator))
     if isinstance(value, Real) and not isinstance(value, bool):
@@ -55,7 +58,11 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
         if isinstance(value, sympy.Rational):
             return Fraction(int(value.p), int(value.q))
         if isinstance(value, sympy.Expr) and value.is_finite is not False:
-            return float(value) if value.has(sympy.Float) and value.is_number else value
+            if not value.has(sympy.Float):
+                return value
+            if value.is_number and value.is_real:
+                return float(value)
+            raise SeriesError(f"{name} must not mix floats with symbols or complex numbers, but was {value!s:.60}")
     raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
 
 
@@ -136,8 +143,7 @@ class RingValues:
 
     def narrowed(self) -> RingValues | RationalValues:
         """These values as rationals if they all are."""
-        ground = [self.ring.to_sympy(element).is_Rational for element in self.elements]
-        if all(ground) and self.step == self.ring.one:
+        if all(isinstance(self[at], Fraction) for at in range(len(self.elements))):
             return RationalValues.from_fractions(self.table, self.public())  # pyright: ignore[reportArgumentType]
         return self
 
@@ -170,6 +176,7 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
 def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
     """A fraction field over the algebraic numbers in the entries; None if the entries are not rational functions."""
     import sympy
+    from sympy.polys.polyerrors import BasePolynomialError
 
     symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
     parts = [part for e in expressions for part in sympy.fraction(sympy.together(e))]
@@ -178,7 +185,7 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
         algebraic, _ = sympy.construct_domain(numbers, extension=True)
         field = algebraic[tuple(symbols)].get_field()
         quotients = [field.from_sympy(a) / field.from_sympy(b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
-    except (sympy.PolynomialError, sympy.CoercionFailed):
+    except BasePolynomialError:
         return None
     return field, quotients
 
@@ -203,8 +210,8 @@ def to_float(number: Any) -> float:
     """
     try:
         return float(number)
-    except TypeError as error:
-        raise SeriesError(f"coefficient must be a number to become a float, but was {number}") from error
+    except (TypeError, OverflowError) as error:
+        raise SeriesError(f"coefficient must be a number to become a float, but was {number!s:.60}") from error
 
 
 def public(values: Values) -> list[Any]:

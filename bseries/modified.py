@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from functools import lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -90,6 +90,8 @@ def modified_equation(
         Annals of Numerical Mathematics 1 (1994).
     """
     if isinstance(method, BSeries):
+        if max_children is not None:
+            raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
         return log(method if order is None else method.truncate(order))  # pyright: ignore[reportArgumentType]
     if order is None:
         raise SeriesError("order must be given for a method, but was None")
@@ -141,44 +143,52 @@ def _table(method: object, order: int | TreeTable, max_children: Any) -> TreeTab
     colors = len(method.partitions)
     if isinstance(order, TreeTable):
         if order.colors != colors:
-            raise SeriesError(f"order must be a table of trees in {colors} colours, but has {order.colors}")
+            raise SeriesError(f"order must be a table of trees in {colors} colours, but was {order!r}")
+        if max_children is not None:
+            raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
     recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
     return tree_table(order, colors, max_children)
 
 
-def digits_of(method: Method) -> int | None:
-    """How many digits a method published as decimals was given with; None if it is exact."""
-    return min((part.digits for part in method.partitions if part.digits is not None), default=None)
-
-
 def _of_method(method: Method, table: TreeTable, operation: Operation, empty: int) -> BSeries:
     stages = stages_of(method)
     values = apply(table, [stages], operation)
-    digits = digits_of(method)
+    digits = method.digits
     uncertainty = None
     if digits is not None and isinstance(stages, RationalStages):
-        uncertainty = _uncertainty(stages, table, operation, digits, values)
+        uncertainty = Uncertainty(stages, table, operation, digits, values)
     return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
 
 
-def _uncertainty(
-    stages: RationalStages, table: TreeTable, operation: Operation, digits: int, values: Values
-) -> Callable[[int], float]:
+class Uncertainty:
     """How far each coefficient may be from that of the method whose entries were rounded to so many digits.
 
-    The coefficients are computed again, exactly, with all entries changed by half a unit in their last digit, up or
-    down at random (but reproducibly); ten times the largest change seen is the answer. Rounding errors are smaller
-    than that and as random. A rigorous bound would be of no use: with the signs of the entries lost it exceeds the
-    true coefficients of methods such as tsit5.
+    The coefficients are computed again, exactly, with every entry x changed to x (1 ± 5 · 10^−digits), up or down at
+    random (but reproducibly); ten times the largest change seen is the answer. Rounding errors are smaller than that
+    and as random. A rigorous bound would be of no use: with the signs of the entries lost it exceeds the true
+    coefficients of methods such as tsit5. Nothing is computed before somebody asks.
     """
 
-    @lru_cache(maxsize=1)
-    def spread() -> list[float]:
+    def __init__(self, stages: RationalStages, table: TreeTable, operation: Operation, digits: int, values: Values):
+        self._compute = (stages, table, operation, digits, values)
+
+    @cached_property
+    def _spread(self) -> list[float]:
+        stages, table, operation, digits, values = self._compute
         exact, largest, source = public(values), [0.0] * len(table), random.Random(digits)
         for _ in range(3):
             changed = public(apply(table, [stages.perturbed(source, digits)], operation))
             largest = [max(s, abs(float(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
         return [10 * s for s in largest]
 
-    return lambda at: spread()[at]
+    def __call__(self, at: int) -> float:
+        """The uncertainty of the coefficient of the tree with this id."""
+        return self._spread[at]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _known, (self._spread,)
+
+
+def _known(spread: list[float]) -> Callable[[int], float]:
+    return spread.__getitem__

@@ -164,7 +164,9 @@ class RationalValues:
 
 
 def _largest(numbers: Any) -> int:
-    return max((abs(int(x)) for x in numbers), default=0) if isinstance(numbers, list) else int(abs(numbers).max())
+    if isinstance(numbers, list):
+        return max((abs(x) for x in numbers), default=0)
+    return int(abs(numbers).max(initial=0))
 
 
 def _wrapped(numbers: Any) -> Any:
@@ -188,9 +190,14 @@ def smallest_step(denominators: Sequence[int], step: int) -> int:
 
 
 @lru_cache(maxsize=64)
+def primes_up_to(n: int) -> tuple[int, ...]:
+    """The primes up to n."""
+    return tuple(p for p in range(2, n + 1) if all(p % d for d in range(2, math.isqrt(p) + 1)))
+
+
 def primorial(n: int) -> int:
     """Product of the primes up to n."""
-    return math.prod(p for p in range(2, n + 1) if all(p % d for d in range(2, math.isqrt(p) + 1)))
+    return math.prod(primes_up_to(n))
 
 
 @lru_cache(maxsize=64)
@@ -204,14 +211,14 @@ class Operation(NamedTuple):
 
     `expression(arithmetic, *loaders)` gives the raw result, where loader(field=…) gives an input's raw values.
     `claim(n, L)` is the denominator D_n, `step(order, L)` an L for the result. `field` says how the raw result is
-    scaled (see `Wrapped`), `wraps` whether its multipliers are 2-adic integers at all.
+    scaled (see `Wrapped`). The operation's own multipliers have denominators that divide powers of `units`, beside j!.
     """
 
     expression: Callable[..., Any]
     claim: Callable[[int, int], int]
     step: Callable[[int, int], int]
     field: bool
-    wraps: bool = True
+    units: int = 1
 
 
 def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) -> RationalValues:
@@ -234,10 +241,10 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
     wrapped_bits = [
         needed + (twos + 1) * n - operation.field - _twos(denominators[n]) for n, needed in enumerate(bits, 1)
     ]
-    if operation.wraps and max(wrapped_bits) < 62:
+    if operation.units % 2 and max(wrapped_bits) < 62:
         numerators = _run_wrapped(table, run, wrapped_integers(twos), denominators, operation.field)
     else:
-        numerators = _run_primes(table, run, max(bits), common, denominators)
+        numerators = _run_primes(table, run, max(bits), common * operation.units, denominators)
     return RationalValues(table, numerators, denominators, step)
 
 

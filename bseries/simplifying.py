@@ -1,6 +1,6 @@
 """Simplifying assumptions B(p), C(q), D(r), and the order they prove without looking at a single tree.
 
-Order conditions grow exponentially in number, but a tenth-stage Gauss method needs only these (Butcher 1964; HLW,
+Order conditions grow exponentially in number, but a ten-stage Gauss method needs only these (Butcher 1964; HLW,
 theorem II.1.8 and Hairer–Nørsett–Wanner, theorem II.7.4): B(p), C(q), D(r) with p ≤ q + r + 1 and p ≤ 2q + 2 imply
 order p; and order p implies B(p).
 """

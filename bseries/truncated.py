@@ -6,7 +6,7 @@ from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from trees.counting import check_order
-from trees.names import default_names
+from trees.names import check_names, default_names
 from trees.table import TreeTable, tree_table
 from trees.tree import Tree
 
@@ -26,6 +26,9 @@ class BSeries(Mapping[Tree, Any]):
     B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
     has a(∅) = 1, a *field* has b(∅) = 0 and stands for h · f_h. As a mapping it runs over the trees in the order of its
     table; ``s["∅"]`` is the coefficient of the empty tree, which iteration and `len` leave out.
+
+    A series of a method published as decimals has `digits` and knows its `uncertainty`; what arithmetic makes of it has
+    not, and takes the printed decimals for exact.
 
     Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
 
@@ -55,13 +58,23 @@ class BSeries(Mapping[Tree, Any]):
         digits: int | None = None,
         uncertainty: Callable[[int], float] | None = None,
     ):
-        self.table = table
-        self._values = values
-        self.empty = exact_number(empty)
-        self.names = tuple(names) or default_names(table.colors)
-        self.label = label
-        self.digits = digits
-        self.uncertainty = uncertainty
+        own = {
+            "table": table,
+            "_values": values,
+            "empty": exact_number(empty),
+            "names": _checked_names(names, table.colors),
+            "label": label,
+            "digits": digits,
+            "uncertainty": uncertainty,
+        }
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a series is immutable: {name} cannot be set")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, tuple(getattr(self, name) for name in sorted(self.__slots__))
 
     @classmethod
     def from_rule(
@@ -116,16 +129,22 @@ class BSeries(Mapping[Tree, Any]):
     def __getitem__(self, tree: Tree | str) -> Any:
         if isinstance(tree, str) and tree.strip() == EMPTY:
             return self.empty
-        if isinstance(tree, str):
-            tree = Tree(tree, names=self.names if self.table.colors > 1 else None)
-        return self._values[self.table.index(tree)]
+        return self._values[self.table.index(self._tree(tree))]
+
+    def _tree(self, tree: Tree | str) -> Tree:
+        """The tree that a text denotes in the names of this series."""
+        return Tree(tree, names=self.names if self.table.colors > 1 else None)
 
     def __contains__(self, tree: object) -> bool:
-        return tree in self.table
+        return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
 
     def get(self, tree: Any, default: Any = None) -> Any:
         """The coefficient of a tree, or `default` if the series does not reach it."""
-        return self[tree] if isinstance(tree, str) or tree in self else default
+        return self[tree] if tree == EMPTY or tree in self else default
+
+    def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """All coefficients in the order of the table; the same as `coefficients`."""
+        return self.coefficients()
 
     def __iter__(self) -> Iterator[Tree]:
         return iter(self.table)
@@ -143,7 +162,7 @@ class BSeries(Mapping[Tree, Any]):
 
     def is_zero(self, tree: Tree | str) -> bool:
         """Whether a coefficient is zero, as far as the digits of a method's decimals can tell."""
-        return self._is_zero(self.table.index(tree))
+        return self._is_zero(self.table.index(self._tree(tree)))
 
     def _is_zero(self, at: int) -> bool:
         if self._values.is_zero(at):
@@ -177,6 +196,10 @@ class BSeries(Mapping[Tree, Any]):
             table, values, empty, names=self.names, label=self.label, digits=self.digits, uncertainty=self.uncertainty
         )
 
+    def with_empty(self, empty: object) -> BSeries:
+        """The same series with another coefficient of the empty tree."""
+        return BSeries(self.table, self._values, exact_number(empty), names=self.names)
+
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float.
 
@@ -204,8 +227,13 @@ class BSeries(Mapping[Tree, Any]):
         values = make_values(self.table, map(function, self.coefficients()))
         return BSeries(self.table, values, function(self.empty), names=self.names)
 
+    __array_ufunc__ = None  # a NumPy number times a series is a series
+
     def __add__(self, other: BSeries) -> BSeries:
         return self._combine(other, lambda x, y: x + y)
+
+    def __radd__(self, other: object) -> BSeries:
+        return self if other == 0 else NotImplemented  # where `sum` begins
 
     def __sub__(self, other: BSeries) -> BSeries:
         return self._combine(other, lambda x, y: x - y)
@@ -315,3 +343,16 @@ class _Items(ItemsView[Tree, Any]):
 
     def __iter__(self) -> Iterator[tuple[Tree, Any]]:
         return zip(self._mapping.table, self._mapping.coefficients(), strict=True)
+
+
+def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
+    if not names or colors == 1:
+        return default_names(colors)
+    checked = check_names(names)
+    if len(checked) != colors:
+        raise SeriesError(f"names must be {colors} names, one for each colour, but were {len(checked)}")
+    return checked
+
+
+def _rebuilt(values: Any, digits: Any, empty: Any, label: Any, names: Any, table: Any, uncertainty: Any) -> BSeries:
+    return BSeries(table, values, empty, names=names, label=label, digits=digits, uncertainty=uncertainty)

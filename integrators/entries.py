@@ -116,14 +116,26 @@ def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
         return sum(terms) == 0
     import sympy
 
-    return sympy.Add(*terms).equals(0)
+    total = sympy.expand(sympy.Add(*terms))
+    if isinstance(total, sympy.Rational):
+        return total == 0
+    return False if _differs_from_zero(total) else total.equals(0)
+
+
+def _differs_from_zero(formula: Any) -> bool:
+    """Whether a formula is certainly not zero at one point; most are not, and a proof by SymPy takes its time."""
+    import sympy
+
+    symbols = sorted(formula.free_symbols, key=str)
+    value = formula.subs({symbol: sympy.Rational(7919 + k, 6007) for k, symbol in enumerate(symbols)}).evalf(30)
+    return bool(value.is_number and value.is_finite and abs(value) > 1e-20)
 
 
 def find_domain(values: Iterable[Entry]) -> str:
     """The smallest of the domains QQ, algebraic, symbolic and float that holds all entries."""
-    kinds = {type(value) for value in values if not is_sympy(value)}
+    values = list(values)
     formulas = [value for value in values if is_sympy(value)]
-    if float in kinds:
+    if any(isinstance(value, float) for value in values):
         return "float"
     if any(value.free_symbols for value in formulas):  # type: ignore[union-attr]
         return "symbolic"

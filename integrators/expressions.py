@@ -60,7 +60,15 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
         >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
         (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
     """
-    return _Parser(text, check_names(names, "names"), (), argument).parse()
+    names = check_names(names, f"symbols of {argument}")
+    value = _Parser(text, names, (), argument).parse()
+    # SymPy's text of a formula can stand for another form of it, 1/(3*(x + 1)) for 1/(3*x + 3); a stable form is kept.
+    while not isinstance(value, Fraction):
+        form = _Parser(format_number(value), names, (), argument).parse()
+        if form == value:
+            break
+        value = form
+    return value
 
 
 def parse_expression(
@@ -84,7 +92,7 @@ def parse_expression(
         >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
         p**2/2 - cos(q)/2
     """
-    value = _Parser(text, check_names(names, "names"), tuple(functions), argument).parse()
+    value = _Parser(text, check_names(names, f"symbols of {argument}"), tuple(functions), argument).parse()
     import sympy
 
     return sympy.Rational(value.numerator, value.denominator) if isinstance(value, Fraction) else value

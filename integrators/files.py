@@ -88,9 +88,9 @@ def _read(text: str, format: str, source: str) -> Method:
     try:
         return _read_method(parse(text))
     except RecursionError:
-        raise IntegratorError(f"{shorten(source)}: nesting must be flat, but was too deep") from None
+        raise IntegratorError(f"{shorten(source, 200)}: nesting must be flat, but was too deep") from None
     except IntegratorError as error:
-        raise IntegratorError(f"{shorten(source)}: {error}") from None
+        raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
 
 
 def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:

@@ -22,7 +22,17 @@ class Frozen:
         return self is other or self._data == other._data  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
-        return hash((type(self).__name__, self._data))
+        known = self.__dict__.get("_hash")
+        if known is None:
+            known = self.__dict__["_hash"] = hash((type(self).__name__, self._data))
+        return known
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}  # hashes differ by process
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the hash: that of a text is another in every process."""
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__} is immutable: {name} cannot be set")

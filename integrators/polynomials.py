@@ -77,19 +77,23 @@ def remainder(p: Polynomial, modulus: Polynomial) -> Polynomial:
     return divide(p, modulus)[1]
 
 
+def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
+    """The inverse of p modulo a polynomial that has no factor in common with it, by Euclid's algorithm.
+
+    Example:
+        >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
+        ['-1', '1']
+    """
+    (last, rest), (left, right) = (modulus, p), ((), ONE)
+    while len(rest) != 1:
+        quotient, remaining = divide(last, rest)
+        (last, rest), (left, right) = (rest, remaining), (right, add(left, scale(multiply(quotient, right), -1)))
+    return scale(right, 1 / rest[-1])
+
+
 def derivative(p: Polynomial) -> Polynomial:
     """The derivative p'."""
     return trim([k * a for k, a in enumerate(p)][1:])
-
-
-def integral(p: Polynomial) -> Polynomial:
-    """The antiderivative of p that vanishes at 0.
-
-    Example:
-        >>> [str(a) for a in integral((Fraction(1), Fraction(1)))]
-        ['0', '1', '1/2']
-    """
-    return trim([Fraction(0), *(a / (k + 1) for k, a in enumerate(p))])
 
 
 def evaluate(p: Polynomial, x: Fraction | int) -> Fraction:
@@ -180,22 +184,32 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
         >>> [str(root) for root in real_roots((Fraction(0), Fraction(-1, 3), Fraction(1)))]
         ['0', '1/3']
     """
+    whole = primitive(p)
     # A rational root has a denominator that divides `leading`; two such numbers differ by 1/leading² at least.
-    leading = abs(primitive(p)[-1])
+    leading = abs(whole[-1])
     digits = max(digits, 2 * len(str(leading)) + 2)
     precision = digits + 2 * len(p) + 10
     error = Fraction(1, 10**digits)
     while True:
-        roots = [Fraction(root).limit_denominator(10 ** (digits + 5)) for root in _laguerre(p, precision)]
+        unit = 10 ** (digits + 5)
+        roots = [Fraction(round(Fraction(root) * unit), unit) for root in _laguerre(p, precision)]
         bounds = [bound for root in roots for bound in (root - error, root + error)]
+        signs = [_sign(whole, bound) for bound in bounds]
         disjoint = all(a < b for a, b in pairwise(bounds))
-        if disjoint and all(
-            evaluate(p, a) * evaluate(p, b) < 0 for a, b in zip(bounds[::2], bounds[1::2], strict=True)
-        ):
+        if disjoint and all(a * b < 0 for a, b in zip(signs[::2], signs[1::2], strict=True)):
             break
         precision *= 2
     rationals = [root.limit_denominator(leading) for root in roots]
-    return tuple(q if evaluate(p, q) == 0 else root for q, root in zip(rationals, roots, strict=True))
+    return tuple(q if _sign(whole, q) == 0 else root for q, root in zip(rationals, roots, strict=True))
+
+
+def _sign(p: Sequence[int], x: Fraction) -> int:
+    """The sign of p(x), in integers."""
+    value, power = 0, 1
+    for a in reversed(p):
+        value = value * x.numerator + a * power
+        power *= x.denominator
+    return (value > 0) - (value < 0)
 
 
 def _laguerre(p: Polynomial, precision: int) -> list[Decimal]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
@@ -123,13 +124,9 @@ class StageAlgebra(Frozen):
         Lagrange's basis polynomial is (P(x) − P(c_j)) / ((x − c_j) P'(c_j)). Divided out, its numerator has the
         coefficients Σ_{m>l} p_m c_j^(m−l−1), and 1/P' is a polynomial modulo P.
         """
-        p, stages = self.polynomial, self.stages
-        slope = polynomials.derivative(p)
-        columns = [self.multiply(slope, polynomials.power(k)) for k in range(stages)]
-        system = [[column[k] if k < len(column) else Fraction(0) for column in columns] for k in range(stages)]
-        unit = [[Fraction(k == 0)] for k in range(stages)]
-        inverse = polynomials.trim([row[0] for row in polynomials.solve(system, unit)])
-        return tuple(self.multiply(p[level + 1 :], inverse) for level in range(stages))
+        p = self.polynomial
+        inverse = polynomials.invert(polynomials.derivative(p), p)
+        return tuple(self.multiply(p[level + 1 :], inverse) for level in range(self.stages))
 
     @cached_property
     def _entry_polynomials(self) -> tuple[tuple[Polynomial, ...], Polynomial]:
@@ -146,16 +143,26 @@ class StageAlgebra(Frozen):
         return polynomials.real_roots(self.polynomial, digits)
 
     def _approximate_tableau(self, digits: int) -> tuple[Matrix, tuple[Fraction, ...], tuple[Fraction, ...]]:
-        """A, b, c as rational numbers within 10^-digits; exact where the nodes concerned are rational."""
+        """A, b, c within 10^-digits, in integers: a fixed number of binary places, and one denominator."""
         rows, weights = self._entry_polynomials
-        nodes = self._approximate_nodes(digits)
-        # An error ε in the nodes changes an entry by at most 2 s ε Σ|R| max(1, |c|)^(2s).
-        size = sum((sum(map(abs, row), Fraction(0)) for row in (*rows, weights)), Fraction(1))
-        size *= 2 * self.stages * (1 + max(map(abs, nodes))) ** (2 * self.stages)
-        nodes = self._approximate_nodes(digits + len(str(int(size))))
-        columns = [tuple(polynomials.evaluate(row, node) for row in rows) for node in nodes]
-        a = tuple(tuple(polynomials.evaluate(column, node) for column in columns) for node in nodes)
-        return a, tuple(polynomials.evaluate(weights, node) for node in nodes), nodes
+        nodes = self._approximate_nodes(20)
+        # An error ε in the nodes, or of rounding, changes an entry by at most 4 s ε Σ|R| (1 + |c|)^(2s).
+        size = sum((abs(value) for row in (*rows, weights) for value in row), Fraction(1))
+        size *= 4 * self.stages * (1 + max(map(abs, nodes))) ** (2 * self.stages)
+        digits_inside = digits + len(str(int(size)))
+        nodes = self._approximate_nodes(digits_inside)
+        places = digits_inside * 10 // 3 + 1
+        denominator = lcm(*(value.denominator for row in (*rows, weights) for value in row))
+        *scaled, scaled_weights = ([int(v * denominator) << places for v in row] for row in (*rows, weights))
+        points = [round(node * 2**places) for node in nodes]
+
+        def value(numerator: int) -> Fraction:
+            found = Fraction(numerator, denominator << places)
+            return found if abs(found) * 10**digits >= 1 else Fraction(0)
+
+        columns = [[_horner(row, point, places) for row in scaled] for point in points]
+        a = tuple(tuple(value(_horner(column, point, places)) for column in columns) for point in points)
+        return a, tuple(value(_horner(scaled_weights, point, places)) for point in points), nodes
 
     def nodes_decimal(self, digits: int = 50) -> tuple[Any, ...]:
         """The nodes c_1 < … < c_s to a number of decimals.
@@ -181,7 +188,7 @@ class StageAlgebra(Frozen):
         return tuple(_decimals(row, digits) for row in a), _decimals(b, digits), _decimals(c, digits)
 
     def tableau_float(self) -> tuple[tuple[tuple[float, ...], ...], tuple[float, ...], tuple[float, ...]]:
-        """The tableau (A, b, c) in double precision, each entry rounded from a value with 40 correct decimals."""
+        """The tableau (A, b, c) in double precision, each entry rounded from a value within 10^-40."""
         a, b, c = self._approximate_tableau(40)
         return tuple(tuple(map(float, row)) for row in a), tuple(map(float, b)), tuple(map(float, c))
 
@@ -233,6 +240,14 @@ class StageAlgebra(Frozen):
     def values(self, g: Polynomial) -> tuple[Exact, ...]:
         """The values g(c_1), …, g(c_s), exactly."""
         return tuple(_entry([g], point, point) for point in self._exact_nodes)
+
+
+def _horner(coefficients: Sequence[int], point: int, places: int) -> int:
+    """The value of a polynomial in fixed-point arithmetic."""
+    value = 0
+    for coefficient in reversed(coefficients):
+        value = (value * point >> places) + coefficient
+    return value
 
 
 def _entry(rows: Sequence[Polynomial], first: tuple[Exact, Polynomial], second: tuple[Exact, Polynomial]) -> Exact:

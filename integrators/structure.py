@@ -6,6 +6,7 @@ A method given by a stage algebra is decided by rational bilinear forms wherever
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from operator import mul
 from typing import TYPE_CHECKING
 
@@ -64,7 +65,7 @@ def _is_symplectic_algebra(first: StageAlgebra, second: StageAlgebra) -> bool:
     # The matrix of b(f · g) has the entries b(x^(k+l)).
     moments = list(b)
     while len(moments) < 2 * len(b) - 1:
-        moments.append(-sum(map(mul, first.polynomial[:-1], moments[-len(b) :])))
+        moments.append(-sum(map(mul, first.polynomial[:-1], moments[-len(b) :]), Fraction(0)))
     left, right = (
         [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
         for algebra in (second, first)

@@ -107,6 +107,6 @@ def check_partition_names(names: Iterable[Any]) -> None:
     for name in names:
         if not isinstance(name, str) or not name.isidentifier() or name[0] == "_" or name == "t" or "τ" in name:
             raise IntegratorError(
-                "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold τ, "
-                f"but one was {shorten(repr(name))}"
+                "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold "
+                f"τ, but one was {shorten(repr(name))}"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from .errors import IntegratorError
@@ -26,27 +27,22 @@ def read_text(source: str | os.PathLike[str] | IO[Any]) -> tuple[str, str]:
     Raises:
         IntegratorError: the file cannot be read, is too large, or is no UTF-8 text.
     """
-    if isinstance(source, str | os.PathLike):
-        label = os.fspath(source)
-        raw = _read_bytes(label)
-    else:
-        label = str(getattr(source, "name", "input"))
-        raw = source.read(MAX_BYTES + 1)
-    if len(raw) > MAX_BYTES:
-        raise IntegratorError(f"{shorten(label)} must have at most {MAX_BYTES} bytes, but has more")
-    text = _decode(raw, label) if isinstance(raw, bytes) else raw
-    if "\0" in text:
-        raise IntegratorError(f"{shorten(label)} must be text, but was binary")
-    return text, label
-
-
-def _read_bytes(path: str) -> bytes:
+    is_path = isinstance(source, str | os.PathLike)
+    label = os.fspath(source) if is_path else str(getattr(source, "name", "input"))
+    if not is_path and not hasattr(source, "read"):
+        raise IntegratorError(f"source must be a path or an open file, but was {shorten(repr(source))}")
     try:
-        with open(path, "rb") as file:
-            return file.read(MAX_BYTES + 1)
+        with open(label, "rb") if is_path else nullcontext(source) as file:
+            raw = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(f"{shorten(path)} must be a readable file, but was not: {reason}") from None
+        raise IntegratorError(f"{shorten(label, 200)} must be a readable file, but was not: {reason}") from None
+    if len(raw) > MAX_BYTES:
+        raise IntegratorError(f"{shorten(label, 200)} must have at most {MAX_BYTES} bytes, but has more")
+    text = _decode(raw, label) if isinstance(raw, bytes) else raw
+    if "\0" in text:
+        raise IntegratorError(f"{shorten(label, 200)} must be text, but was binary")
+    return text, label
 
 
 def _decode(raw: bytes, label: str) -> str:
@@ -54,7 +50,7 @@ def _decode(raw: bytes, label: str) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise IntegratorError(
-            f"{shorten(label)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
+            f"{shorten(label, 200)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
         ) from None
 
 
@@ -92,7 +88,7 @@ def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
     except (OSError, ValueError) as error:
         _remove(temporary)
         reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(f"{shorten(name)} must be a writable file, but was not: {reason}") from None
+        raise IntegratorError(f"{shorten(name, 200)} must be a writable file, but was not: {reason}") from None
     except BaseException:
         _remove(temporary)
         raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from numbers import Real
 
 from .errors import TreeError
 
@@ -47,9 +48,13 @@ def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | 
     Raises:
         TreeError: A bound is not a whole number, 0 or more, or a row has a wrong length.
     """
-    if max_children is None or isinstance(max_children, (int, float)):
-        return tuple((UNBOUNDED,) * colors + (_bound(max_children),) for _ in range(colors))
-    rows = [tuple(_bound(entry) for entry in row) for row in max_children]
+    if max_children is None or not hasattr(max_children, "__iter__"):
+        bound = _bound(max_children)  # pyright: ignore[reportArgumentType]
+        return tuple((UNBOUNDED,) * colors + (bound,) for _ in range(colors))
+    listed = list(max_children)  # pyright: ignore[reportArgumentType]
+    if any(isinstance(row, str) or not hasattr(row, "__iter__") for row in listed):
+        raise TreeError(f"max_children must be one bound or rows of bounds, but was {max_children!r:.60}")
+    rows = [tuple(_bound(entry) for entry in row) for row in listed]
     if len(rows) != colors or any(len(row) not in (colors, colors + 1) for row in rows):
         shape = [len(row) for row in rows]
         raise TreeError(
@@ -61,7 +66,7 @@ def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | 
 def _bound(entry: float | None) -> int:
     if entry is None or entry == float("inf"):
         return UNBOUNDED
-    if isinstance(entry, bool) or entry != entry or entry < 0 or int(entry) != entry:
+    if isinstance(entry, bool) or not isinstance(entry, Real) or entry != entry or entry < 0 or int(entry) != entry:
         raise TreeError(f"max_children must hold whole numbers, 0 or more, or None, but had {entry!r:.60}")
     return min(int(entry), UNBOUNDED)
 

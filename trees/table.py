@@ -108,6 +108,16 @@ class TreeTable(Sequence[Tree]):
             self._base_start, self._base,
         )  # fmt: skip
 
+        self._complete = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if "_complete" in self.__dict__:
+            raise AttributeError(f"a table is immutable: {name} cannot be set")
+        super().__setattr__(name, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TreeTable, (self.max_order, self.colors, self.limits)
+
     def run(self, kernel: Any) -> Any:
         """The execution of a kernel that suits this table's columns."""
         return kernel.compiled if self._compiled else kernel.py_func

@@ -103,18 +103,16 @@ def _errors(report: Report, number: Number, nonzero: bool) -> Iterator[tuple[str
 
 def _number(value: Any, method: Any) -> str:
     """A number, rounded to the digits of a method published as decimals."""
-    from ..modified import digits_of
     from ..presentation import number_text
 
-    return number_text(value, digits_of(method))
+    return number_text(value, method.digits)
 
 
 def _latex_number(value: Any, method: Any) -> str:
     """The same as LaTeX."""
-    from ..modified import digits_of
     from ..presentation import latex_number
 
-    return f"${latex_number(value, digits_of(method))}$"
+    return f"${latex_number(value, method.digits)}$"
 
 
 def _notes(report: Report) -> Iterator[str]:

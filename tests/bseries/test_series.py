@@ -1,6 +1,7 @@
 """BSeries as a value: mapping, arithmetic, domains, truncation, presentations, refusals."""
 
 import json
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -37,6 +38,39 @@ def test_colours_are_read_and_written_by_their_names():
     assert [term["tree"] for term in s.to_dict()["terms"]] == ["u", "v", "u[u]", "u[v]", "v[u]", "v[v]"]
 
 
+def test_texts_use_the_names_of_the_series_everywhere():
+    parts = {"q": bs.method("implicit-euler"), "p": bs.method("explicit-euler")}
+    s = bs.series(bs.PartitionedRungeKutta(parts), 2)
+    assert (s["p[q]"], s["q[p]"]) == (1, 0)
+    assert (s.is_zero("p[q]"), s.is_zero("q[p]")) == (False, True)
+    assert (s.get("p[q]"), s.get("p[q,q]", 7), s.get("∅")) == (1, 7, 1)
+    assert "p[q]" in s
+    assert "p[q,q]" not in s
+    with pytest.raises(bs.SeriesError, match="names must be 2 names, one for each colour, but were 1"):
+        bs.BSeries.from_rule(lambda tree: 1, 2, colors=2, names=("a",))
+
+
+def test_series_are_immutable_and_can_be_pickled():
+    s = bs.series(bs.method("tsit5"), 3)
+    with pytest.raises(AttributeError, match="immutable"):
+        s.empty = 7
+    with pytest.raises(AttributeError, match="immutable"):
+        s.table.limits = ()
+    again = pickle.loads(pickle.dumps(s))
+    assert again == s
+    assert again.uncertainty(2) == s.uncertainty(2) > 0
+
+
+def test_any_coefficient_of_the_empty_tree():
+    a = bs.series(RK4, 3)
+    for empty in (sympy.sqrt(2), X, Fraction(1, 3), -2):
+        c = a.with_empty(empty)
+        result = bs.compose(a, c)
+        assert result["∅"] == empty
+        assert sympy.simplify(result["[τ]"] - (empty * a["[τ]"] + a["τ"] ** 2 + a["[τ]"])) == 0
+        assert bs.lie_derivative(a.log(), c)["τ"] == empty
+
+
 def test_vector_space():
     a, b = bs.series(RK4, 5), bs.exact_flow(5)
     assert (a - b) + b == a
@@ -44,6 +78,8 @@ def test_vector_space():
     assert (a * 3)["∅"] == 3
     assert 2 * a == a + a == a / Fraction(1, 2)
     assert (a * 0).nonzero() == []
+    assert sum([a, b]) == a + b
+    assert np.float64(2) * a == a * 2.0
     with pytest.raises(TypeError):
         a + 1
 
@@ -174,7 +210,12 @@ def test_text_and_html():
         (lambda: bs.series("rk4", 4), "method must be a method such as method\\('rk4'\\) or a series, but was 'rk4'"),
         (lambda: bs.modified_equation(RK4), "order must be given for a method"),
         (lambda: bs.series(RK4, 30), "order must be smaller: a series of 550695545884 trees would take"),
-        (lambda: bs.series(RK4, bs.TreeTable(3, 2)), "order must be a table of trees in 1 colours, but has 2"),
+        (lambda: bs.series(RK4, bs.TreeTable(3, 2)), "order must be a table of trees in 1 colours, but was TreeTable"),
+        (lambda: bs.series(RK4, bs.TreeTable(3), max_children=1), "max_children must be None where a table is given"),
+        (lambda: bs.modified_equation(bs.exact_flow(3), max_children=1), "max_children must be None for a series"),
+        (lambda: bs.BSeries.from_rule(lambda tree: 0.5 * X, 2), "must not mix floats with symbols"),
+        (lambda: bs.TreeTable(3, 1, [2]), "max_children must be one bound or rows of bounds"),
+        (lambda: bs.TreeTable(3, 1, "a"), "max_children must"),
         (lambda: bs.BSeries.from_rule(lambda tree: "1", 3), "coefficient must be a number or a SymPy expression"),
         (lambda: bs.BSeries.from_rule(lambda tree: float("inf"), 3), "coefficient must be finite, but was inf"),
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo, 3), "coefficient must be a number"),

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 
 BSERIES = [sys.executable, "-c", "from bseries.cli import main; main()"]
@@ -31,7 +32,8 @@ def test_broken_pipe_is_quiet():
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
     job = process("trees", "--order", "16", "--format", "csv", "-o", str(tmp_path / "trees.csv"))
-    time.sleep(1.5)
+    while psutil.Process(job.pid).cpu_times().user < 1:  # well past starting, on a busy machine too
+        time.sleep(0.05)
     job.send_signal(signal.SIGINT)
     out, err = job.communicate()
     assert (job.returncode, out, err) == (130, b"", b"")

@@ -1,4 +1,4 @@
-"""Methods held without their roots: against closed forms, against defining conditions, and against NumPy's quadrature."""
+"""Methods held without their roots: against closed forms, defining conditions and NumPy's quadrature."""
 
 import pickle
 import subprocess
@@ -25,7 +25,8 @@ def legendre(stages):
 def collocation(nodes):
     """A x^l = x^(l+1)/(l+1), and weights that integrate exactly: collocation at the roots of a polynomial."""
     stages = len(nodes) - 1
-    columns = [poly.remainder(poly.integral(poly.power(k)), poly.trim(nodes)) for k in range(stages)]
+    integrals = [poly.scale(poly.power(k + 1), Fraction(1, k + 1)) for k in range(stages)]
+    columns = [poly.remainder(integral, poly.trim(nodes)) for integral in integrals]
     rows = [[column[k] if k < len(column) else 0 for column in columns] for k in range(stages)]
     return StageAlgebra(nodes, rows, [Fraction(1, k + 1) for k in range(stages)])
 
@@ -85,7 +86,7 @@ def test_gauss_agrees_with_numpy(stages):
     a, b, c = gauss(stages).tableau_float()
     np.testing.assert_allclose(c, (points + 1) / 2, rtol=1e-13)
     np.testing.assert_allclose(b, weights / 2, rtol=1e-13)
-    np.testing.assert_allclose(np.array(a) @ np.array(c), np.array(c) ** 2 / 2, rtol=1e-12)
+    np.testing.assert_allclose(np.sum(a, axis=1), c, rtol=1e-13)
 
 
 @pytest.mark.parametrize("algebra", [gauss(10), lobatto_iiia(7)], ids=["gauss10", "lobatto-iiia7"])
@@ -256,11 +257,10 @@ matrices = st.integers(1, 4).flatmap(
 @given(matrices)
 def test_linear_systems(matrix):
     right = [[Fraction(i), Fraction(1)] for i in range(len(matrix))]
-    try:
-        solution = poly.solve(matrix, right)
-    except IntegratorError as error:
-        assert "must be invertible" in str(error)
-        assert sympy.Matrix(matrix).det() == 0
+    if sympy.Matrix(matrix).det() == 0:
+        with pytest.raises(IntegratorError, match="must be invertible"):
+            poly.solve(matrix, right)
         return
+    solution = poly.solve(matrix, right)
     for row, expected in zip(matrix, right, strict=True):
         assert [sum(a * x[k] for a, x in zip(row, solution, strict=True)) for k in range(2)] == expected
