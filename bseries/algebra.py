@@ -14,7 +14,7 @@ from . import recursions
 from .domains import alike, apply, exact_number
 from .exceptions import SeriesError
 from .rationals import Operation, lcm_up_to, primes_up_to, primorial
-from .truncated import BSeries
+from .truncated import BSeries, fewest_digits
 
 
 def _flow(a: BSeries, name: str = "series") -> None:
@@ -36,7 +36,7 @@ def _result(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
     for other in operands[1:]:
         first.check_same_trees(other)
     values = apply(first.table, alike([operand._values for operand in operands]), operation)
-    return BSeries(first.table, values, empty, names=first.names)
+    return BSeries(first.table, values, empty, names=first.names, digits=fewest_digits(*operands))
 
 
 def log_claim(n: int, step: int) -> int:

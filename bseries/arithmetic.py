@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from trees.table import Splits, TreeTable
 
 PRIME_BITS = 30
-"""Primes lie just below 2^30: products of two residues below 2^58, and up to `MOST_TERMS` of them add up in int64."""
+"""Primes p lie just below 2^30, residues below (1/2 + 2^−17) p: `MOST_TERMS` products of two add up in int64."""
 
-MOST_TERMS = 31
+MOST_TERMS = 30
 
 
 class Exact:
@@ -159,9 +159,9 @@ class Majorant(Float):
     trees only, because the signs in a product over a forest multiply.)
 
     Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
-    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a relative error of the
-    bounds of lower order and of the n² operations of a tree adds up to less than 4 n³ u < 2^−32 up to 60 nodes and 31
-    stages, and `SLACK` covers several such steps.
+    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a product of n
+    inputs passes through at most 3 n² + (s + 4) n roundings on its way (s stages), which makes a relative error below
+    2^−40 within `MOST_TERMS`, and `SLACK` covers several such steps.
     """
 
     majorant = True
@@ -170,7 +170,7 @@ class Majorant(Float):
     def __init__(self, exponent: int, order: int):
         super().__init__()
         self.exponent = exponent
-        self.floor = 900 // order
+        self.floor = 800 // order
 
     def number(self, value: Any) -> float:
         """|value|, rounded up, and lifted to the smallest positive number in use unless it is zero."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from .arithmetic import Exact, Majorant
 from .domains import ring_and_elements, to_float
+from .exceptions import SeriesError
 from .rationals import smallest_step
 from .recursions import Stages, elementary_weights
 
@@ -97,7 +98,10 @@ def stages_of(method: Method) -> RationalStages | FloatStages | RingStages:
     if all(isinstance(entry, Fraction) for entry in (*a, *b)):
         bounds = Stages(count, [abs(x) for x in a], [abs(x) for x in b], [])
         return RationalStages(Stages(count, a, b, []), bounds)
-    ring, elements, step = ring_and_elements([*a, *b])
+    try:
+        ring, elements, step = ring_and_elements([*a, *b])
+    except ZeroDivisionError:
+        raise SeriesError("method must have entries that can be evaluated, but one divides by zero") from None
     return RingStages(Stages(count, elements[: len(a)], elements[len(a) :], []), ring, step)
 
 

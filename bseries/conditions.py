@@ -45,9 +45,12 @@ class ErrorCoefficients(NamedTuple):
 
     @property
     def norm(self) -> float | None:
-        """The principal error norm as a float; None where it depends on symbols."""
+        """The principal error norm as a float; None where it depends on symbols or exceeds floats."""
         square = self.norm_squared
-        return None if getattr(square, "free_symbols", None) else math.sqrt(square)
+        try:
+            return None if getattr(square, "free_symbols", None) else math.sqrt(square)
+        except OverflowError:
+            return None
 
     @property
     def largest(self) -> Any:
@@ -98,6 +101,8 @@ def first_failure(s: BSeries) -> int | None:
     """Id of the first tree whose order condition a flow violates."""
     if not s.is_exact:
         raise SeriesError("method must be a method or an exact series, but was a series in floats")
+    if s.digits is not None and s.uncertainty is None:
+        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
     exact = exact_flow(s.order, colors=s.table.colors, max_children=s.table.limits)
     mine, others = alike([s._values, exact._values])
     for at in range(len(s)):
@@ -266,6 +271,8 @@ def check(method: Method, order: int | None = None) -> Report:
     }
     if isinstance(method, RungeKutta):
         properties["diagonally_implicit"] = method.is_diagonally_implicit
+    else:
+        properties["explicit_if_separable"] = method.is_explicit_if_separable
     return Report(
         method,
         found,

@@ -15,6 +15,7 @@ SymPy's own rational type never leaves this file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
@@ -57,13 +58,21 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
 
         if isinstance(value, sympy.Rational):
             return Fraction(int(value.p), int(value.q))
-        if isinstance(value, sympy.Expr) and value.is_finite is not False:
+        if isinstance(value, sympy.Expr) and _is_usable(value):
             if not value.has(sympy.Float):
                 return value
             if value.is_number and value.is_real:
                 return float(value)
             raise SeriesError(f"{name} must not mix floats with symbols or complex numbers, but was {value!s:.60}")
     raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
+
+
+def _is_usable(value: sympy.Expr) -> bool:
+    """Whether an expression can be a coefficient: commuting symbols, real and finite numbers."""
+    import sympy
+
+    outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
+    return not value.has(*outside) and value.is_finite is not False and value.is_commutative is not False
 
 
 class FloatValues:
@@ -92,6 +101,10 @@ class FloatValues:
         return arithmetic.vector(self.raw)
 
 
+MOST_DEGREE = 16
+"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified one by one."""
+
+
 class RingValues:
     """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
 
@@ -107,6 +120,9 @@ class RingValues:
     def name(self) -> str:
         """The domain's name, such as ``QQ<sqrt(3)>`` or ``QQ(gamma)``."""
         return str(self.ring if self.step == self.ring.one else self.ring.get_field())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return make_values, (self.table, self.public())
 
     def __getitem__(self, at: int) -> Fraction | sympy.Expr:
         import sympy
@@ -155,8 +171,11 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     expressions = [sympy.Rational(e.numerator, e.denominator) if isinstance(e, Fraction) else e for e in entries]
     domain: Any
     ring: Any
-    domain, elements = sympy.construct_domain(expressions, extension=True)
-    if domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
+    few = math.prod(_degrees(expressions)) <= MOST_DEGREE
+    domain, elements = sympy.construct_domain(expressions, extension=True if few else None)
+    if not domain.is_Numerical and not domain.is_EX and not all(x.is_Symbol or x.is_number for x in domain.symbols):
+        domain, elements = sympy.EX, [sympy.EX(e) for e in expressions]  # x and sqrt(x) are no independent symbols
+    if few and domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
         domain, elements = mixed
     if domain.is_FractionField:
         ring = domain.get_ring()
@@ -171,6 +190,14 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     if ring.is_PolynomialRing and ring.domain.is_ZZ:
         wide = sympy.QQ[ring.symbols]
     return wide, [wide.convert_from(x, ring) for x in numerators], wide.convert_from(common, ring)
+
+
+def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
+    """Degrees of the roots in these expressions, each root once."""
+    import sympy
+
+    roots: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
+    return (int(root.exp.q) for root in roots if root.is_number and root.exp.is_Rational)
 
 
 def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
@@ -275,6 +302,8 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "float":
+        if not all(map(math.isfinite, raw)):
+            raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
         return FloatValues(table, raw)
     return RingValues(table, first.ring, raw, first.step).narrowed()
 

@@ -1,7 +1,7 @@
 """Compiled recursions on the coefficients of series: elementary weights, Lie derivatives, Chinese remainders.
 
 Each kernel is one source for every kind of number. Compiled it runs on float64, on int64 that wraps modulo 2^64, and on
-int32 residues of a prime below 2^30 (sums of up to 31 products in int64); uncompiled on lists of Python or SymPy
+int32 residues of a prime below 2^30 (sums of up to 30 products in int64); uncompiled on lists of Python or SymPy
 numbers. `modulus` is 0 where nothing is to be reduced.
 """
 
@@ -17,7 +17,7 @@ def reduced(x, modulus, inverse):
     """A representative of x modulo `modulus` of absolute value at most half of it (up to rounding of x · inverse).
 
     Machine division would cost more than the sum it reduces. With |x| < 2^63 and modulus > 2^29 the rounded quotient
-    is off by less than 2^-17, so the result stays below 0.51 · modulus.
+    is off by less than 2^-17, so the result stays below (1/2 + 2^-17) · modulus.
     """
     return x - math.floor(x * inverse + 0.5) * modulus
 

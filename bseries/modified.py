@@ -20,7 +20,7 @@ from .rationals import Operation, RationalValues, primorial
 from .truncated import BSeries
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from .coefficients import Method
     from .domains import Values
@@ -103,13 +103,17 @@ def modified_equation(
     return _of_method(method, table, Operation(expression, log_claim, wider_step, field=True), 0)
 
 
-def exact_flow(order: int, *, colors: int = 1, max_children: Any = None) -> BSeries:
+def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:
     """The B-series of the exact flow: 1/γ(τ).
 
     Args:
         order: Largest number of nodes.
         colors: Number of colours of the trees.
         max_children: Which trees to include, as for `trees.TreeTable`.
+        names: Names of the colours.
+
+    Returns:
+        The flow series with coefficients 1/γ(τ).
 
     Raises:
         TreeError: An argument is out of its range.
@@ -126,7 +130,7 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None) -> BSer
     density, nodes = table.density.tolist(), table.order.tolist()
     numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
     values = RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
-    return BSeries(table, values, 1)
+    return BSeries(table, values, 1, names=names)
 
 
 def _compact(table: TreeTable, numerators: list[int]) -> Any:
@@ -165,7 +169,7 @@ class Uncertainty:
     """How far each coefficient may be from that of the method whose entries were rounded to so many digits.
 
     The coefficients are computed again, exactly, with every entry x changed to x (1 ± 5 · 10^−digits), up or down at
-    random (but reproducibly); ten times the largest change seen is the answer. Rounding errors are smaller than that
+    random (but reproducibly); three times the largest change seen is the answer. Rounding errors are smaller than that
     and as random. A rigorous bound would be of no use: with the signs of the entries lost it exceeds the true
     coefficients of methods such as tsit5. Nothing is computed before somebody asks.
     """
@@ -180,7 +184,7 @@ class Uncertainty:
         for _ in range(3):
             changed = public(apply(table, [stages.perturbed(source, digits)], operation))
             largest = [max(s, abs(float(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
-        return [10 * s for s in largest]
+        return [3 * s for s in largest]
 
     def __call__(self, at: int) -> float:
         """The uncertainty of the coefficient of the tree with this id."""

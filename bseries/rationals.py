@@ -149,8 +149,12 @@ class RationalValues:
             if isinstance(arithmetic, Majorant):
                 scale = common << (arithmetic.exponent * n)
                 scale_float = float(scale) if scale.bit_length() < 1000 else math.inf  # tiny anyway: lifted below
-                bounds = [abs(x) / scale for x in part] if isinstance(part, list) else np.abs(part) / scale_float
-                lifted = np.maximum(np.asarray(bounds) * (1 + 2.0**-50), 2.0 ** -(arithmetic.floor * n))
+                bounds = (
+                    [abs(x) / scale for x in part]
+                    if isinstance(part, list)
+                    else np.abs(part.astype(float)) / scale_float
+                )
+                lifted = np.maximum(np.abs(bounds) * (1 + 2.0**-50), 2.0 ** -(arithmetic.floor * n))
                 out[:] = np.where(np.array([bool(x) for x in part]), lifted, 0.0)
             elif isinstance(arithmetic, Wrapped):
                 factor = Fraction(2 ** ((arithmetic.twos + 1) * n - field), common)
@@ -166,7 +170,7 @@ class RationalValues:
 def _largest(numbers: Any) -> int:
     if isinstance(numbers, list):
         return max((abs(x) for x in numbers), default=0)
-    return int(abs(numbers).max(initial=0))
+    return max(int(numbers.max(initial=0)), -int(numbers.min(initial=0)))  # |−2^63| is no int64
 
 
 def _wrapped(numbers: Any) -> Any:
@@ -232,11 +236,13 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         return operation.expression(arithmetic, *loaders)
 
     terms = max(table.max_order, *(source.terms for source in sources))
-    if not table._compiled or terms > MOST_TERMS:
+    bits = None
+    if table._compiled and terms <= MOST_TERMS:
+        bits = _bits(table, run, max(source.exponent for source in sources), denominators)
+    if bits is None:
         values = run(Exact())
         scaled = [value * denominators[n] for n, value in zip(table._order, values, strict=True)]
         return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
-    bits = _bits(table, run, max(source.exponent for source in sources), denominators)
     twos = _twos(common)
     wrapped_bits = [
         needed + (twos + 1) * n - operation.field - _twos(denominators[n]) for n, needed in enumerate(bits, 1)
@@ -259,17 +265,26 @@ def _integer(value: Fraction | int) -> int:
     return value.numerator
 
 
-def _bits(table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]) -> list[float]:
-    """Bits of the largest numerator, sign not counted, for trees with 1, 2, … nodes: proved upper bounds."""
-    bounds = run(majorants(exponent, table.max_order))
+def _bits(
+    table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]
+) -> list[float] | None:
+    """Bits of the largest numerator, sign not counted, for trees with 1, 2, … nodes: proved upper bounds.
+
+    None if a bound exceeds the range of floats.
+    """
     import numpy as np
+
+    try:
+        bounds = run(majorants(exponent, table.max_order))
+    except OverflowError:
+        return None
 
     filled = [n for n, (first, last) in enumerate(pairwise(table.offsets), 1) if last > first]
     largest = np.maximum.reduceat(bounds, [table.offsets[n - 1] for n in filled]).tolist()
     bits = [0.0] * table.max_order
     for n, bound in zip(filled, largest, strict=True):
         if not bound < math.inf:
-            raise ArithmeticError("the bound of an exact computation overflowed")
+            return None
         bits[n - 1] = math.log2(bound * Majorant.SLACK) + exponent * n + math.log2(denominators[n]) if bound else 0.0
     return bits
 

@@ -27,8 +27,8 @@ class BSeries(Mapping[Tree, Any]):
     has a(∅) = 1, a *field* has b(∅) = 0 and stands for h · f_h. As a mapping it runs over the trees in the order of its
     table; ``s["∅"]`` is the coefficient of the empty tree, which iteration and `len` leave out.
 
-    A series of a method published as decimals has `digits` and knows its `uncertainty`; what arithmetic makes of it has
-    not, and takes the printed decimals for exact.
+    A series of a method published as decimals has `digits` and knows its `uncertainty`. What arithmetic makes of it has
+    digits only: it takes the printed decimals for exact, and is shown rounded to as many.
 
     Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
 
@@ -72,6 +72,12 @@ class BSeries(Mapping[Tree, Any]):
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a series is immutable: {name} cannot be set")
+
+    def __copy__(self) -> BSeries:
+        return self
+
+    def __deepcopy__(self, memo: object) -> BSeries:
+        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, tuple(getattr(self, name) for name in sorted(self.__slots__))
@@ -198,7 +204,7 @@ class BSeries(Mapping[Tree, Any]):
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
-        return BSeries(self.table, self._values, exact_number(empty), names=self.names)
+        return BSeries(self.table, self._values, exact_number(empty), names=self.names, digits=self.digits)
 
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float.
@@ -215,17 +221,20 @@ class BSeries(Mapping[Tree, Any]):
                 f"both series must have the same trees, but were on {self.table!r} and {other.table!r}; "
                 "use truncate(order) for a common order"
             )
+        if self.names != other.names:
+            raise SeriesError(f"both series must name their colours alike, but have {self.names} and {other.names}")
 
     def _combine(self, other: object, function: Callable[[Any, Any], Any]) -> BSeries:
         if not isinstance(other, BSeries):
             return NotImplemented
         self.check_same_trees(other)
         values = make_values(self.table, map(function, self.coefficients(), other.coefficients()))
-        return BSeries(self.table, values, function(self.empty, other.empty), names=self.names)
+        empty = function(self.empty, other.empty)
+        return BSeries(self.table, values, empty, names=self.names, digits=fewest_digits(self, other))
 
     def _map(self, function: Callable[[Any], Any]) -> BSeries:
         values = make_values(self.table, map(function, self.coefficients()))
-        return BSeries(self.table, values, function(self.empty), names=self.names)
+        return BSeries(self.table, values, function(self.empty), names=self.names, digits=self.digits)
 
     __array_ufunc__ = None  # a NumPy number times a series is a series
 
@@ -258,7 +267,7 @@ class BSeries(Mapping[Tree, Any]):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, BSeries):
             return NotImplemented
-        if self.table != other.table or self.empty != other.empty:
+        if self.table != other.table or self.names != other.names or self.empty != other.empty:
             return False
         first, second = self.coefficients(), other.coefficients()
         if isinstance(self._values, RingValues) or isinstance(other._values, RingValues):
@@ -277,7 +286,7 @@ class BSeries(Mapping[Tree, Any]):
         number: Any = exact_number(factor, "factor")
         powers = [number**n for n in range(self.order + 1)]
         values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table._order, strict=True))
-        return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names)
+        return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
 
     # What follows is computed in `bseries.algebra` and shown by `bseries.presentation`.
 
@@ -343,6 +352,11 @@ class _Items(ItemsView[Tree, Any]):
 
     def __iter__(self) -> Iterator[tuple[Tree, Any]]:
         return zip(self._mapping.table, self._mapping.coefficients(), strict=True)
+
+
+def fewest_digits(*operands: BSeries) -> int | None:
+    """Digits of what is made of these series; None if all are exact."""
+    return min((operand.digits for operand in operands if operand.digits is not None), default=None)
 
 
 def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:

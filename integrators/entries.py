@@ -72,6 +72,8 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
             raise IntegratorError(
                 f"{argument} must not mix floats and symbols, but was {shorten(str(value))}: write fractions"
             )
+        if isinstance(value, sympy.Float) and sympy.Rational(value) != sympy.Rational(float(value)):
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(str(value))}")
         return round_entry(value)
     names = sorted(str(symbol) for symbol in value.free_symbols)
     return parse_number(str(value), names=names, argument=argument)
@@ -86,7 +88,12 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
     """The sum of entries of one method: exact, or correctly rounded for floats."""
     terms: list[Any] = list(values)
     if any(isinstance(value, float) for value in terms):
-        return fsum(terms)
+        try:
+            return fsum(terms)
+        except OverflowError:
+            raise IntegratorError(
+                f"sums of entries must be finite, but that of {shorten(str(terms))} was not"
+            ) from None
     if not any(map(is_sympy, terms)):
         return sum(terms, Fraction(0))
     import sympy

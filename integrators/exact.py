@@ -136,7 +136,7 @@ def _fractional_power(base: Exact, exponent: Fraction) -> Exact:
         raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
     if _bits(base) > MAX_RADICAND_BITS:
         raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
-    return bounded(sympy.sympify(base) ** sympy.Rational(exponent.numerator, exponent.denominator))
+    return bounded(sympy.sympify(base, strict=True) ** sympy.Rational(exponent.numerator, exponent.denominator))
 
 
 def root(value: Exact, degree: Exact) -> Exact:
@@ -187,14 +187,14 @@ def transcendental_power(base: Any, exponent: Any) -> Exact:
 
     if _sign(base) <= 0:
         raise ArithmeticError("has a formula as exponent of a number that is not positive")
-    return bounded(sympy.sympify(base) ** _moderate(exponent))
+    return bounded(sympy.sympify(base, strict=True) ** _moderate(exponent))
 
 
 def apply(name: str, argument: Exact) -> Exact:
     """An elementary function of an argument."""
     import sympy
 
-    return bounded(getattr(sympy, name)(_moderate(sympy.sympify(argument))))
+    return bounded(getattr(sympy, name)(_moderate(sympy.sympify(argument, strict=True))))
 
 
 def _moderate(argument: Any) -> Any:

@@ -51,6 +51,12 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
 
     Raises:
         IntegratorError: the file cannot be read, is no JSON or TOML, or holds no tableau.
+
+    Example:
+        >>> import io
+        >>> heun = load_method(io.StringIO('A = [[0, 0], [1, 0]]\\nb = ["1/2", "1/2"]'), "toml")
+        >>> heun.b
+        (Fraction(1, 2), Fraction(1, 2))
     """
     text, label = read_text(source)
     if format is None:
@@ -103,6 +109,15 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
 
     Raises:
         IntegratorError: the format is unknown or the file cannot be written.
+
+    Example:
+        >>> import pathlib, tempfile
+        >>> from integrators import method
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder, "gauss3.toml")
+        ...     save_method(method("gauss3"), path)
+        ...     load_method(path) == method("gauss3")
+        True
     """
     if format is None and not _suffix(os.fspath(path)):
         raise IntegratorError(f"path must end in .json or .toml, but was {shorten(os.fspath(path))}")

@@ -28,9 +28,6 @@ class Frozen:
         return known
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_hash"}  # hashes differ by process
-
-    def __getstate__(self) -> dict[str, Any]:
         """Everything but the hash: that of a text is another in every process."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 

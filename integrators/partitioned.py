@@ -75,7 +75,8 @@ class PartitionedRungeKutta(Frozen):
                     f"but {names[0]} has {parts[0].stages} and {key} has {part.stages}"
                 )
         if len({part.domain for part in parts} & {"float", "symbolic"}) == 2:
-            raise IntegratorError("partitions must not mix floats and symbols, but did")
+            domains = ", ".join(f"{key} is {part.domain}" for key, part in zip(names, parts, strict=True))
+            raise IntegratorError(f"partitions must not mix floats and symbols, but {shorten(domains)}")
         check_label(name, "name")
         check_label(reference, "reference")
         self.__dict__.update(

@@ -281,7 +281,7 @@ class RungeKutta(Frozen):
         import sympy
 
         read = {name: entries.read_entry(value, name, self.parameters) for name, value in values.items()}
-        replacements = {sympy.Symbol(name): sympy.sympify(value) for name, value in read.items()}
+        replacements = {sympy.Symbol(name): sympy.sympify(value, strict=True) for name, value in read.items()}
         return self._mapped(
             lambda value, place: entries.substitute(value, replacements, place), nodes=self.c != self.row_sums
         )

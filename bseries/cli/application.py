@@ -61,6 +61,7 @@ class Application(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb; what a user can cause becomes a sentence or a quiet end."""
         try:
+            sys.set_int_max_str_digits(0)  # what comes in has a limit of its own, and results may be longer
             prepare_stdout()
             result = super().invoke(ctx)
             sys.stdout.flush()

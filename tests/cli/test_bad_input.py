@@ -34,7 +34,7 @@ MISTAKES = {
     "fractional order": ("modified rk4 --order 2.5", "order must be a whole number, but was '2.5'"),
     "wordy order": ("check rk4 --order many", "order must be a whole number, but was 'many'"),
     "order zero of check": ("check rk4 --order 0", "order must be 1 or more, but was 0"),
-    "very long order": (f"modified rk4 --order {'9' * 5000}", "order must be a whole number"),
+    "very long order": (f"modified rk4 --order {'9' * 5000}", "order must be"),
     "order beyond all tables": ("modified rk4 --order 61", "order must be 60 or less, but was 61"),
     "order beyond memory": ("modified rk4 --order 40 --format csv", "would take .* GB of memory, but .* are available"),
     "trees beyond memory": ("trees --order 45 --format csv", "order must be smaller"),

@@ -165,6 +165,8 @@ BAD = {
     r"A\[1\]\[1\] must not mix floats and symbols": ([[0.5 * GAMMA]], [1]),
     "A, b and c must not mix floats and symbols": ([[GAMMA]], [1.0]),
     r"A\[1\]\[1\] must fit in a double or be text": ([[np.longdouble(1) / 3]], [1]),
+    r"A\[1\]\[1\] must fit in a double or be text, but was 0.1000": ([[sympy.Float("0.1", 50)]], [1]),
+    "sums of entries must be finite": ([[1e308, 1e308], [0, 0]], [1, 0]),
     r"A\[1\]\[1\] must be of reasonable size, but has a number of more than 4000 digits": ([[10**5000]], [1]),
     r"A\[1\]\[1\] must be a formula, but '1/\(' ends": ([["1/("]], [1]),
     r"A\[1\]\[1\] must be a formula, but '1E-999999999' has a number of more": ([[Decimal("1e-999999999")]], [1]),
@@ -375,7 +377,10 @@ def test_partitioned_warnings_name_the_part():
         ({"p": MIDPOINT, "q": 5}, "partition q must be a RungeKutta or have A, b"),
         ({"p": MIDPOINT, "q": {"A": [[1]]}}, "partition q must be a RungeKutta or have A, b"),
         ({"p": MIDPOINT, "q": {"A": [[1, 2]], "b": [1]}}, "partition q: A must be square"),
-        ({"p": {"A": [["g"]], "b": [1]}, "q": {"A": [[0.5]], "b": [1]}}, "must not mix floats and symbols"),
+        (
+            {"p": {"A": [["g"]], "b": [1]}, "q": {"A": [[0.5]], "b": [1]}},
+            "must not mix floats and symbols, but p is symbolic, q is float",
+        ),
     ],
 )
 def test_bad_partitions(partitions, message):

@@ -1,0 +1,100 @@
+"""Other packages at the same work in the same run, and figures that others publish."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple
+
+import bseries as bs
+
+from .cases import Case
+from .timing import ROOT, Sample, Sampler, run
+
+WORKER = Path(__file__).with_name("rival_worker.py")
+DEFAULT = ROOT / ".venv-rivals"
+
+
+class Rival(NamedTuple):
+    """A package, the order it is asked for, and the case of ours that does the same work."""
+
+    package: str
+    order: int
+    opponent: str
+    bar: float | None
+    """How many times faster ours shall be."""
+    note: str
+
+    @property
+    def name(self) -> str:
+        """Its name among the cases, beside the opponent's."""
+        return f"{self.opponent}/{self.package}"
+
+
+class Published(NamedTuple):
+    """A figure measured by others on their machine."""
+
+    package: str
+    work: str
+    seconds: float
+    opponent: str
+    source: str
+
+
+RIVALS = (
+    Rival("pybs", 9, "midpoint-9-all", 1000, "exact, memoised"),
+    Rival("kauri", 7, "midpoint-7-all", None, "floats, memoised"),
+)
+PUBLISHED = (
+    Published(
+        "BSeries.jl 0.1.71",
+        "modified equation, order 9, exact, compiled and warm",
+        0.0539,
+        "midpoint-9-all",
+        "https://ranocha.de/BSeries.jl/stable/benchmarks/, AMD EPYC 7763; pybs there 5.69 s, 106 times as long",
+    ),
+)
+
+
+def rival_versions(environment: Path) -> dict[Rival, str | None]:
+    """The version of every rival in this virtual environment (see README.md); None where it is not installed."""
+    return {rival: _version(environment, rival.package) for rival in RIVALS}
+
+
+def _version(environment: Path, package: str) -> str | None:
+    code = "import sys, importlib.metadata as m; print(m.version(sys.argv[1]))"
+    try:
+        return run([_python(environment), "-c", code, package])[1].strip()
+    except (OSError, RuntimeError):
+        return None
+
+
+def rival_cases(environment: Path, versions: Mapping[Rival, str | None]) -> list[Case]:
+    """A case for each rival that is installed."""
+    installed = [rival for rival in RIVALS if versions[rival]]
+    return [
+        Case(rival.name, f"{rival.package}, order {rival.order}", _prepare(environment, rival)) for rival in installed
+    ]
+
+
+def _python(environment: Path) -> str:
+    return str(environment.resolve() / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+
+
+def _prepare(environment: Path, rival: Rival) -> Callable[[], Sampler]:
+    def prepare() -> Sampler:
+        expected = sum(bs.modified_equation(bs.method("explicit-midpoint"), rival.order).coefficients())
+
+        def sample() -> Sample:
+            _, printed = run([_python(environment), str(WORKER), rival.package, str(rival.order)])
+            answer = json.loads(printed)
+            if abs(Fraction(answer["sum"]) - expected) > 1e-12:
+                raise RuntimeError(f"{rival.package} gives other coefficients: their sum is {answer['sum']}")
+            return Sample(answer["seconds"])
+
+        return sample
+
+    return prepare

@@ -1,0 +1,198 @@
+"""The benchmarks' pieces run, at tiny sizes. Nothing here asserts how long anything takes."""
+
+import json
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import click
+import pytest
+
+import bseries as bs
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import cases, report, rivals, timing  # noqa: E402
+from benchmarks.__main__ import main  # noqa: E402
+from benchmarks.timing import Sample  # noqa: E402
+
+EULER = bs.RungeKutta([[0.0]], [1.0])
+
+
+@pytest.mark.parametrize(
+    "prepare",
+    [
+        cases.at_hand("explicit-midpoint", 4),
+        cases.at_hand("stormer-verlet-kdk", 3, bs.BSeries.coefficients),
+        cases.at_hand(EULER, 4),
+        cases.from_table("explicit-midpoint", 4),
+        cases.of_series(EULER, 4),
+        cases.process(sys.executable, "-c", "pass"),
+        cases.first_run(),
+    ],
+)
+def test_every_kind_of_case_gives_a_sample(prepare):
+    assert prepare()().seconds > 0
+
+
+def test_a_process_of_its_own_reports_its_own_peak_memory():
+    held = bytearray(200_000_000)
+    held[::4096] = b"x" * len(held[::4096])
+    sample = cases.fresh("float", 3)()()
+    assert 5e6 < sample.peak < 180e6 < len(held) < timing.peak_memory()
+
+
+def test_the_rows_hold_every_bar_of_the_table():
+    rows = {case.name: case for case in cases.cases()}
+    assert len(rows) == len(cases.cases())
+    bars = {name: case.bar for name, case in rows.items() if case.bar is not None}
+    assert bars["midpoint-9"] == 0.0002
+    assert len(bars) == 20
+    assert all(case.full == (case.peak_bar is not None) for case in rows.values())
+    assert {rival.opponent for rival in rivals.RIVALS} <= rows.keys()
+    assert {figure.opponent for figure in rivals.PUBLISHED} <= rows.keys()
+
+
+def test_calls_are_timed_until_the_time_is_up_and_once_at_least():
+    calls = []
+    assert timing.time_calls(lambda: calls.append(1), least=0.0).seconds >= 0
+    assert len(calls) == 1
+
+
+def test_in_each_round_every_case_has_its_turn_until_its_budget_is_used():
+    taken = []
+
+    def sampler(name):
+        return lambda: taken.append(name) or Sample(1.0)
+
+    samplers = {"a": sampler("a"), "b": sampler("b")}
+    samples = timing.interleave(samplers, 2, lambda done, name: None)
+    assert taken == ["a", "b", "a", "b"]
+    assert {name: len(found) for name, found in samples.items()} == {"a": 2, "b": 2}
+    samples = timing.interleave(samplers, 3, lambda done, name: None, budget=-1.0)
+    assert [len(found) for found in samples.values()] == [0, 0]
+
+
+def test_best_is_the_least_time_and_the_least_peak():
+    assert timing.best([Sample(2.0, 5), Sample(1.0, 7)]) == Sample(1.0, 5)
+    assert timing.best([Sample(2.0), Sample(3.0)]) == Sample(2.0)
+
+
+def test_a_process_that_fails_is_no_measurement():
+    with pytest.raises(RuntimeError, match=r"failed: ZeroDivisionError: division by zero$"):
+        timing.run([sys.executable, "-c", "1/0"])
+
+
+def rival_environment(folder, answer):
+    """A virtual environment whose Python says that everything is installed and gives one answer."""
+    python = folder / "bin" / "python"
+    python.parent.mkdir()
+    python.write_text(f"#!/bin/sh\necho '{answer}'\n")
+    python.chmod(0o755)
+    return folder
+
+
+needs_shell = pytest.mark.skipif(os.name == "nt", reason="the stand-in is a shell script")
+MIDPOINT_9 = Fraction(19063, 26880)
+
+
+@needs_shell
+def test_a_rival_is_timed_by_what_it_reports(tmp_path):
+    environment = rival_environment(tmp_path, json.dumps({"seconds": 2.5, "sum": str(MIDPOINT_9)}))
+    versions = rivals.rival_versions(environment)
+    case = rivals.rival_cases(environment, versions)[0]
+    assert case.name == "midpoint-9-all/pybs"
+    assert case.prepare()() == Sample(2.5)
+
+
+@needs_shell
+def test_a_rival_with_other_coefficients_is_no_rival(tmp_path):
+    wrong = MIDPOINT_9 + Fraction(1, 10**9)
+    environment = rival_environment(tmp_path, json.dumps({"seconds": 2.5, "sum": str(wrong)}))
+    case = rivals.rival_cases(environment, rivals.rival_versions(environment))[0]
+    with pytest.raises(RuntimeError, match="pybs gives other coefficients"):
+        case.prepare()()
+
+
+def test_rivals_that_are_not_installed_are_left_out(tmp_path):
+    versions = rivals.rival_versions(tmp_path)
+    assert set(versions.values()) == {None}
+    assert rivals.rival_cases(tmp_path, versions) == []
+
+
+@pytest.fixture
+def result():
+    """The figures of a made-up run: pybs at hand, kauri not."""
+    rows = [case for case in cases.cases() if case.name in ("midpoint-9", "midpoint-9-all", "midpoint-20-float")]
+    samples = {
+        "midpoint-9": [Sample(0.0004), Sample(0.0001)],
+        "midpoint-9-all": [Sample(0.001)],
+        "midpoint-20-float": [Sample(30.0, 3_500_000_000)],
+        "midpoint-9-all/pybs": [Sample(3.0)],
+    }
+    pybs, kauri = rivals.RIVALS
+    return report.collect(rows, {pybs: "0.3", kauri: None}, samples, {"commit": "abc"})
+
+
+def test_a_report_holds_ratios_to_bars_and_rivals(result):
+    first = result["rows"][0]
+    assert (first["seconds"], first["ratio"], first["rounds"]) == (0.0001, 0.5, [0.0004, 0.0001])
+    assert [(row["package"], row["ratio"]) for row in result["rivals"]] == [("pybs", 3000.0)]
+    assert result["published"][0]["ratio"] == pytest.approx(53.9)
+    assert json.loads(report.to_json(result)) == result
+
+
+def test_a_report_as_markdown(result):
+    page = report.to_markdown(result)
+    assert "- commit: abc\n" in page
+    assert "| explicit-midpoint, order 9, integers out | ≤ 200 µs | 100 µs | 0.5 |\n" in page
+    assert "| ≤ 60 s, 4.5 GB | 30 s, 3.5 GB | 0.5 |\n" in page
+    assert "| pybs 0.3 | modified equation, order 9, exact, memoised | 3 s | 1 ms | 3,000 | ≥ 1,000 |\n" in page
+
+
+def test_a_rival_that_is_not_installed_is_said_so(result):
+    unmeasured = {**result, "rivals": [{**result["rivals"][0], "version": None, "seconds": None, "ratio": None}]}
+    assert "| pybs | modified equation, order 9, exact, memoised | not installed | 1 ms | – |" in report.to_markdown(
+        unmeasured
+    )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (None, "–"),
+        (1.234e-7, "0.123 µs"),
+        (0.00099949, "999 µs"),
+        (0.00099951, "1 ms"),
+        (61.4, "61.4 s"),
+        (240, "240 s"),
+    ],
+)
+def test_durations_have_three_digits(seconds, text):
+    assert report.duration(seconds) == text
+
+
+def test_the_command_measures_prints_and_keeps(tmp_path):
+    command = [sys.executable, "-m", "benchmarks", "--only", "midpoint-7*", "--rounds", "1", "--rivals", str(tmp_path)]
+    kept, page = tmp_path / "run.json", tmp_path / "page.md"
+    ended = subprocess.run(
+        [*command, "--json", str(kept), "--output", str(page)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert "Time and peak memory" in ended.stdout
+    assert "not installed" in ended.stdout
+    names = [row["name"] for row in json.loads(kept.read_text())["rows"]]
+    assert names == ["calibration/compiled", "calibration/interpreted", "midpoint-7-all"]
+    assert page.read_text().startswith("# Benchmarks\n")
+
+
+def test_a_pattern_that_no_row_fits_is_refused():
+    with pytest.raises(click.BadParameter, match="no row has a name like 'nothing'"):
+        main.main(["--only", "nothing"], standalone_mode=False)
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_measured(tmp_path):
+    with pytest.raises(click.BadParameter, match=r"file must lie in a writable folder, but was .*page.md"):
+        main.main(["--output", str(tmp_path / "missing" / "page.md")], standalone_mode=False)
