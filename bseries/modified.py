@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -151,8 +151,17 @@ def _table(method: object, order: int | TreeTable, max_children: Any) -> TreeTab
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
-    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
+    if max_children is None and isinstance(order, int):
+        _fits(order, colors)
+    else:
+        recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
     return tree_table(order, colors, max_children)
+
+
+@lru_cache(maxsize=64, typed=True)
+def _fits(order: int, colors: int) -> None:
+    """Refuse what would not fit in memory; asked once for each size."""
+    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
 
 
 def _of_method(method: Method, table: TreeTable, operation: Operation, empty: int) -> BSeries:

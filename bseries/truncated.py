@@ -233,8 +233,11 @@ class BSeries(Mapping[Tree, Any]):
         return BSeries(self.table, values, empty, names=self.names, digits=fewest_digits(self, other))
 
     def _map(self, function: Callable[[Any], Any]) -> BSeries:
-        values = make_values(self.table, map(function, self.coefficients()))
-        return BSeries(self.table, values, function(self.empty), names=self.names, digits=self.digits)
+        try:
+            values, empty = make_values(self.table, map(function, self.coefficients())), function(self.empty)
+        except OverflowError:
+            raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
+        return BSeries(self.table, values, empty, names=self.names, digits=self.digits)
 
     __array_ufunc__ = None  # a NumPy number times a series is a series
 

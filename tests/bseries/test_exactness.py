@@ -164,6 +164,23 @@ def test_denominators_of_an_operation_itself():
     )
 
 
+def test_the_least_int64():
+    """|−2^63| is no int64: a bound taken from it would collapse."""
+    values = [2**63 if tree == bs.Tree("[[[[[τ]]]]]") else 0 for tree in FAST]
+    a = bs.BSeries(FAST, RationalValues.from_fractions(FAST, values), 1)
+    top = a.inverse()
+    assert top["[[[[[τ]]]]]"] == -(2**63)
+    assert top.inverse() == a
+    assert (top**5)["[[[[[τ]]]]]"] == -5 * 2**63
+
+
+def test_bounds_beyond_floats_fall_back_to_fractions():
+    a = bs.BSeries(FAST, modified(bs.method("heun2"), FAST), 0).exp()
+    huge = a ** (10**400)
+    assert huge["[τ]"] == Fraction(10**800, 2)
+    assert (huge ** Fraction(1, 10**400)) == a
+
+
 def test_orders_without_trees():
     on = trees.TreeTable(5, 1, 0)
     assert on.sizes == [1, 0, 0, 0, 0]

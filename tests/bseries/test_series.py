@@ -1,5 +1,6 @@
 """BSeries as a value: mapping, arithmetic, domains, truncation, presentations, refusals."""
 
+import copy
 import json
 import pickle
 from fractions import Fraction
@@ -69,6 +70,44 @@ def test_any_coefficient_of_the_empty_tree():
         assert result["∅"] == empty
         assert sympy.simplify(result["[τ]"] - (empty * a["[τ]"] + a["τ"] ** 2 + a["[τ]"])) == 0
         assert bs.lie_derivative(a.log(), c)["τ"] == empty
+
+
+def test_colours_of_two_series_must_have_the_same_names():
+    first, second = bs.method("explicit-euler"), bs.method("implicit-euler")
+    x = bs.series(bs.PartitionedRungeKutta({"p": first, "q": second}), 2)
+    y = bs.series(bs.PartitionedRungeKutta({"q": second, "p": first}), 2)
+    assert x != y
+    assert (x["p[q]"], y["p[q]"]) == (1, 1)
+    for call in (lambda: x - y, lambda: bs.compose(x, y)):
+        with pytest.raises(bs.SeriesError, match=r"must name their colours alike, but have \('p', 'q'\) and"):
+            call()
+    assert (y - bs.exact_flow(2, colors=2, names=("q", "p")))["p[q]"] == Fraction(1, 2)
+
+
+def test_roots_of_a_symbol_are_not_independent_of_it():
+    b = bs.BSeries.from_rule(lambda tree: sympy.sqrt(X), 2, empty=0)
+    found = bs.lie_derivative(b, b)
+    assert found == bs.BSeries.from_rule(lambda tree: X if tree.order == 2 else 0, 2, empty=0)
+
+
+def test_many_roots_are_no_obstacle():
+    method = bs.RungeKutta([["sqrt(2)", "root(3,3)"], ["root(5,5)", 0]], [1, 0], warn=False)
+    assert bs.series(method, 2)["[τ]"] == sympy.sqrt(2) + sympy.cbrt(3)
+
+
+def test_results_made_of_decimals_keep_their_digits_and_are_no_proof_of_order():
+    s = bs.series(bs.method("tsit5"), 4)
+    assert bs.order_of(s) == 4
+    for made in (s * 1, s**2, bs.compose(s, s), s.scale_step(2), s - s, s.truncate(3).log()):
+        assert made.digits == 16
+    with pytest.raises(bs.SeriesError, match="was made of a series in decimals"):
+        bs.order_of(s * 1)
+
+
+def test_symbolic_series_are_copied_and_pickled():
+    s = bs.modified_equation(bs.method("sdirk2"), 3)
+    assert copy.deepcopy(s) is s
+    assert pickle.loads(pickle.dumps(s)) == s
 
 
 def test_vector_space():
@@ -214,6 +253,11 @@ def test_text_and_html():
         (lambda: bs.series(RK4, bs.TreeTable(3), max_children=1), "max_children must be None where a table is given"),
         (lambda: bs.modified_equation(bs.exact_flow(3), max_children=1), "max_children must be None for a series"),
         (lambda: bs.BSeries.from_rule(lambda tree: 0.5 * X, 2), "must not mix floats with symbols"),
+        (lambda: bs.BSeries.from_rule(lambda tree: sympy.I, 2), "coefficient must be a number or a SymPy expression"),
+        (lambda: bs.BSeries.from_rule(lambda tree: sympy.nan, 2), "coefficient must be"),
+        (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo * X, 2), "coefficient must be"),
+        (lambda: bs.BSeries.from_rule(lambda tree: 1e308, 2) ** 2, "must stay within the range of floats"),
+        (lambda: bs.series(RK4, 2) * 10**400 * 0.5, "must"),
         (lambda: bs.TreeTable(3, 1, [2]), "max_children must be one bound or rows of bounds"),
         (lambda: bs.TreeTable(3, 1, "a"), "max_children must"),
         (lambda: bs.BSeries.from_rule(lambda tree: "1", 3), "coefficient must be a number or a SymPy expression"),

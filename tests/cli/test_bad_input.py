@@ -93,6 +93,12 @@ def test_mistake(run, tmp_path, monkeypatch, mistake):
     assert os.listdir() == []
 
 
+def test_division_by_an_expression_that_is_zero(run):
+    result = run("modified", "--A", "1/((x+1)^2-x^2-2*x-1)", "--b", "1", "--symbols", "x", "--order", "2")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.splitlines()[-1].endswith("can be evaluated, but one divides by zero")
+
+
 @pytest.mark.parametrize("mistake", FILES)
 def test_bad_file(run, tmp_path, monkeypatch, mistake):
     monkeypatch.chdir(tmp_path)
