@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from io import StringIO
 from typing import Any
@@ -61,9 +62,9 @@ class Application(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb; what a user can cause becomes a sentence or a quiet end."""
         try:
-            sys.set_int_max_str_digits(0)  # what comes in has a limit of its own, and results may be longer
             prepare_stdout()
-            result = super().invoke(ctx)
+            with _long_integers():
+                result = super().invoke(ctx)
             sys.stdout.flush()
             return result
         except KeyboardInterrupt:
@@ -95,6 +96,17 @@ def _sentence(error: click.ClickException) -> str:
     if isinstance(error, click.UsageError) and error.ctx is not None:
         return f"{message.rstrip('.')}; see `{error.ctx.command_path} --help`"
     return message
+
+
+@contextmanager
+def _long_integers() -> Iterator[None]:
+    """Let integers of any length be printed: what comes in has a limit of its own, results may be longer."""
+    limit = sys.get_int_max_str_digits()
+    sys.set_int_max_str_digits(0)
+    try:
+        yield
+    finally:
+        sys.set_int_max_str_digits(limit)
 
 
 def prepare_stdout() -> None:
