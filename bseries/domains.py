@@ -302,10 +302,18 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "float":
-        if not all(map(math.isfinite, raw)):
+        if not _all_finite(raw):
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
         return FloatValues(table, raw)
     return RingValues(table, first.ring, raw, first.step).narrowed()
+
+
+def _all_finite(raw: Any) -> bool:
+    if isinstance(raw, list):
+        return all(map(math.isfinite, raw))
+    import numpy as np
+
+    return bool(np.isfinite(raw).all())
 
 
 def ring_element(ring: Any, number: Any) -> Any:
