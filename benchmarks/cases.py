@@ -8,30 +8,20 @@ import sysconfig
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import bseries as bs
 from bseries import BSeries
 from trees import table as tables
 
+from . import algebra_cases
+from .kinds import GB, Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
 if TYPE_CHECKING:
     from bseries.coefficients import Method
 
-GB = 10**9
 FLOAT_MIDPOINT = ([[0, 0], [0.5, 0]], [0.0, 1.0])
-
-
-class Case(NamedTuple):
-    """One row: `prepare` makes everything that the row takes as given and returns what is to be sampled."""
-
-    name: str
-    work: str
-    prepare: Callable[[], Sampler]
-    bar: float | None = None
-    peak_bar: float | None = None
-    full: bool = False
 
 
 def at_hand(method: str | Method, order: int, read: Callable[[BSeries], Any] | None = None) -> Callable[[], Sampler]:
@@ -154,6 +144,7 @@ def cases() -> list[Case]:
         Case("float-12", "explicit midpoint rule, order 12, float64", at_hand(floats, 12)),
         Case("float-15", "explicit midpoint rule, order 15, float64", at_hand(floats, 15)),
         Case("float-18", "explicit midpoint rule, order 18, float64", of_series(floats, 18)),
+        *algebra_cases.cases(),
         Case("help", "bseries --help", process(command, "--help"), 0.15),
         Case("help-first", "bseries --help, first run", first_run("--help"), 0.15),
         Case("import", 'python -c "import bseries"', process(sys.executable, "-c", "import bseries"), 0.15),

@@ -53,7 +53,7 @@ def _rival(rival: Rival, version: str | None, fastest: Mapping[str, Sample]) -> 
     return {
         "package": rival.package,
         "version": version,
-        "work": f"modified equation, order {rival.order}, {rival.note}",
+        "work": f"{rival.task}, order {rival.order}, {rival.note}",
         **_compared(theirs, rival.opponent, fastest),
         "bar": rival.bar,
     }

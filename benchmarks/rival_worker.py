@@ -1,7 +1,8 @@
 """Runs in the virtual environment of the other packages, and knows nothing of this one.
 
-`python rival_worker.py PACKAGE ORDER` prints, as JSON, the seconds that the package took for the modified equation of
-the explicit midpoint rule from nothing, the number of trees, and the sum of all coefficients.
+`python rival_worker.py PACKAGE TASK ORDER` prints, as JSON, the seconds that the package took from nothing, and the
+answer: the sum of all coefficients, or the order up to which a property holds. The method is the explicit midpoint
+rule; compositions go on with rk4, substitutions put the midpoint rule's modified equation into rk4's series.
 """
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 
@@ -13,32 +14,46 @@ from fractions import Fraction
 from time import perf_counter
 
 
-def pybs(order):
-    """Exact coefficients by pybs."""
+def pybs(task):
+    """The task as a function of the order, done by pybs."""
     # pybs was written for Python versions that had these names here.
     collections.Hashable = collections.abc.Hashable
     collections.Mapping = collections.abc.Mapping
-    from pybs.rungekutta.methods import RKmidpoint
-    from pybs.series import modified_equation
+    from pybs.rungekutta.methods import RK4, RKimplicitMidpoint, RKmidpoint
+    from pybs.series import AVF, checks, composition, modified_equation
     from pybs.unordered_tree import trees_of_order
 
-    start = perf_counter()
-    b = modified_equation(RKmidpoint.phi())
-    values = [b(tree) for n in range(1, order + 1) for tree in trees_of_order(n)]
-    return perf_counter() - start, values
+    def total(rule, order):
+        return sum(rule(tree) for n in range(1, order + 1) for tree in trees_of_order(n))
+
+    return {
+        "modified equation": lambda n: total(modified_equation(RKmidpoint.phi()), n),
+        "composition": lambda n: total(composition(RKmidpoint.phi(), RK4.phi()), n),
+        "symplecticity": lambda n: checks.symplectic_up_to_order(RKimplicitMidpoint.phi(), n),
+        "energy preservation": lambda n: checks.energy_preserving_upto_order(modified_equation(AVF), n),
+    }[task]
 
 
-def kauri(order):
-    """Floating-point coefficients by kauri."""
+def kauri(task):
+    """The task as a function of the order, done by kauri."""
     import kauri
 
-    start = perf_counter()
-    b = kauri.midpoint.modified_equation_map()
-    values = [b(tree) for n in range(1, order + 1) for tree in kauri.trees_of_order(n)]
-    return perf_counter() - start, values
+    def total(rule, order):
+        return sum(rule(tree) for n in range(1, order + 1) for tree in kauri.trees_of_order(n))
+
+    midpoint, rk4 = (method.elementary_weights_map() for method in (kauri.midpoint, kauri.rk4))
+    return {
+        "modified equation": lambda n: total(midpoint.modified_equation(), n),
+        "modifying integrator": lambda n: total(midpoint.preprocessed_integrator(), n),
+        "composition": lambda n: total(midpoint * rk4, n),
+        "substitution": lambda n: total(midpoint.modified_equation() ^ rk4, n),
+    }[task]
 
 
 if __name__ == "__main__":
-    package, order = sys.argv[1], int(sys.argv[2])
-    seconds, values = {"pybs": pybs, "kauri": kauri}[package](order)
-    print(json.dumps({"seconds": seconds, "trees": len(values), "sum": str(Fraction(sum(values)))}))
+    package, task, order = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    work = {"pybs": pybs, "kauri": kauri}[package](task)
+    start = perf_counter()
+    answer = work(order)
+    seconds = perf_counter() - start
+    print(json.dumps({"seconds": seconds, "sum": str(Fraction(answer))}))

@@ -20,10 +20,27 @@ _get_own, _, _own_names = _lazy_loader.attach(
     __name__,
     submod_attrs={
         "algebra": ["compose", "lie_derivative"],
-        "conditions": ["check", "error_coefficients", "order_of"],
+        "conditions": ["error_coefficients", "order_of"],
+        "conjugation": ["ConjugateVerdict", "bracket", "conjugate", "conjugate_symplecticity", "effective_order"],
         "exceptions": ["SeriesError"],
         "modified": ["exact_flow", "modified_equation", "series"],
+        "substitution": ["modifying_integrator", "substitute", "substitution_inverse"],
+        "order_theory.compiling": ["CompiledConditions"],
+        "order_theory.condition": ["OrderCondition"],
+        "order_theory.generating": ["order_conditions"],
+        "order_theory.listing": ["OrderConditions"],
+        "reports": ["check"],
+        "structure": [
+            "accuracy",
+            "cubic_invariants",
+            "energy_preservation",
+            "hamiltonian_field",
+            "symmetry",
+            "symplecticity",
+            "volume_preservation",
+        ],
         "truncated": ["BSeries"],
+        "verdicts": ["Verdict"],
     },
 )
 _owners = {name: package for package in (_trees, _integrators) for name in package.__all__}

@@ -13,18 +13,21 @@ from typing import Any
 from . import recursions
 from .domains import alike, apply, exact_number
 from .exceptions import SeriesError
-from .rationals import Operation, lcm_up_to, primes_up_to, primorial
+from .operations import Operation
+from .rationals import RationalValues, lcm_up_to, primes_up_to, primorial
 from .truncated import BSeries, fewest_digits
 
 
-def _flow(a: BSeries, name: str = "series") -> None:
+def check_flow(a: BSeries, name: str = "series") -> None:
+    """Refuse what is no flow series."""
     if not isinstance(a, BSeries):
         raise SeriesError(f"{name} must be a BSeries, but was {a!r:.60}")
     if a.empty != 1:
         raise SeriesError(f"{name} must be a flow, with the coefficient 1 of the empty tree, but has {a.empty} there")
 
 
-def _field(b: BSeries, name: str = "series") -> None:
+def check_field(b: BSeries, name: str = "series") -> None:
+    """Refuse what is no field series."""
     if not isinstance(b, BSeries):
         raise SeriesError(f"{name} must be a BSeries, but was {b!r:.60}")
     if b.empty != 0:
@@ -40,7 +43,7 @@ def _result(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
 
 
 def log_claim(n: int, step: int) -> int:
-    """Denominators of log a for trees with n nodes (see `bseries.rationals`)."""
+    """Denominators of log a for trees with n nodes (see `bseries.operations`)."""
     return lcm_up_to(n) * step**n
 
 
@@ -69,7 +72,7 @@ def log(a: BSeries) -> BSeries:
     References:
         HLW, theorem IX.9.2.
     """
-    _flow(a)
+    check_flow(a)
 
     def expression(arithmetic: Any, target: Any) -> Any:
         return recursions.logarithm(target(field=True), a.table, arithmetic)
@@ -97,7 +100,7 @@ def exp(b: BSeries) -> BSeries:
     References:
         HLW, lemma IX.9.1 and equation (IX.9.7).
     """
-    _field(b)
+    check_field(b)
 
     def expression(arithmetic: Any, field: Any) -> Any:
         return recursions.lie_series(field(field=True), None, 1, b.table, arithmetic)
@@ -133,7 +136,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
     References:
         HLW, theorem III.1.10 (there by ordered subtrees).
     """
-    _flow(a, "a")
+    check_flow(a, "a")
     if not isinstance(c, BSeries):
         raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
     if c.empty not in (0, 1):  # by linearity in c: c = c(∅) ∅ + the rest
@@ -143,7 +146,12 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
         field = recursions.logarithm(first(field=True), a.table, arithmetic)
         return recursions.lie_series(field, second(field=False), c.empty, a.table, arithmetic)
 
-    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
+    bounds = None
+    if isinstance(a._values, RationalValues) and isinstance(c._values, RationalValues):
+        # At most 2^n ordered subtrees, and no product exceeds 2^(κ n).
+        growth = max(a._values.growth, c._values.growth)
+        bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, bounds=bounds)
     return _result(operation, c.empty, a, c)
 
 
@@ -198,7 +206,7 @@ def power(a: BSeries, exponent: object) -> BSeries:
         >>> a ** 2 == compose(a, a), (a ** Fraction(1, 2)) ** 2 == a
         (True, True)
     """
-    _flow(a)
+    check_flow(a)
     s: Any = exact_number(exponent, "exponent")
     if not isinstance(s, Fraction):
         return exp(log(a) * s)
@@ -241,7 +249,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
     References:
         HLW, lemma IX.9.1.
     """
-    _field(b, "b")
+    check_field(b, "b")
     if not isinstance(c, BSeries):
         raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
     if c.empty not in (0, 1):

@@ -8,7 +8,7 @@ half of one factor less (see `Wrapped`); everywhere else both are 1.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -18,12 +18,15 @@ from trees.compiled import Kernel
 from .exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from trees.table import Splits, TreeTable
+    from trees.table import TreeTable
 
 PRIME_BITS = 30
 """Primes p lie just below 2^30, residues below (1/2 + 2^−17) p: `MOST_TERMS` products of two add up in int64."""
 
 MOST_TERMS = 30
+
+MOST_STAGES = 1000
+"""So many stages leave the rounding errors of `Majorant` below what it allows for."""
 
 
 class Exact:
@@ -55,14 +58,17 @@ class Exact:
         """A length."""
         return number
 
+    def sizes(self, numbers: Sequence[int]) -> Any:
+        """Several lengths."""
+        return numbers
+
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree, in the form that the kernels want."""
         return table.lists
 
-    def splits(self, splits: Splits) -> tuple[Any, Any, Any]:
-        """Starts, trunks and branches, in the form that the kernels want."""
-        start, trunk, branch = (x if isinstance(x, list) else x.tolist() for x in splits[2:])
-        return start, trunk, branch
+    def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
+        """Columns of ids, such as those of splits and partitions, in the form that the kernels want."""
+        return tuple(x if isinstance(x, list) else x.tolist() for x in columns)
 
     def number(self, value: Any) -> Any:
         """One exact number, as an element of the ring in use."""
@@ -79,6 +85,9 @@ class Exact:
     def doubling(self, j: int, *, field: bool) -> int:
         """Factor on 1/j! (see `Wrapped`)."""
         return 1
+
+    entry_factors = (1, 1)
+    """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
 
 
 class Compiled(Exact):
@@ -115,15 +124,21 @@ class Compiled(Exact):
 
         return np.uint64(number)
 
+    def sizes(self, numbers: Sequence[int]) -> Any:
+        """Several lengths, unsigned."""
+        import numpy as np
+
+        return np.array(numbers, np.uint64)
+
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree as unsigned arrays."""
         return table.arrays
 
-    def splits(self, splits: Splits) -> tuple[Any, Any, Any]:
-        """Starts, trunks and branches as arrays."""
+    def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
+        """Columns of ids as arrays."""
         import numpy as np
 
-        return np.asarray(splits.start), np.asarray(splits.trunk), np.asarray(splits.branch)
+        return tuple(np.asarray(x) for x in columns)
 
     def vector(self, values: Sequence[Any]) -> Any:
         """An array of exact numbers, brought into this arithmetic."""
@@ -161,7 +176,7 @@ class Majorant(Float):
     Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
     2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a product of n
     inputs passes through at most 3 n² + (s + 4) n roundings on its way (s stages), which makes a relative error below
-    2^−40 within `MOST_TERMS`, and `SLACK` covers several such steps.
+    2^−37 within `MOST_TERMS` and `MOST_STAGES`, and `SLACK` covers several such steps.
     """
 
     majorant = True
@@ -230,10 +245,56 @@ class Wrapped(Compiled):
         """2^j, or 2^(j−1) towards a field, which has no 0-th term."""
         return 2**j // 2 if field else 2**j
 
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor that values at trees with n nodes carry."""
+        return (self.twos + 1) * n - field
+
+
+class WrappedParts(Wrapped):
+    """Integers modulo 2^64 for sums over partitions, a(skeleton) Π b(parts).
+
+    Parts with n nodes (and results) carry 2^(slope·n − offset), skeletons with m nodes 2^(offset·(m−1)): the product
+    over all parts and the skeleton carries 2^(slope·n − offset) again, for every partition of a tree with n nodes.
+    """
+
+    def __init__(self, slope: int, offset: int):
+        super().__init__(0)
+        self.slope = slope
+        self.offset = offset
+
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor on a part (field) or a skeleton."""
+        return self.slope * n - self.offset if field else self.offset * (n - 1)
+
+
+class WrappedStages(Wrapped):
+    """Integers modulo 2^64 for the modifying integrator, stage by stage.
+
+    Let 2^d and 2^e be the powers of two in the denominators of the stage matrices and of the weights. Fields, and the
+    stages' values k_i, carry 2^((d+e+1)(n−1)); points Y = Σ a k and their logarithms 2^d more, which is the factor on
+    a; so the j-th derivative along a logarithm lacks 2^(j(e+1)), and weights of 2^(j+(j−1)e)/j! leave 2^e for the b in
+    the sum Σ b_i k_i. All these are 2-adic integers since j! has fewer than j factors of two.
+    """
+
+    def __init__(self, of_matrix: int, of_weights: int):
+        super().__init__(of_matrix + of_weights)
+        self.of_weights = of_weights
+        self.entry_factors = (2**of_matrix, 2**of_weights)
+
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor on a field."""
+        return (self.twos + 1) * (n - 1)
+
+    def doubling(self, j: int, *, field: bool) -> int:
+        """Towards a logarithm (field) 2^((j−1)(e+1)), towards a stage's value 2^(j+(j−1)e)."""
+        return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
+
 
 # One object for each, so that vectors can be kept by arithmetic (below, and in `bseries.recursions`).
 prime_field = lru_cache(maxsize=1024)(Prime)
 wrapped_integers = lru_cache(maxsize=64)(Wrapped)
+wrapped_stages = lru_cache(maxsize=64)(WrappedStages)
+wrapped_parts = lru_cache(maxsize=64)(WrappedParts)
 majorants = lru_cache(maxsize=64)(Majorant)
 
 

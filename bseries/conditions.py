@@ -1,4 +1,4 @@
-"""Order of a method, its principal error coefficients, and the report of `check`."""
+"""Order of a method, and its principal error coefficients."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.transformations import as_decimals
 from trees.counting import check_order, count_trees
 
+from .coefficients import auxiliary_colors, check_method, own_trees
 from .domains import RingValues, alike, to_float
 from .exceptions import SeriesError
-from .modified import exact_flow, series
-from .presentation import number_text
+from .modified import exact_values, series
+from .rationals import RationalValues
 from .simplifying import simplifying_assumptions
 from .truncated import BSeries
 
 if TYPE_CHECKING:
+    from trees.table import TreeTable
     from trees.tree import Tree
 
     from .coefficients import Method
@@ -87,24 +90,23 @@ def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
     """
     if isinstance(method, BSeries):
         return _order_of_series(method if max_order is None else method.truncate(max_order))
-    return _decide_order(method, max_order)[0]
+    return decide_order(method, max_order)[0]
 
 
-def _order_of_series(s: BSeries) -> int:
+def _order_of_series(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int:
     if s.empty != 1:
         raise SeriesError(f"method must be a flow, with the coefficient 1 of the empty tree, but has {s.empty} there")
-    failing = first_failure(s)
+    failing = first_failure(s, auxiliary)
     return s.order if failing is None else int(s.table._order[failing]) - 1
 
 
-def first_failure(s: BSeries) -> int | None:
-    """Id of the first tree whose order condition a flow violates."""
+def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
+    """Id of the first tree whose order condition a flow violates; `auxiliary` colours are no parts of the field."""
     if not s.is_exact:
         raise SeriesError("method must be a method or an exact series, but was a series in floats")
     if s.digits is not None and s.uncertainty is None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
-    exact = exact_flow(s.order, colors=s.table.colors, max_children=s.table.limits)
-    mine, others = alike([s._values, exact._values])
+    mine, others = alike([s._values, _exact(s.table, auxiliary)])
     for at in range(len(s)):
         if isinstance(mine, RingValues):
             if mine.elements[at] != others.elements[at]:
@@ -116,37 +118,51 @@ def first_failure(s: BSeries) -> int | None:
     return None
 
 
-def _decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
+def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
+    """1/γ, and 0 for trees with a node that stands for no part of the field."""
+    exact = exact_values(table)
+    if not auxiliary:
+        return exact
+    values = zip(table, exact.fractions(), strict=True)
+    return RationalValues.from_fractions(table, [0 if auxiliary & set(t.colors) else x for t, x in values])
+
+
+def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     """The order, and how far it was tested."""
-    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
-        raise SeriesError(f"method must be a method such as method('rk4') or a series, but was {method!r:.60}")
+    check_method(method)
     max_order = None if max_order is None else check_order(max_order)
-    method = trusted(method)
+    method, max_children = trusted(method), own_trees(method)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
         proved = simplifying_assumptions(method, 2 * method.stages + 1 if max_order is None else max_order + 1).order
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
-    limit = _affordable_order(len(method.partitions)) if max_order is None else max_order
+    limit = affordable_order(len(method.names)) if max_order is None else max_order
     for reach in [*range(4, limit, 2), limit]:
-        order = _order_of_series(series(method, reach))
+        order = _order_of_series(series(method, reach, max_children=max_children), auxiliary_colors(method))
         if order < reach:
             return order, reach
     return limit, limit
 
 
-def _affordable_order(colors: int) -> int:
+def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
+    """How far a table of so many trees reaches: to order 12 at most, to 4 at least."""
     order = 4
-    while order < 12 and sum(count_trees(order + 1, colors)) <= MOST_TREES:
+    while order < 12 and sum(count_trees(order + 1, colors)) <= trees:
         order += 1
     return order
 
 
 def trusted(method: Method) -> Method:
     """The method with floats taken as decimals of `FLOAT_DIGITS` digits, others as they are."""
-    parts = [_as_decimals(part) if part.domain == "float" else part for part in method.partitions]
     if isinstance(method, RungeKutta):
-        return parts[0]
-    return PartitionedRungeKutta(dict(zip(method.names, parts, strict=True)), name=method.name)
+        return _as_decimals(method) if method.domain == "float" else method
+    if isinstance(method, PartitionedRungeKutta):
+        if all(part.domain != "float" for part in method.partitions):
+            return method
+        parts = [trusted(part) for part in method.partitions]
+        return PartitionedRungeKutta(dict(zip(method.names, parts, strict=True)), name=method.name)  # pyright: ignore[reportArgumentType]
+    program = method.program
+    return as_decimals(program, FLOAT_DIGITS) if program.domain == "float" else method
 
 
 def _as_decimals(part: RungeKutta) -> RungeKutta:
@@ -176,9 +192,9 @@ def error_coefficients(method: Method, order: int | None = None) -> ErrorCoeffic
     """
     order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
-    exact = exact_flow(order + 1, colors=s.table.colors)
+    exact = _exact(s.table, auxiliary_colors(method))
     ids = s.table.ids(order + 1)
-    terms = tuple((s.table[at], (s._values[at] - exact._values[at]) / s.table[at].symmetry) for at in ids)
+    terms = tuple((s.table[at], (s._values[at] - exact[at]) / s.table[at].symmetry) for at in ids)
     return ErrorCoefficients(order, tuple((tree, _simple(e)) for tree, e in terms))
 
 
@@ -191,102 +207,3 @@ def _simple(value: Any) -> Any:
     from .domains import exact_number
 
     return exact_number(sympy.cancel(sympy.expand(value)))
-
-
-class Report(NamedTuple):
-    """What `check` found.
-
-    `tested_to` says up to how many nodes order conditions were looked at; `error` is None where the trees of the
-    principal error are too many. `embedded_orders` are the orders of the embedded weights.
-    """
-
-    method: Method
-    order: int
-    tested_to: int
-    error: ErrorCoefficients | None
-    embedded_orders: tuple[int, ...]
-    properties: dict[str, bool]
-
-    @property
-    def row_sums(self) -> tuple[tuple[Any, ...], ...]:
-        """Row sums of A for each part; in floats where they are roots of high degree, which fill pages."""
-        parts = self.method.partitions
-        return tuple((p.to_float() if p.algebra is not None and p.stages > 3 else p).row_sums for p in parts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The report as JSON-ready data."""
-        method = self.method
-        data: dict[str, Any] = {
-            "schema": 1,
-            "kind": "check",
-            "method": method.name,
-            "stages": method.stages,
-            "order": self.order,
-            "tested_to": self.tested_to,
-        }
-        if self.embedded_orders:
-            data["embedded_orders"] = list(self.embedded_orders)
-        data["properties"] = self.properties
-        digits = method.digits
-        data["row_sums"] = [[number_text(x, digits) for x in sums] for sums in self.row_sums]
-        data["issues"] = list(method.issues)
-        if self.error is not None:
-            names = method.names if len(method.partitions) > 1 else None
-            terms = [{"tree": t.text(names), "coefficient": number_text(e, digits)} for t, e in self.error.terms]
-            norms = {"norm_squared": number_text(self.error.norm_squared, digits), "norm": self.error.norm}
-            largest = None if self.error.largest is None else number_text(self.error.largest, digits)
-            data["error"] = {**norms, "largest": largest, "terms": terms}
-        return data
-
-
-def check(method: Method, order: int | None = None) -> Report:
-    """Order, principal error, and what the tableau tells about a method.
-
-    Args:
-        method: A method.
-        order: How far to test order conditions; by default as far as is needed.
-
-    Returns:
-        A `Report`.
-
-    Raises:
-        SeriesError: `method` is no method.
-
-    Example:
-        >>> import bseries as bs
-        >>> report = check(bs.method("implicit-midpoint"))
-        >>> report.order, report.properties["symplectic"], report.properties["explicit"]
-        (2, True, False)
-
-    References:
-        HLW, theorems V.2.3 (symmetry) and VI.4.3, VI.4.6 (symplecticity).
-    """
-    found, tested_to = _decide_order(method, order)
-    affordable = sum(count_trees(min(found + 1, 60), len(method.partitions))) <= MOST_TREES and found < tested_to
-    properties = {
-        "consistent": found >= 1,
-        "explicit": method.is_explicit,
-        "symmetric": method.is_symmetric,
-        "symplectic": method.is_symplectic,
-    }
-    if isinstance(method, RungeKutta):
-        properties["diagonally_implicit"] = method.is_diagonally_implicit
-    else:
-        properties["explicit_if_separable"] = method.is_explicit_if_separable
-    return Report(
-        method,
-        found,
-        tested_to,
-        error_coefficients(method, found) if affordable else None,
-        _embedded_orders(method),
-        properties,
-    )
-
-
-def _embedded_orders(method: Method) -> tuple[int, ...]:
-    if not isinstance(method, RungeKutta):
-        return ()
-    rows = (
-        RungeKutta(method.A, weights, method.c, digits=method.digits, warn=False) for weights in method.embedded or ()
-    )
-    return tuple(order_of(row) for row in rows)

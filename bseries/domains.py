@@ -2,8 +2,8 @@
 
 Three kinds of values, from the narrowest to the widest:
 
-- `RationalValues` (``QQ``, in `bseries.rationals`): integers over common denominators, on the fast path. Its docstring
-  says why the integers are proved.
+- `RationalValues` (``QQ``, in `bseries.rationals`): integers over common denominators, on the fast path. The docstring
+  of `bseries.operations` says why the integers are proved.
 - `RingValues`: algebraic numbers and expressions in symbols, as elements of a SymPy domain that carries the recursions.
   A common denominator L of the method's entries is kept apart (coefficient = element / L^n), so that no greatest
   common divisor is taken before a coefficient is read.
@@ -19,13 +19,14 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
 from .arithmetic import Exact, Float, FloatLists
 from .exceptions import SeriesError
-from .rationals import Operation, RationalValues, evaluate
+from .operations import Operation, evaluate
+from .rationals import RationalValues
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -132,7 +133,7 @@ class RingValues:
             value = self.ring.to_sympy(element)
         else:
             field = self.ring.get_field()
-            quotient = field.convert_from(element, self.ring) / field.convert_from(self.step, self.ring) ** int(nodes)
+            quotient = converted(element, self.ring, field) / converted(self.step, self.ring, field) ** int(nodes)
             value = field.to_sympy(quotient)
         return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
 
@@ -150,9 +151,9 @@ class RingValues:
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over another common denominator (a multiple of this one)."""
-        ratio = ring.exquo(step, ring.convert_from(self.step, self.ring))
+        ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
-            ring.convert_from(element, self.ring) * ratio ** int(nodes)
+            converted(element, self.ring, ring) * ratio ** int(nodes)
             for element, nodes in zip(self.elements, self.table._order, strict=True)
         ]
         return RingValues(self.table, ring, elements, step)
@@ -172,7 +173,10 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     domain: Any
     ring: Any
     few = math.prod(_degrees(expressions)) <= MOST_DEGREE
-    domain, elements = sympy.construct_domain(expressions, extension=True if few else None)
+    distinct = list(dict.fromkeys(expressions))  # finding an element of a number field takes long
+    domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
+    found = dict(zip(distinct, elements, strict=True))
+    elements = [found[e] for e in expressions]
     if not domain.is_Numerical and not domain.is_EX and not all(x.is_Symbol or x.is_number for x in domain.symbols):
         domain, elements = sympy.EX, [sympy.EX(e) for e in expressions]  # x and sqrt(x) are no independent symbols
     if few and domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
@@ -189,7 +193,24 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     wide: Any = sympy.QQ if ring.is_ZZ else ring
     if ring.is_PolynomialRing and ring.domain.is_ZZ:
         wide = sympy.QQ[ring.symbols]
-    return wide, [wide.convert_from(x, ring) for x in numerators], wide.convert_from(common, ring)
+    return wide, [converted(x, ring, wide) for x in numerators], converted(common, ring, wide)
+
+
+def converted(element: Any, source: Any, target: Any) -> Any:
+    """An element of one SymPy domain in another; of number fields only the generator's image is ever searched for."""
+    if source == target:
+        return element
+    if not source.is_AlgebraicField:
+        return target.convert_from(element, source)
+    image, total = _image(source, target), target.zero
+    for coefficient in element.to_list():
+        total = total * image + target.convert_from(coefficient, source.dom)
+    return total
+
+
+@lru_cache(maxsize=64)
+def _image(source: Any, target: Any) -> Any:
+    return target.convert_from(source.unit, source)
 
 
 def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
@@ -259,33 +280,34 @@ def alike(operands: Sequence[Values]) -> list[Any]:
         return [as_floats(values) for values in operands]
     if all(isinstance(values, RationalValues) for values in operands):
         return list(operands)
-    rings = [values if isinstance(values, RingValues) else _rational_ring(values) for values in operands]
+    rings = [as_ring(values) for values in operands]
     ring = rings[0].ring
     for other in rings[1:]:
         ring = ring.unify(other.ring)
     step = ring.one
     for values in rings:
-        step = ring.lcm(step, ring.convert_from(values.step, values.ring)) if not ring.is_Field else ring.one
+        step = ring.lcm(step, converted(values.step, values.ring, ring)) if not ring.is_Field else ring.one
     if ring.is_Field:
-        rings = [_divided(values) for values in rings]
+        rings = [divided(values) for values in rings]
     return [values.in_ring(ring, step) for values in rings]
 
 
-def _rational_ring(values: Any) -> RingValues:
+def as_ring(values: Any) -> RingValues:
+    """Exact values as elements of a ring."""
     from sympy import QQ
 
+    if isinstance(values, RingValues):
+        return values
     elements = [QQ(x.numerator, x.denominator) for x in values.fractions()]
     return RingValues(values.table, QQ, elements, QQ.one)
 
 
-def _divided(values: RingValues) -> RingValues:
+def divided(values: RingValues) -> RingValues:
     """The same values with the common denominator divided out, in the field of fractions."""
-    if values.step == values.ring.one:
-        return values
     field = values.ring.get_field()
-    step = field.convert_from(values.step, values.ring)
+    step = converted(values.step, values.ring, field)
     elements = [
-        field.convert_from(x, values.ring) / step ** int(n)
+        converted(x, values.ring, field) / step ** int(n)
         for x, n in zip(values.elements, values.table._order, strict=True)
     ]
     return RingValues(values.table, field, elements, field.one)

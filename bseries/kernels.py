@@ -24,68 +24,75 @@ def reduced(x, modulus, inverse):
 
 @kernel
 def elementary_weights(
-    first, last, top, colors, left, right, color, stages, a, b, relation, modulus, stage, applied, weight, g, scratch
+    first, last, top, colors, left, right, color, stages, blocks, start, column, a, b, relation, modulus, stage,
+    applied, weight, g, scratch,
 ):  # fmt: skip
-    """Elementary weights of a (partitioned) Runge–Kutta method for the trees first … last−1.
+    """Elementary weights of a method made of stages for the trees first … last−1.
 
     The stage vector of u ∘ v is g(u) · (A g(v)), with the matrix A of the colour of v; the weight of a tree is b · g.
-    `a` and `b` are flat, colour by colour; `stage` and `applied` keep g and A g for the ids below `top`. The product of
-    stage vectors is componentwise, or, where `relation` holds q₀ … q_{s−1}, the product of polynomials modulo
-    z^s + q_{s−1} z^{s−1} + … + q₀ (the nodes are the roots of that polynomial). Ids below `colors` are single nodes;
-    `stages` and the columns are unsigned, see `lie_series`.
+    Row i of the matrix of colour c has its entries other than zero in `column` and `a` from start[c·stages + i] on; `b`
+    is flat, colour by colour. `stage` and `applied` keep g and A g for the ids below `top`. The product of stage
+    vectors is componentwise, or, where `blocks` holds the ends of blocks (from 0), in each block of length s the
+    product of polynomials modulo z^s + q_{s−1} z^{s−1} + … + q₀, whose q are the block's entries of `relation` (see
+    `bseries.recursions.Stages`). Ids below `colors` are single nodes; `stages`, `blocks`, `start`, `column` and the
+    columns of the table are unsigned, see `lie_series`.
     """
-    polynomial = len(relation) > 0
     inverse = 1.0 / modulus if modulus else 0.0
     for tree in range(first, last):
         if tree < colors:
             for i in range(stages):
                 g[i] = 1
-            if polynomial:
-                for i in range(1, stages):
+            for e in range(1, len(blocks)):
+                for i in range(blocks[e - 1] + 1, blocks[e]):
                     g[i] = 0
-        elif polynomial:
-            u = left[tree] * stages
-            v = right[tree] * stages
-            multiply_modulo(stages, stage, u, applied, v, relation, modulus, inverse, scratch)
-            for i in range(stages):
-                g[i] = scratch[i]
         else:
             u = left[tree] * stages
             v = right[tree] * stages
-            for i in range(stages):
-                g[i] = stage[u + i] * applied[v + i]
-            if modulus:
+            if len(blocks) > 0:
+                multiply_blocks(blocks, stage, u, applied, v, relation, modulus, inverse, scratch, g)
+            else:
                 for i in range(stages):
-                    g[i] = reduced(g[i], modulus, inverse)
+                    g[i] = stage[u + i] * applied[v + i]
+                if modulus:
+                    for i in range(stages):
+                        g[i] = reduced(g[i], modulus, inverse)
         row = color[tree] * stages
         total = g[0] * b[row]
         for i in range(1, stages):
             total += g[i] * b[row + i]
+            if modulus and i % 16 == 0:
+                total = reduced(total, modulus, inverse)
         weight[tree] = reduced(total, modulus, inverse) if modulus else total
         if tree >= top:
             continue
         for i in range(stages):
-            entry = (row + i) * stages
-            total = g[0] * a[entry]
-            for j in range(1, stages):
-                total += g[j] * a[entry + j]
+            total = g[0] * 0
+            for k in range(start[row + i], start[row + i + 1]):
+                total += g[column[k]] * a[k]
+                if modulus and k % 16 == 0:
+                    total = reduced(total, modulus, inverse)
             stage[tree * stages + i] = g[i]
             applied[tree * stages + i] = reduced(total, modulus, inverse) if modulus else total
 
 
 @kernel
-def multiply_modulo(size, x, at_x, y, at_y, relation, modulus, inverse, product):
-    """Product of two polynomials (coefficients x[at_x:], y[at_y:], ascending) modulo z^size + Σ relation_k z^k."""
-    for k in range(2 * size - 1):
-        low = max(0, k - size + 1)
-        total = x[at_x + low] * y[at_y + k - low]
-        for i in range(low + 1, min(k, size - 1) + 1):
-            total += x[at_x + i] * y[at_y + k - i]
-        product[k] = reduced(total, modulus, inverse) if modulus else total
-    for k in range(2 * size - 2, size - 1, -1):
+def multiply_blocks(blocks, x, at_x, y, at_y, relation, modulus, inverse, product, out):
+    """Products of the polynomials x[at_x:], y[at_y:] (ascending), block by block modulo z^s + Σ relation_k z^k."""
+    for e in range(1, len(blocks)):
+        first = int(blocks[e - 1])
+        size = int(blocks[e]) - first
+        for k in range(2 * size - 1):
+            low = max(0, k - size + 1)
+            total = x[at_x + first + low] * y[at_y + first + k - low]
+            for i in range(low + 1, min(k, size - 1) + 1):
+                total += x[at_x + first + i] * y[at_y + first + k - i]
+            product[k] = reduced(total, modulus, inverse) if modulus else total
+        for k in range(2 * size - 2, size - 1, -1):
+            for i in range(size):
+                total = product[k - size + i] - product[k] * relation[first + i]
+                product[k - size + i] = reduced(total, modulus, inverse) if modulus else total
         for i in range(size):
-            total = product[k - size + i] - product[k] * relation[i]
-            product[k - size + i] = reduced(total, modulus, inverse) if modulus else total
+            out[first + i] = product[i]
 
 
 @kernel
@@ -124,9 +131,10 @@ def lie_series(
             terms[j] = 0
         for k in range(start[n] + tree * (n - 1), start[n] + (tree + 1) * (n - 1)):
             b = field[branch[k]]
-            row = trunk[k] * width
-            for j in range(width):
-                terms[j] += rows[row + j] * b
+            if b:
+                row = trunk[k] * width
+                for j in range(width):
+                    terms[j] += rows[row + j] * b
         if modulus:
             for j in range(width):
                 terms[j] = reduced(terms[j], modulus, inverse)

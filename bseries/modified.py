@@ -7,22 +7,23 @@ import random
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from integrators import PartitionedRungeKutta, RungeKutta
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 from . import recursions
 from .algebra import log, log_claim, wider_step
-from .coefficients import RationalStages, stages_of
+from .coefficients import RationalStages, check_method, inputs_of, own_trees
 from .domains import apply, public
 from .exceptions import SeriesError
-from .rationals import Operation, RationalValues, primorial
+from .flow_chains import FlowChain
+from .operations import Operation
+from .rationals import RationalValues, primorial
 from .truncated import BSeries
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from .coefficients import Method
+    from .coefficients import Method, MethodStages
     from .domains import Values
 
 
@@ -32,7 +33,8 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
     Args:
         method: The method; each part of a partitioned one is a colour of the trees.
         order: Largest number of nodes, or a table of trees to work on.
-        max_children: Which trees to include, as for `trees.TreeTable`.
+        max_children: Which trees to include, as for `trees.TreeTable`; None for all, or all that a method for special
+            systems, such as y'' = g(y), is meant for.
 
     Returns:
         The flow series; a(τ) = Σ b_i Φ_i(τ), so that order conditions read a(τ) = 1/γ(τ).
@@ -53,9 +55,9 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return weights(field=False)
 
-    table = _table(method, order, max_children)
+    table = table_of(method, order, max_children)
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
-    return _of_method(method, table, operation, 1)
+    return of_method(method, table, operation, 1)
 
 
 def modified_equation(
@@ -93,14 +95,13 @@ def modified_equation(
         if max_children is not None:
             raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
         return log(method if order is None else method.truncate(order))  # pyright: ignore[reportArgumentType]
-    if order is None:
-        raise SeriesError("order must be given for a method, but was None")
 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return recursions.logarithm(weights(field=True), table, arithmetic)
 
-    table = _table(method, order, max_children)
-    return _of_method(method, table, Operation(expression, log_claim, wider_step, field=True), 0)
+    table = table_of(method, order, max_children)
+    units = inputs_of(method, table.max_order).units
+    return of_method(method, table, Operation(expression, log_claim, wider_step, field=True, units=units), 0)
 
 
 def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:
@@ -126,11 +127,16 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
         HLW, theorem III.1.3.
     """
     table = tree_table(order, colors, max_children)
+    return BSeries(table, exact_values(table), 1, names=names)
+
+
+@lru_cache(maxsize=4)
+def exact_values(table: TreeTable) -> RationalValues:
+    """1/γ for every tree of a table."""
     denominators = [math.factorial(n) for n in range(table.max_order + 1)]
     density, nodes = table.density.tolist(), table.order.tolist()
     numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
-    values = RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
-    return BSeries(table, values, 1, names=names)
+    return RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
 
 
 def _compact(table: TreeTable, numerators: list[int]) -> Any:
@@ -141,10 +147,13 @@ def _compact(table: TreeTable, numerators: list[int]) -> Any:
     return np.array(numerators, np.int64)
 
 
-def _table(method: object, order: int | TreeTable, max_children: Any) -> TreeTable:
-    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
-        raise SeriesError(f"method must be a method such as method('rk4') or a series, but was {method!r:.60}")
-    colors = len(method.partitions)
+def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:
+    """The table of trees that a method's series is asked for on."""
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+    colors = len(check_method(method).names)
+    if max_children is None and not isinstance(order, TreeTable):
+        max_children = own_trees(method)
     if isinstance(order, TreeTable):
         if order.colors != colors:
             raise SeriesError(f"order must be a table of trees in {colors} colours, but was {order!r}")
@@ -164,13 +173,16 @@ def _fits(order: int, colors: int) -> None:
     recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
 
 
-def _of_method(method: Method, table: TreeTable, operation: Operation, empty: int) -> BSeries:
-    stages = stages_of(method)
-    values = apply(table, [stages], operation)
+def of_method(
+    method: Method, table: TreeTable, operation: Operation, empty: int, stages: MethodStages | None = None
+) -> BSeries:
+    """The series that an operation makes of a method's stages (by default of what `inputs_of` gives)."""
+    inputs = inputs_of(method, table.max_order) if stages is None else stages
+    values = apply(table, [inputs], operation)
     digits = method.digits
     uncertainty = None
-    if digits is not None and isinstance(stages, RationalStages):
-        uncertainty = Uncertainty(stages, table, operation, digits, values)
+    if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
+        uncertainty = Uncertainty(inputs, table, operation, digits, values)
     return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
 
 
@@ -183,15 +195,17 @@ class Uncertainty:
     coefficients of methods such as tsit5. Nothing is computed before somebody asks.
     """
 
-    def __init__(self, stages: RationalStages, table: TreeTable, operation: Operation, digits: int, values: Values):
+    def __init__(
+        self, stages: RationalStages | FlowChain, table: TreeTable, operation: Operation, digits: int, values: Values
+    ):
         self._compute = (stages, table, operation, digits, values)
 
     @cached_property
     def _spread(self) -> list[float]:
-        stages, table, operation, digits, values = self._compute
+        inputs, table, operation, digits, values = self._compute
         exact, largest, source = public(values), [0.0] * len(table), random.Random(digits)
         for _ in range(3):
-            changed = public(apply(table, [stages.perturbed(source, digits)], operation))
+            changed = public(apply(table, [inputs.perturbed(source, digits)], operation))
             largest = [max(s, abs(float(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
         return [3 * s for s in largest]
 

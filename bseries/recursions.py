@@ -5,8 +5,9 @@ Each takes and gives raw vectors of an arithmetic, one number per tree. `bseries
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from bisect import bisect_left
 from functools import lru_cache
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 from trees.counting import memory_estimate, refuse_beyond_memory
@@ -20,40 +21,64 @@ if TYPE_CHECKING:
     from trees.table import TreeTable
 
 
-@dataclass(frozen=True, eq=False)
 class Stages:
-    """What the weight recursion needs of a method: flat matrices and weights, colour by colour.
+    """What the recursions need of a method: flat matrices and weights, colour by colour.
 
-    `relation` is empty for stage vectors that multiply componentwise; otherwise stage vectors are polynomials modulo
-    z^s + Σ relation_k z^k (see `kernels.elementary_weights`).
+    Stage vectors multiply componentwise, or block by block: a block of s components is a polynomial modulo
+    z^s + Σ relation_k z^k. With one block, whose polynomial has the nodes as roots, methods with irrational nodes stay
+    rational (`integrators.StageAlgebra`); modulo z², a block carries a value and a derivative; modulo a high power of
+    z, a polynomial in the time of an exact flow (`bseries.lowering`).
     """
 
-    size: int
-    a: list[Any]
-    b: list[Any]
-    relation: list[Any]
+    __slots__ = ("a", "b", "blocks", "relation", "size")
+
+    def __init__(self, size: int, a: list[Any], b: list[Any], relation: Sequence[Any] = (), blocks: Sequence[int] = ()):
+        self.size = size
+        self.a = a
+        self.b = b
+        self.relation = list(relation)
+        self.blocks = list(accumulate(blocks, initial=0)) if relation else []
+
+    @property
+    def sizes(self) -> list[int]:
+        """Length of every block."""
+        return [last - first for first, last in pairwise(self.blocks)] or [1] * self.size
 
 
 def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
     """Weights of a method for every tree of the table; `field` scales them as `Wrapped` wants a field."""
     size, top, count = len(table), table.offsets[-2], stages.size
-    a, b, relation = _entries(stages, arithmetic, field)
+    start, column, a, b, relation = entries(stages, arithmetic, field)
     _, color, left, right = arithmetic.columns(table)
     weight = arithmetic.zeros(size)
     arithmetic.run(kernels.elementary_weights)(
-        0, size, top, table.colors, left, right, color, arithmetic.size(count),
-        a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count), weight,
-        arithmetic.scratch(count), arithmetic.scratch(2 * count),
+        0, size, top, table.colors, left, right, color, arithmetic.size(count), arithmetic.sizes(stages.blocks),
+        start, column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
+        weight, arithmetic.scratch(count), arithmetic.scratch(2 * max(stages.sizes)),
     )  # fmt: skip
     return weight
 
 
 @lru_cache(maxsize=1024)
-def _entries(stages: Stages, arithmetic: Exact, field: bool) -> tuple[Any, Any, Any]:
-    """The entries of a method as vectors of an arithmetic, each carrying the factor of one node."""
-    node, last = arithmetic.node_factor(field=False), arithmetic.node_factor(field=field)
+def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any, ...]:
+    """The entries of a method in an arithmetic: matrices by rows without zeros.
+
+    Each carries the factor of one node, the weights towards a field's or a flow's values; None: no node's factor.
+
+    Returns:
+        Where each row starts, the columns and values of its entries, the weights, and the relation.
+    """
+    node, last = (
+        arithmetic.entry_factors
+        if field is None
+        else (arithmetic.node_factor(field=False), arithmetic.node_factor(field=field))
+    )
+    filled = [k for k, entry in enumerate(stages.a) if entry]
+    start = [bisect_left(filled, stages.size * row) for row in range(len(stages.a) // stages.size + 1)]
     return (
-        arithmetic.vector([entry * node for entry in stages.a]),
+        arithmetic.sizes(start),
+        arithmetic.sizes([k % stages.size for k in filled]),
+        arithmetic.vector([stages.a[k] * node for k in filled]),
         arithmetic.vector([entry * last for entry in stages.b]),
         arithmetic.vector(stages.relation),
     )
@@ -101,7 +126,7 @@ def _lie_series(
     order = arithmetic.columns(table)[0]
     for splits in table.split_chunks():
         run(
-            splits.first, splits.last, order, *arithmetic.splits(splits), width, top, solve, field, base, empty,
+            splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, field, base, empty,
             weights, arithmetic.modulus, rows, result, terms,
         )  # fmt: skip
 

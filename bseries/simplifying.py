@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class Assumptions(NamedTuple):
         return proved if proved == self.quadrature else None
 
 
+@lru_cache(maxsize=64)
 def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
     """How far B, C and D hold for a method with rational (or rationally represented) stages.
 

@@ -206,6 +206,13 @@ class BSeries(Mapping[Tree, Any]):
         """The same series with another coefficient of the empty tree."""
         return BSeries(self.table, self._values, exact_number(empty), names=self.names, digits=self.digits)
 
+    def with_label(self, label: str) -> BSeries:
+        """The same series under another name."""
+        return BSeries(
+            self.table, self._values, self.empty, names=self.names, label=label, digits=self.digits,
+            uncertainty=self.uncertainty,
+        )  # fmt: skip
+
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float.
 

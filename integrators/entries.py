@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     Entry = Fraction | float | sympy.Expr
 
 
+FLOAT_PRECISION = 2.0**-50
+NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
+
+
 def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
     """One entry of a tableau, kept exact.
 
@@ -88,6 +92,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
     """The sum of entries of one method: exact, or correctly rounded for floats."""
     terms: list[Any] = list(values)
     if any(isinstance(value, float) for value in terms):
+        _refuse_symbols_among_floats(terms)
         try:
             return fsum(terms)
         except OverflowError:
@@ -100,6 +105,25 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
 
     total = sympy.expand(sympy.Add(*terms))
     return Fraction(int(total.p), int(total.q)) if isinstance(total, sympy.Rational) else total
+
+
+def multiply_entries(x: Any, y: Any) -> Any:
+    """The product of two entries in one normal form, so that equal products are equal."""
+    if not (is_sympy(x) or is_sympy(y)):
+        return x * y
+    if isinstance(x, float) or isinstance(y, float):
+        _refuse_symbols_among_floats((x, y))
+        return round_entry(x) * round_entry(y)
+    import sympy
+
+    first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
+    product = sympy.expand(first * second)
+    return Fraction(int(product.p), int(product.q)) if isinstance(product, sympy.Rational) else product
+
+
+def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
+    if symbol_names(values):
+        raise IntegratorError(NO_SYMBOLS_AMONG_FLOATS)
 
 
 def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
@@ -136,6 +160,17 @@ def _differs_from_zero(formula: Any) -> bool:
     symbols = sorted(formula.free_symbols, key=str)
     value = formula.subs({symbol: sympy.Rational(7919 + k, 6007) for k, symbol in enumerate(symbols)}).evalf(30)
     return bool(value.is_number and value.is_finite and abs(value) > 1e-20)
+
+
+def certainly_differs(x: Entry, number: int, precision: Fraction | float) -> bool:
+    """Whether an entry is not a number; what roots or symbols leave undecided after 20 digits counts as equal."""
+    return _differs_from_zero(x - number) if is_sympy(x) else cancels((x, -number), precision) is False
+
+
+def relative_error(domain: str, digits: int | None) -> Fraction | float:
+    """The relative error of entries: 0 if they are exact, else what so many digits, or doubles, leave open."""
+    published = Fraction(0) if digits is None else Fraction(10, 10**digits)
+    return max(published, FLOAT_PRECISION) if domain == "float" else published
 
 
 def find_domain(values: Iterable[Entry]) -> str:

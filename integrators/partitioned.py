@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import structure
 from .errors import IntegratorError
@@ -14,6 +14,9 @@ from .frozen import Frozen
 from .runge_kutta import RungeKutta, check_known, emit
 from .tableau_input import check_label, check_partition_names
 
+if TYPE_CHECKING:
+    from .program import Program
+
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, each containing those before."""
 
@@ -21,7 +24,9 @@ DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 class PartitionedRungeKutta(Frozen):
     """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, all with the same stages.
 
-    With y split into blocks, or f into a sum, part ν has the stages Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j).
+    With y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). So these are also the
+    additive Runge–Kutta methods with any number of parts, such as implicit–explicit ones; see
+    `GeneralizedAdditiveRungeKutta` for parts that have stages of their own.
 
     Args:
         partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and perhaps c. Their order
@@ -170,6 +175,13 @@ class PartitionedRungeKutta(Frozen):
     def is_symmetric(self) -> bool:
         """Whether one reversal of the stages shows that every part is its own adjoint (HLW, V.2)."""
         return structure.is_symmetric(self.partitions)
+
+    @cached_property
+    def program(self) -> Program:
+        """The stages and the step as a program, with one evaluation for each part and stage."""
+        from .tableau_programs import tableau_program
+
+        return tableau_program(self)
 
     def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
         """The method with values in place of symbols, as `RungeKutta.substitute`."""

@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from typing import Self
 
     from .entries import Entry
+    from .program import Program
     from .stage_algebra import StageAlgebra
 
     Row = tuple[Entry, ...]
-
-FLOAT_PRECISION = 2.0**-50
 
 
 class TableauWarning(UserWarning):
@@ -197,8 +196,14 @@ class RungeKutta(Frozen):
     @property
     def precision(self) -> Fraction | float:
         """The relative error of the entries: 0 if they are exact."""
-        published = Fraction(0) if self.digits is None else Fraction(10, 10**self.digits)
-        return max(published, FLOAT_PRECISION) if self.domain == "float" else published
+        return entries.relative_error(self.domain, self.digits)
+
+    @cached_property
+    def program(self) -> Program:
+        """The stages and the step as a program."""
+        from .tableau_programs import tableau_program
+
+        return tableau_program(self)
 
     @cached_property
     def row_sums(self) -> Row:

@@ -81,10 +81,15 @@ def _embedded_rows(embedded: Any) -> list[Any]:
     return [rows] if single else rows
 
 
-def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
-    """The rows as they are if exact; one float makes all of them floats."""
+def check_digits(digits: object) -> None:
+    """Refuse a number of significant digits that is none."""
     if digits is not None and (isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= 1000):
         raise IntegratorError(f"digits must be an integer from 1 to 1000, but was {shorten(repr(digits))}")
+
+
+def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
+    """The rows as they are if exact; one float makes all of them floats."""
+    check_digits(digits)
     values = [value for row in rows for value in row]
     domain = find_domain(values)
     if digits is not None and domain in ("algebraic", "symbolic"):

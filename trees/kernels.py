@@ -118,6 +118,69 @@ def split_trees(
 
 
 @kernel
+def list_partitions(
+    first, last, max_order, colors, block, order, color, left, right, base_start, base, start, skeleton, part, stack
+):
+    """List the partitions of the trees first … last−1: the skeleton and the part that holds the root, for each.
+
+    A partition cuts some edges; the parts are what hangs together, the skeleton is what is left of the tree when every
+    part shrinks to a node of its root's colour. The partitions of u ∘ v are pairs of one of u and one of v, each with
+    the new edge first kept (the two root parts grow together, as do the roots of the two skeletons) and then cut.
+    Those of a tree with n nodes begin at start[n] + tree·2^(n−1).
+    """
+    for tree in range(first, last):
+        n = order[tree]
+        at = start[n] + tree * (1 << (n - 1))
+        u = left[tree]
+        if u < 0:
+            skeleton[at], part[at] = tree, tree
+            continue
+        v = right[tree]
+        of_u = start[order[u]] + u * (1 << (order[u] - 1))
+        of_v = start[order[v]] + v * (1 << (order[v] - 1))
+        for i in range(of_u, of_u + (1 << (order[u] - 1))):
+            for j in range(of_v, of_v + (1 << (order[v] - 1))):
+                merged = skeleton[i]
+                child = skeleton[j]
+                while right[child] >= 0:
+                    merged = graft(
+                        merged,
+                        right[child],
+                        max_order,
+                        colors,
+                        block,
+                        order,
+                        color,
+                        left,
+                        right,
+                        base_start,
+                        base,
+                        stack,
+                    )
+                    child = left[child]
+                skeleton[at] = merged
+                part[at] = graft(
+                    part[i], part[j], max_order, colors, block, order, color, left, right, base_start, base, stack
+                )
+                skeleton[at + 1] = graft(
+                    skeleton[i],
+                    skeleton[j],
+                    max_order,
+                    colors,
+                    block,
+                    order,
+                    color,
+                    left,
+                    right,
+                    base_start,
+                    base,
+                    stack,
+                )
+                part[at + 1] = part[i]
+                at += 2
+
+
+@kernel
 def symmetry_and_density(order, left, right, symmetry, density, multiplicity):
     """σ and γ of every tree from its left and right parts.
 

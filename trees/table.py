@@ -95,16 +95,16 @@ class TreeTable(Sequence[Tree]):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
         self._compiled = compiling_pays(1000 * size)
         limits = [bound for row in self.limits for bound in row]
-        self._block = self._column(self.block)
-        self._base_start = self._column(base_start)
-        self._order = self._column(size)
-        self._color = self._column(size)
-        self._left = self._column(size, "int32")
-        self._right = self._column(size, "int32")
-        self._base = self._column(base_start[-1], "int32")
+        self._block = self.column(self.block)
+        self._base_start = self.column(base_start)
+        self._order = self.column(size)
+        self._color = self.column(size)
+        self._left = self.column(size, "int32")
+        self._right = self.column(size, "int32")
+        self._base = self.column(base_start[-1], "int32")
         run = self.run(kernels.enumerate_trees)
         run(
-            order, colors, self._column(limits), self._block, self._order, self._color, self._left, self._right,
+            order, colors, self.column(limits), self._block, self._order, self._color, self._left, self._right,
             self._base_start, self._base,
         )  # fmt: skip
 
@@ -122,7 +122,7 @@ class TreeTable(Sequence[Tree]):
         """The execution of a kernel that suits this table's columns."""
         return kernel.compiled if self._compiled else kernel.py_func
 
-    def _column(self, content: int | list[int], dtype: str | None = None) -> Any:
+    def column(self, content: int | list[int], dtype: str | None = None) -> Any:
         """A column of zeros, or of given numbers: a list, or an array for compiled kernels."""
         if not self._compiled:
             return [0] * content if isinstance(content, int) else content
@@ -288,9 +288,9 @@ class TreeTable(Sequence[Tree]):
             order, _, left, right = self.lists
             kernels.symmetry_and_density.py_func(order, left, right, symmetry, density, multiplicity)
             return symmetry, density
-        symmetry, density = self._column(len(self), "int64"), self._column(len(self), "int64")
+        symmetry, density = self.column(len(self), "int64"), self.column(len(self), "int64")
         kernels.symmetry_and_density.compiled(
-            self._order, self._left, self._right, symmetry, density, self._column(len(self))
+            self._order, self._left, self._right, symmetry, density, self.column(len(self))
         )
         return symmetry, density
 
@@ -308,8 +308,8 @@ class TreeTable(Sequence[Tree]):
         for n in range(2, self.max_order + 1):
             start.append(begin - self.ids(n).start * (n - 1))
             begin += sizes[n - 1] * (n - 1) if n <= keep else 0
-        starts = self._column(start)
-        trunk, branch = self._column(begin, "uint32"), self._column(begin, "uint32")
+        starts = self.column(start)
+        trunk, branch = self.column(begin, "uint32"), self.column(begin, "uint32")
         splits = Splits(0, self.ids(keep).stop, starts, trunk, branch)
         for n in range(2, keep + 1):
             self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
@@ -319,7 +319,14 @@ class TreeTable(Sequence[Tree]):
         self.run(kernels.split_trees)(
             first, last, self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
             self._base_start, self._base, known.start, known.trunk, known.branch, into.start, into.trunk, into.branch,
-            self._column(self.max_order, "int32"),
+            self.column(self.max_order, "int32"),
+        )  # fmt: skip
+
+    def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
+        """Fill the columns that `trees.partitions` describes."""
+        self.run(kernels.list_partitions)(
+            0, len(self), self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
+            self._base_start, self._base, start, skeleton, part, self.column(self.max_order, "int32"),
         )  # fmt: skip
 
     def split_chunks(self) -> Iterator[Splits]:
@@ -332,7 +339,7 @@ class TreeTable(Sequence[Tree]):
             start = kept.start.copy()
             start[n] = -first * (n - 1)
             size = (last - first) * (n - 1)
-            chunk = Splits(first, last, start, self._column(size, "uint32"), self._column(size, "uint32"))
+            chunk = Splits(first, last, start, self.column(size, "uint32"), self.column(size, "uint32"))
             self._split(first, last, kept, chunk)
             yield chunk
 

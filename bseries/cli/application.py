@@ -14,8 +14,11 @@ import click
 
 VERBS = {
     "modified": "series_verbs",
+    "modifying": "series_verbs",
     "series": "series_verbs",
+    "compose": "compose_verb",
     "check": "check_verb",
+    "conditions": "conditions_verb",
     "trees": "tree_verb",
     "methods": "catalogue_verb",
     "completion": "completion_verb",
@@ -131,6 +134,7 @@ def application() -> None:
     Examples:
       bseries modified rk4 --order 6
       bseries modified stormer-verlet --order 3 --nonzero
+      bseries modifying implicit-midpoint --order 5
       bseries check gauss3
       bseries series --A "0,0;1/2,0" --b "0,1" --format csv
       bseries trees --order 5

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import layout
+from .application import Refusal
 from .layout import Column
 from .method_argument import takes_method
 from .output import takes_output
 
 if TYPE_CHECKING:
-    from integrators import RungeKutta
+    from integrators import PartitionedRungeKutta, RungeKutta
     from integrators.methods import MethodEntry
 
     from .method_argument import Method
@@ -100,14 +101,23 @@ def _entry_of(method: Method) -> MethodEntry | None:
 
 
 def _tableau(method: Method, output: Output) -> Iterable[str]:
+    from integrators import PartitionedRungeKutta, RungeKutta
+
+    if output.format in ("table", "markdown"):
+        return _described(method, output)
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        raise Refusal(f"format must be table or markdown for {method.name}, not a tableau, but was {output.format}")
     if output.format == "json":
         from integrators.files import dumps_method
 
         return [dumps_method(method, "json")]
     if output.format == "csv":
         return layout.csv(("part", "row", "node", *map(str, range(1, method.stages + 1))), _csv_tableau(method))
-    if output.format == "latex":
-        return [_latex_tableau(part) for part in method.partitions]
+    return [_latex_tableau(part) for part in method.partitions]
+
+
+def _described(method: Method, output: Output) -> Iterable[str]:
+    """The tableau or the program, and what is known about the method."""
     facts = list(_facts(method))
     if output.format == "markdown":
         return [f"{method.name}\n\n```text\n{method}\n```\n\n", *(f"- {fact}\n" for fact in facts)]
@@ -140,7 +150,7 @@ def _shown(part: RungeKutta) -> RungeKutta:
     return part.to_float() if too_long else part
 
 
-def _csv_tableau(method: Method) -> Iterator[layout.Row]:
+def _csv_tableau(method: RungeKutta | PartitionedRungeKutta) -> Iterator[layout.Row]:
     for part, name in zip(map(_shown, method.partitions), method.names, strict=True):
         for i, row in enumerate(part.A):
             yield name, f"A{i + 1}", str(part.c[i]), *map(str, row)

@@ -13,7 +13,8 @@ from .method_argument import takes_method
 from .output import WholeNumber, names_or_none, takes_output
 
 if TYPE_CHECKING:
-    from ..conditions import ErrorCoefficients, Report
+    from ..conditions import ErrorCoefficients
+    from ..reports import Report
     from .method_argument import Method
     from .output import Output
 
@@ -27,15 +28,16 @@ MOST_TERMS = 50
 
 @click.command()
 @takes_method()
-@click.option("--order", type=WholeNumber(), help="How far to test order conditions; by default as far as needed.")
+@click.option("--order", type=WholeNumber(), help="How far to test; by default as far as needed, or a little beyond.")
 @click.option("--nonzero", is_flag=True, help="Leave out error coefficients that are zero.")
 @takes_output
 def check(method: Method, order: int | None, nonzero: bool, output: Output) -> Iterable[str]:
-    """Order, principal error and properties of a method.
+    """Order, principal error, structure and stability of a method.
 
-    Symmetric and symplectic mean that the tableau satisfies the conditions, for all values of symbols. The principal
-    error coefficients are e(τ) = (a(τ) - 1/γ(τ))/σ(τ) for the trees with p+1 nodes, p being the order; the norm is the
-    square root of the sum of their squares.
+    A property such as symplectic holds up to some number of nodes, and the first tree that breaks it is named; what the
+    tableau alone decides, for all orders and all values of symbols, is yes or no. The principal error coefficients are
+    e(τ) = (a(τ) - 1/γ(τ))/σ(τ) for the trees with p+1 nodes, p being the order; the norm is the square root of the sum
+    of their squares.
 
     \b
     Examples:
@@ -46,7 +48,7 @@ def check(method: Method, order: int | None, nonzero: bool, output: Output) -> I
     """
     from trees.counting import check_order
 
-    from ..conditions import check
+    from ..reports import check
 
     report = check(method, None if order is None else check_order(order))
     if output.format == "json":
@@ -80,11 +82,33 @@ def _facts(report: Report, number: Number) -> Iterator[tuple[str, str]]:
         yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
     yield "stages", str(method.stages)
     for name, holds in report.properties.items():
-        yield name.replace("_", " "), "yes" if holds else "no"
-    for sums, name in zip(report.row_sums, method.names, strict=True):
+        yield name.replace("_", " "), _answer(holds)
+    yield from _structure(report)
+    if report.assumptions is not None:
+        yield "stage order", str(report.stage_order)
+        yield "simplifying assumptions", ", ".join(f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True))
+    for name, value in report.stability.items():
+        if value is not None and name != "undecided":
+            yield name.replace("_", " "), _answer(value) if isinstance(value, bool) else str(value)
+    for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
         yield f"row sums of {name}" if name else "row sums", ", ".join(number(x, method) for x in sums)
     if report.error is not None:
         yield from _norms(report.error, method, number)
+
+
+def _answer(holds: bool) -> str:
+    return "yes" if holds else "no"
+
+
+def _structure(report: Report) -> Iterator[tuple[str, str]]:
+    """Up to which order each property holds."""
+    names = names_or_none(report.method.names)
+    for name, verdict in report.structure.items():
+        tested = f"to all {verdict.tested_to} nodes tested"
+        until = (
+            f"to {verdict.order} nodes, not for {verdict.breaks.text(names)}" if verdict.breaks is not None else tested
+        )
+        yield name.replace("_", " "), until
 
 
 def _norms(error: ErrorCoefficients, method: Method, number: Number) -> Iterator[tuple[str, str]]:
@@ -124,7 +148,11 @@ def _notes(report: Report) -> Iterator[str]:
             f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
             "and residuals that these digits cannot tell from zero count as zero."
         )
-    if report.method.domain == "float":
+    if getattr(report.method, "domain", "") == "float":
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
+    undecided: dict[str, str] = report.stability.get("undecided", {})
+    for reason in dict.fromkeys(undecided.values()):
+        facts = ", ".join(name.replace("_", " ") for name, why in undecided.items() if why == reason)
+        yield f"Not decided: {facts}: {reason}."
     for issue in report.method.issues:
         yield f"Beware: {issue}."

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from integrators import PartitionedRungeKutta, RungeKutta
 
-    Method = RungeKutta | PartitionedRungeKutta
+    from ..coefficients import Method as Method
 
 T = TypeVar("T")
 
@@ -68,6 +68,7 @@ def takes_method(*, required: bool = True) -> Callable[[Callable[..., T]], Calla
 def read_method(source: str | None, inline: dict[str, str], settings: Iterable[str]) -> Method | None:
     """The method that the command line describes; contradictions in a user's tableau are warnings."""
     from integrators import TableauWarning
+    from integrators import method as catalogue_method
 
     values = _read_settings(settings)
     if source is None and not inline:
@@ -78,27 +79,25 @@ def read_method(source: str | None, inline: dict[str, str], settings: Iterable[s
         raise Refusal(f"METHOD must be left out where --A gives a tableau, but was {source!r:.60}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", TableauWarning)  # `issues` below says the same of the values set, too
-        method = _inline_method(**inline) if source is None else _named_method(source, values)
-        if source is None or _is_path(source):
-            method = method.substitute(values)
-            for issue in method.issues:
-                say("warning", issue)
-    return method
+        if source is not None and not _is_path(source):
+            return catalogue_method(source, **values)
+        tableau = (_inline_method(**inline) if source is None else _load(source)).substitute(values)
+    for issue in tableau.issues:
+        say("warning", issue)
+    return tableau
 
 
 def _is_path(source: str) -> bool:
     return source == "-" or "/" in source or "\\" in source or source.lower().endswith((".json", ".toml"))
 
 
-def _named_method(source: str, values: dict[str, str]) -> Method:
-    from integrators import load_method, method
+def _load(source: str) -> RungeKutta | PartitionedRungeKutta:
+    from integrators import load_method
 
-    if source == "-":
-        return load_method(sys.stdin.buffer)
-    return load_method(source) if _is_path(source) else method(source, **values)
+    return load_method(sys.stdin.buffer if source == "-" else source)
 
 
-def _inline_method(A: str = "", b: str = "", c: str | None = None, symbols: str = "") -> Method:
+def _inline_method(A: str = "", b: str = "", c: str | None = None, symbols: str = "") -> RungeKutta:
     from integrators import RungeKutta
 
     names = [name.strip() for name in symbols.split(",") if name.strip()]

@@ -1,9 +1,9 @@
-"""`bseries modified` and `bseries series`: the coefficients of a method, tree by tree."""
+"""`bseries modified`, `modifying` and `series`: the coefficients of a method, tree by tree."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -24,16 +24,18 @@ FIELDS = ("tree", "levels", "colors", "order", "symmetry", "density", "coefficie
 COLUMNS = (Column("|τ|", True), Column("tree τ"), Column("coefficient"), Column("weight"), Column("F(τ)"))
 
 
+SERIES_OPTIONS = (
+    click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
+    takes_max_children,
+    click.option("--nonzero", is_flag=True, help="Leave out trees whose coefficient is zero."),
+    click.option("--float", "as_float", is_flag=True, help="Round the exact coefficients to floats."),
+    takes_output,
+)
+
+
 def takes_series_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """METHOD and all options that verbs about the series of a method share."""
-    options = (
-        takes_method(),
-        click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
-        takes_max_children,
-        click.option("--nonzero", is_flag=True, help="Leave out trees whose coefficient is zero."),
-        click.option("--float", "as_float", is_flag=True, help="Round the exact coefficients to floats."),
-        takes_output,
-    )
+    options = (takes_method(), *SERIES_OPTIONS)
     return functools.reduce(lambda command, option: option(command), reversed(options), verb)
 
 
@@ -57,7 +59,26 @@ def modified(method: Method, **options: Any) -> Iterable[str]:
     """
     from ..modified import modified_equation
 
-    return answer(method, modified_equation, "modified", **options)
+    return of_method(method, modified_equation, "modified", **options)
+
+
+@click.command()
+@takes_series_options
+def modifying(method: Method, **options: Any) -> Iterable[str]:
+    """The modifying integrator: the equation for which a method gives the exact solution of y' = f(y).
+
+    It is y' = f_h(y) with f_h = Σ h^(|τ|-1) weight(τ) F(τ): the method with step h, applied to it, follows the exact
+    flow of f. There is one line for each tree τ; weight = coefficient/σ. --order N means trees with 1 to N nodes.
+
+    \b
+    Examples:
+      bseries modifying implicit-midpoint --order 5
+      bseries modifying gauss2 --order 7 --nonzero --format latex
+      bseries modifying sdirk2 --order 3
+    """
+    from ..substitution import modifying_integrator
+
+    return of_method(method, modifying_integrator, "modifying", **options)
 
 
 @click.command()
@@ -77,37 +98,43 @@ def series(method: Method, **options: Any) -> Iterable[str]:
     """
     from ..modified import series
 
-    return answer(method, series, "series", **options)
+    return of_method(method, series, "series", **options)
+
+
+def of_method(
+    method: Method, compute: Callable[..., BSeries], kind: str, *, order: int, max_children: Any, **options: Any
+) -> Iterable[str]:
+    """Compute a series of a method and lay it out."""
+    from ..coefficients import own_trees
+
+    max_children = own_trees(method) if max_children is None else max_children
+    options["output"].check_rows(count_rows(order, len(method.names), max_children))
+    return answer(compute(method, order, max_children=max_children), kind, method.issues, **options)
+
+
+def count_rows(order: int, colors: int, max_children: Any) -> int:
+    """How many trees there will be."""
+    from trees import count_trees
+
+    return sum(count_trees(order, colors, max_children))
 
 
 def answer(
-    method: Method,
-    compute: Callable[..., BSeries],
-    kind: str,
-    *,
-    order: int,
-    max_children: Any,
-    nonzero: bool,
-    as_float: bool,
-    output: Output,
+    s: BSeries, kind: str, issues: Sequence[str], *, nonzero: bool, as_float: bool, output: Output
 ) -> Iterable[str]:
-    """Compute a series of a method and lay it out."""
-    from trees import count_trees
-
-    output.check_rows(sum(count_trees(order, len(method.partitions), max_children)))
-    s = compute(method, order, max_children=max_children)
+    """Lay out a series; `issues` are what a reader must beware of."""
     if as_float:
         s = s.to_float()
     if output.format == "json":
         data = s.to_dict(kind, nonzero=nonzero)
-        if method.issues:
-            data["issues"] = list(method.issues)
+        if issues:
+            data["issues"] = list(issues)
         return [layout.json(data, "terms")]
     if output.format == "latex":
         return [s.to_latex(nonzero=True) + "\n"]
     if output.format == "csv":
         return layout.csv(FIELDS, _csv_rows(s, _terms(s, nonzero, output)))
-    title, notes = _title(s, kind), _notes(s, method, kind, nonzero=nonzero, rounded=as_float)
+    title, notes = _title(s, kind), _notes(s, issues, kind, nonzero=nonzero, rounded=as_float)
     rows = _table_rows(s, _terms(s, nonzero, output))
     if output.format == "markdown":
         return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
@@ -138,17 +165,19 @@ def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
 
 
 def _title(s: BSeries, kind: str) -> str:
-    what = {"modified": "Modified equation", "series": "B-series"}[kind]
+    what = {"modified": "Modified equation", "modifying": "Modifying integrator", "series": "B-series"}[kind]
     nodes = f"1 to {s.order} nodes" if s.order > 1 else "1 node"
-    least, most = (0, s.order - 1) if kind == "modified" else (1, s.order)
+    least, most = (1, s.order) if kind == "series" else (0, s.order - 1)
     powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
     return f"{what} of {s.label}: trees with {nodes}, powers {powers}"
 
 
-def _notes(s: BSeries, method: Method, kind: str, *, nonzero: bool, rounded: bool) -> list[str]:
+def _notes(s: BSeries, issues: Iterable[str], kind: str, *, nonzero: bool, rounded: bool) -> list[str]:
     """What a reader must know about the numbers."""
+    field = "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ"
     formula = {
-        "modified": "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ",
+        "modified": field,
+        "modifying": f"{field}; the method applied to it follows the exact flow of y' = f(y)",
         "series": "y1 = y0 + Σ h^|τ| · weight(τ) · F(τ)(y0); weight = coefficient/σ",
     }
     notes = [formula[kind]]
@@ -165,5 +194,5 @@ def _notes(s: BSeries, method: Method, kind: str, *, nonzero: bool, rounded: boo
         )
     if nonzero:
         notes.append("Trees whose coefficient is zero are left out.")
-    notes += [f"Beware: {issue}." for issue in method.issues]
+    notes += [f"Beware: {issue}." for issue in issues]
     return notes

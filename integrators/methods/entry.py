@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..tableau import PartitionedRungeKutta, RungeKutta
+    from ..program_method import Method
+
+
+TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned")
+PROGRAM_KINDS = (
+    *("additive", "continuous stage", "exponential", "force gradient", "nystrom", "rosenbrock", "splitting"),
+    *("two-derivative", "w-method"),
+)
 
 
 class MethodEntry(NamedTuple):
@@ -15,7 +22,7 @@ class MethodEntry(NamedTuple):
 
     Attributes:
         name: The name; a family's name is followed by its number of stages.
-        kind: ``explicit``, ``embedded pair``, ``diagonally implicit``, ``implicit`` or ``partitioned``.
+        kind: One of `TABLEAU_KINDS` or `PROGRAM_KINDS`.
         stages: Number of stages; None for a family, whose stages are given behind its name.
         order: The order claimed by the source; for a family its formula, such as ``"2s-1"``.
         description: What the method is, in one line.
@@ -32,10 +39,15 @@ class MethodEntry(NamedTuple):
     order: int | str
     description: str
     reference: str
-    build: Callable[..., RungeKutta | PartitionedRungeKutta]
+    build: Callable[..., Method]
     aliases: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
     least_stages: int = 1
+
+    @property
+    def is_tableau(self) -> bool:
+        """Whether the method is a `RungeKutta` or `PartitionedRungeKutta`, and not of a kind of its own."""
+        return self.kind in TABLEAU_KINDS
 
     @property
     def is_family(self) -> bool:

@@ -6,11 +6,23 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
-from . import collocation, decimals, diagonally_implicit, embedded, explicit, partitioned
+from . import (
+    averaging,
+    collocation,
+    decimals,
+    diagonally_implicit,
+    embedded,
+    explicit,
+    further_kinds,
+    partitioned,
+    rosenbrock,
+    second_order,
+    splitting,
+)
 from .entry import MethodEntry
 
 if TYPE_CHECKING:
-    from ..tableau import PartitionedRungeKutta, RungeKutta
+    from ..program_method import Method
 
 ENTRIES: tuple[MethodEntry, ...] = (
     *explicit.METHODS,
@@ -18,7 +30,12 @@ ENTRIES: tuple[MethodEntry, ...] = (
     *decimals.METHODS,
     *diagonally_implicit.METHODS,
     *collocation.METHODS,
+    *averaging.METHODS,
     *partitioned.METHODS,
+    *second_order.METHODS,
+    *splitting.METHODS,
+    *further_kinds.METHODS,
+    *rosenbrock.METHODS,
 )
 
 MAX_STAGES = 50
@@ -41,7 +58,7 @@ def catalogue() -> tuple[MethodEntry, ...]:
     return ENTRIES
 
 
-def method(name: str, /, **parameters: Any) -> RungeKutta | PartitionedRungeKutta:
+def method(name: str, /, **parameters: Any) -> Method:
     """Build a method of the catalogue.
 
     Args:
@@ -78,7 +95,7 @@ def method(name: str, /, **parameters: Any) -> RungeKutta | PartitionedRungeKutt
 
 
 @cache
-def _build(entry: MethodEntry, stages: int | None) -> RungeKutta | PartitionedRungeKutta:
+def _build(entry: MethodEntry, stages: int | None) -> Method:
     if stages is None:
         return entry.build(name=entry.name, reference=entry.reference)
     return entry.build(name=f"{entry.name}{stages}", reference=entry.reference, stages=stages)

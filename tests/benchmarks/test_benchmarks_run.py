@@ -15,7 +15,7 @@ import bseries as bs
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import cases, report, rivals, timing  # noqa: E402
+from benchmarks import algebra_cases, cases, report, rivals, timing  # noqa: E402
 from benchmarks.__main__ import main  # noqa: E402
 from benchmarks.timing import Sample  # noqa: E402
 
@@ -30,6 +30,13 @@ EULER = bs.RungeKutta([[0.0]], [1.0])
         cases.at_hand(EULER, 4),
         cases.from_table("explicit-midpoint", 4),
         cases.of_series(EULER, 4),
+        algebra_cases.modifying("explicit-midpoint", 4),
+        algebra_cases.composition("explicit-midpoint", "rk4", 4),
+        algebra_cases.substitution(4, kept=True),
+        algebra_cases.substitution(4, kept=False),
+        algebra_cases.structure(bs.symplecticity, "implicit-midpoint", 4),
+        algebra_cases.conditions(4, 3),
+        algebra_cases.fresh_series("tdrk5", 3),
         cases.process(sys.executable, "-c", "pass"),
         cases.first_run(),
     ],
@@ -50,10 +57,26 @@ def test_the_rows_hold_every_bar_of_the_table():
     assert len(rows) == len(cases.cases())
     bars = {name: case.bar for name, case in rows.items() if case.bar is not None}
     assert bars["midpoint-9"] == 0.0002
-    assert len(bars) == 20
-    assert all(case.full == (case.peak_bar is not None) for case in rows.values())
+    assert (bars["modifying-9"], bars["substitute-11"], bars["energy-9"]) == (0.001, 0.05, 0.01)
+    assert len(bars) == 31
+    assert all(case.peak_bar is not None for case in rows.values() if case.full)
     assert {rival.opponent for rival in rivals.RIVALS} <= rows.keys()
     assert {figure.opponent for figure in rivals.PUBLISHED} <= rows.keys()
+
+
+@pytest.mark.parametrize(
+    ("task", "answer"),
+    [
+        ("modified equation", Fraction(233, 240)),
+        ("composition", Fraction(251, 8)),
+        ("substitution", Fraction(39, 20)),
+        ("symplecticity", 5),
+        ("energy preservation", 5),
+    ],
+)
+def test_what_rivals_are_compared_with(task, answer):
+    assert rivals.OURS[task](5) == answer
+    assert {rival.task for rival in rivals.RIVALS} == rivals.OURS.keys()
 
 
 def test_calls_are_timed_until_the_time_is_up_and_once_at_least():
@@ -113,7 +136,7 @@ def test_a_rival_with_other_coefficients_is_no_rival(tmp_path):
     wrong = MIDPOINT_9 + Fraction(1, 10**9)
     environment = rival_environment(tmp_path, json.dumps({"seconds": 2.5, "sum": str(wrong)}))
     case = rivals.rival_cases(environment, rivals.rival_versions(environment))[0]
-    with pytest.raises(RuntimeError, match="pybs gives other coefficients"):
+    with pytest.raises(RuntimeError, match="pybs gives another modified equation"):
         case.prepare()()
 
 
@@ -133,7 +156,7 @@ def result():
         "midpoint-20-float": [Sample(30.0, 3_500_000_000)],
         "midpoint-9-all/pybs": [Sample(3.0)],
     }
-    pybs, kauri = rivals.RIVALS
+    pybs, kauri = rivals.RIVALS[:2]
     return report.collect(rows, {pybs: "0.3", kauri: None}, samples, {"commit": "abc"})
 
 

@@ -41,3 +41,28 @@ def stage(parts, tree, i):
         A, b = parts[child.color]
         value *= sum(A[i][j] * stage(parts, child, j) for j in range(len(b)))
     return value
+
+
+def partitions(tree):
+    """(skeleton, parts) for every way to cut some edges of a tree; the first part holds the root."""
+    for skeleton, part, others in _partitions(tree):
+        yield skeleton, [part, *others]
+
+
+def _partitions(tree):
+    found = [([], [], [])]
+    for child in tree.children:
+        grown = []
+        for skeleton, part, others in found:
+            for child_skeleton, child_part, child_others in _partitions(child):
+                cut = [*skeleton, child_skeleton], part, [*others, child_part, *child_others]
+                kept = [*skeleton, *child_skeleton.children], [*part, child_part], [*others, *child_others]
+                grown += [cut, kept]
+        found = grown
+    for skeleton, part, others in found:
+        yield Tree.join(skeleton, tree.color), Tree.join(part, tree.color), others
+
+
+def substituted(b, a, tree):
+    """(b ★ a)(τ) as a sum over partitions (Chartier, Hairer, Vilmart 2010, theorem 3.2)."""
+    return sum(a[skeleton] * prod((b[p] for p in parts), start=Fraction(1)) for skeleton, parts in partitions(tree))

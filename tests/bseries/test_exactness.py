@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 import bseries as bs
 import trees.table
-from bseries import rationals, recursions
+from bseries import operations, recursions
 from bseries.algebra import log_claim, wider_step
 from bseries.arithmetic import Exact, Majorant, majorants, primes_beyond
-from bseries.rationals import Operation, RationalValues, combine, evaluate, smallest_step
+from bseries.operations import Operation, combine, evaluate
+from bseries.rationals import RationalValues, smallest_step
 
 ORDER = 6
 
@@ -36,7 +37,7 @@ def modified(method, on):
     def expression(arithmetic, weights):
         return recursions.logarithm(weights(field=True), on, arithmetic)
 
-    return evaluate(on, [stages_of(method)], Operation(expression, log_claim, wider_step, field=True))
+    return evaluate(on, [stages_of(method, on.max_order)], Operation(expression, log_claim, wider_step, field=True))
 
 
 numbers = st.one_of(
@@ -66,8 +67,8 @@ def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
     """Denominators chosen such that numerators of the top order have about so many bits."""
     used = []
     for name in ("_run_wrapped", "_run_primes"):
-        original = getattr(rationals, name)
-        monkeypatch.setattr(rationals, name, lambda *a, name=name, original=original: used.append(name) or original(*a))
+        run = getattr(operations, name)
+        monkeypatch.setattr(operations, name, lambda *a, name=name, run=run: used.append(name) or run(*a))
     odd = max(3, round(2 ** (bits / ORDER)) | 1)
     method = bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
     found = modified(method, FAST)
@@ -143,7 +144,7 @@ def test_a_wrong_claim_is_noticed():
 
     wrong = Operation(expression, lambda n, step: step**n, wider_step, field=True)
     with pytest.raises(ArithmeticError, match="claimed denominator is wrong"):
-        evaluate(PLAIN, [stages_of(method)], wrong)
+        evaluate(PLAIN, [stages_of(method, PLAIN.max_order)], wrong)
 
 
 def test_smallest_step():

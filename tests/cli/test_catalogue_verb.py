@@ -74,3 +74,16 @@ def test_tableau_as_csv_and_latex(answer):
 def test_parameters_get_values(answer):
     assert "1/4" in answer("methods", "sdirk2", "--set", "gamma=1/4")
     assert "parameters: gamma" in answer("methods", "sdirk2")
+
+
+@pytest.mark.parametrize("name", ["grk4a", "strang", "rkn-nystrom5", "avf", "energy-collocation2", "lawson4"])
+def test_a_method_without_tableau_shows_its_program(answer, name):
+    assert str(bs.method(name)) in answer("methods", name)
+    assert f"```text\n{bs.method(name)}\n```" in answer("methods", name, "--format", "markdown")
+
+
+@pytest.mark.parametrize("format", ["json", "csv", "latex"])
+def test_a_method_without_tableau_is_no_tableau_file(run, format):
+    result = run("methods", "strang", "--format", format)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert f"format must be table or markdown for strang, not a tableau, but was {format}" in result.stderr

@@ -40,7 +40,32 @@ def test_principal_error_is_the_first_term_of_the_modified_equation(answer, name
 )
 def test_properties(answer, name, explicit, symmetric, symplectic):
     found = facts(answer("check", name, "--format", "csv"))
-    assert (found["explicit"], found["symmetric"], found["symplectic"]) == (explicit, symmetric, symplectic)
+    answers = (found["explicit"], found["symmetric tableau"], found["symplectic tableau"])
+    assert answers == (explicit, symmetric, symplectic)
+    assert (found["symmetric"] == "to all 7 nodes tested") == (symmetric == "yes")
+    assert (found["symplectic"] == "to all 7 nodes tested") == (symplectic == "yes")
+
+
+def test_structure_says_how_far_and_what_breaks_it(answer):
+    found = facts(answer("check", "rk4", "--format", "csv"))
+    assert found["symplectic"] == "to 4 nodes, not for [τ,[[τ]]]"
+    assert found["stage order"] == "1"
+    assert found["simplifying assumptions"] == "B(4), C(1), D(1)"
+    assert (found["a stable"], found["imaginary stability interval"]) == ("no", "2.8284271247461903")
+    data = json.loads(answer("check", "stormer-verlet", "--order", "4", "--format", "json"))
+    assert data["structure_tested_to"] == 4
+    assert data["properties"]["energy_preserving"] == {"order": 2, "breaks": "p[p[q]]"}
+    assert data["properties"]["symplectic"] == {"order": 4, "breaks": None}
+    assert "Not decided: a stable" not in answer("check", "rk4")
+    assert "depends on gamma" in answer("check", "sdirk2")
+
+
+@pytest.mark.parametrize("name", ["avf", "grk4a", "ros34pw2", "strang", "takahashi-imada", "lawson4", "tdrk4", "gark2"])
+def test_methods_that_are_no_tableaux_are_checked_too(answer, name):
+    data = json.loads(answer("check", name, "--order", "4", "--format", "json"))
+    assert data["order"] >= 2
+    assert data["row_sums"] == []
+    assert answer("check", name, "--order", "3")
 
 
 def test_rows_of_every_format_agree(answer):

@@ -46,7 +46,7 @@ def test_completion_scripts(answer, shell):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("bseries mod", {"modified"}),
+        ("bseries mod", {"modified", "modifying"}),
         ("bseries modified dormand", {"dormand-prince54", "dormand-prince853", "dormand-prince"}),
         ("bseries check radau-iia", {f"radau-iia{s}" for s in range(1, 7)}),
         ("bseries series leap", {"leapfrog"}),

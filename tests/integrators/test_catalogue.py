@@ -12,10 +12,12 @@ import sympy
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta
 from integrators.methods import MethodEntry, catalogue, method
+from integrators.methods.entry import PROGRAM_KINDS, TABLEAU_KINDS
 
 ENTRIES = catalogue()
-SINGLE = [entry for entry in ENTRIES if not entry.is_family and entry.kind != "partitioned"]
-PAIRS = [entry for entry in ENTRIES if not entry.is_family and entry.kind == "partitioned"]
+FIXED = [entry for entry in ENTRIES if not entry.is_family and entry.is_tableau]
+SINGLE = [entry for entry in FIXED if entry.kind != "partitioned"]
+PAIRS = [entry for entry in FIXED if entry.kind == "partitioned"]
 # General position: no further order condition holds by accident.
 VALUES = {"alpha": "3/7", "gamma": "2/7", "c2": "3/5", "c3": "6/7"}
 FIFTY_DIGITS = 50
@@ -223,7 +225,7 @@ def test_parameters_not_given_stay_symbols(entry: MethodEntry) -> None:
 
 
 SYMPLECTIC = {"implicit-midpoint", "qin-zhang"}
-SYMMETRIC = {"implicit-midpoint", "trapezoidal", "qin-zhang"}
+SYMMETRIC = {"implicit-midpoint", "trapezoidal", "qin-zhang", "kahan"}
 
 
 @pytest.mark.parametrize("entry", **named(SINGLE))
@@ -273,7 +275,7 @@ def test_entries_are_complete_and_unambiguous() -> None:
     for entry in ENTRIES:
         assert entry.reference
         assert entry.description
-        assert entry.kind in {"explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned"}
+        assert entry.kind in (*TABLEAU_KINDS, *PROGRAM_KINDS)
         assert isinstance(entry.order, str) is entry.is_family
 
 
@@ -281,7 +283,7 @@ def test_entries_are_complete_and_unambiguous() -> None:
 def test_built_methods_carry_name_and_source(entry: MethodEntry) -> None:
     name = f"{entry.name}3" if entry.is_family else entry.name
     built = method(name)
-    assert isinstance(built, PartitionedRungeKutta if entry.kind == "partitioned" else RungeKutta)
+    assert isinstance(built, PartitionedRungeKutta if entry.kind == "partitioned" else RungeKutta) is entry.is_tableau
     assert built.name == name
     assert built.reference == entry.reference
 

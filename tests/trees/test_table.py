@@ -108,7 +108,7 @@ def test_grafting_finds_the_product_for_every_pair(make):
     for (u, first), (v, second) in itertools.product(enumerate(table), repeat=2):
         at = table.run(graft)(
             u, v, 6, 2, table._block, table._order, table._color, table._left, table._right, table._base_start,
-            table._base, table._column(6, "int32"),
+            table._base, table.column(6, "int32"),
         )  # fmt: skip
         if first.order + second.order <= 6:
             assert table[at] == first.butcher_product(second)

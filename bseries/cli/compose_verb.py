@@ -1,0 +1,68 @@
+"""`bseries compose`: several methods, one after another."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .application import Refusal
+from .method_argument import complete_method, read_method, split_row
+from .series_verbs import SERIES_OPTIONS, answer, count_rows
+
+if TYPE_CHECKING:
+    from ..truncated import BSeries
+    from .output import Output
+
+
+def _takes_options(verb: Callable[..., Any]) -> Callable[..., Any]:
+    return functools.reduce(lambda command, option: option(command), reversed(SERIES_OPTIONS), verb)
+
+
+@click.command()
+@click.argument("sources", metavar="METHOD METHOD...", nargs=-1, required=True, shell_complete=complete_method)
+@click.option("--steps", metavar="ROW", help='Length of each step, in units of h, as in "1/2,1/2"; by default 1 each.')
+@click.option("--modified", is_flag=True, help="The modified equation of the composition, not its B-series.")
+@_takes_options
+def compose(
+    sources: tuple[str, ...],
+    steps: str | None,
+    modified: bool,
+    order: int,
+    max_children: Any,
+    output: Output,
+    **options: Any,
+) -> Iterable[str]:
+    """The B-series of several methods, one after another: the first METHOD acts first.
+
+    Where the steps add up to 1, the composition is a method for the step h. Each METHOD is a name or a file, as for the
+    other verbs.
+
+    \b
+    Examples:
+      bseries compose implicit-euler explicit-euler --steps 1/2,1/2
+      bseries compose symplectic-euler-p symplectic-euler-q --steps 1/2,1/2 --modified --order 3
+      bseries compose rk4 rk4 --steps 1/2,1/2 --order 6 --nonzero
+    """
+    from integrators.entries import read_entry
+
+    from ..algebra import compose as compose_series
+    from ..modified import series
+
+    methods: Any = [read_method(source, {}, ()) for source in sources]
+    texts = split_row(steps) if steps is not None else ["1"] * len(methods)
+    if len(texts) != len(methods):
+        raise Refusal(f"steps must be as many as methods, {len(methods)}, but were {len(texts)}")
+    lengths = [read_entry(text, f"steps[{i}]") for i, text in enumerate(texts, 1)]
+    output.check_rows(count_rows(order, len(methods[0].names), max_children))
+
+    def one(method: Any, length: Any) -> BSeries:
+        return series(method, order, max_children=max_children).scale_step(length)
+
+    s = functools.reduce(compose_series, map(one, methods, lengths))
+    parts = (name.name if text == "1" else f"{name.name} ({text} h)" for name, text in zip(methods, texts, strict=True))
+    s = (s.log() if modified else s).with_label(", then ".join(parts))
+    issues = list(dict.fromkeys(issue for method in methods for issue in method.issues))
+    return answer(s, "modified" if modified else "series", issues, output=output, **options)

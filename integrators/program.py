@@ -1,0 +1,361 @@
+"""A method as a program: evaluations of the field, and linear combinations of them.
+
+Every one-step method made of stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds
+of evaluation are enough for all of them; each takes linear forms in y₀ and the k_e, of later evaluations too where
+stages are implicit. Three readers understand a program: the algebra of series, substitution (with another field in
+place of f), and the generator of steppers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from . import entries
+from .errors import IntegratorError
+from .expressions import shorten
+from .frozen import Frozen
+from .linear_forms import LinearForm, check_form
+from .tableau_input import check_digits, check_label, check_partition_names
+
+if TYPE_CHECKING:
+    from .entries import Entry
+
+
+class Field(NamedTuple):
+    """k = h f^[part](at); `part` None means the sum of all parts."""
+
+    part: int | None
+    at: LinearForm
+
+
+class Derivative(NamedTuple):
+    """k = h (f^[part])′(at) · along. With k itself in `along` it is a linear system, as in Rosenbrock methods."""
+
+    part: int | None
+    at: LinearForm
+    along: LinearForm
+
+
+class Flow(NamedTuple):
+    """k = z(1) − at, where z(0) = at and z′(θ) = time · h f^[part](z(θ)) + Σ_j θ^j forcing[j].
+
+    Without forcing, the exact flow of a part; with it, what exponential and multirate infinitesimal methods solve.
+    """
+
+    part: int | None
+    at: LinearForm
+    time: Entry
+    forcing: tuple[LinearForm, ...] = ()
+
+
+class Average(NamedTuple):
+    """k = ∫₀¹ θ^power h f^[part](Σ_j θ^j path[j]) dθ: an average of the field along a polynomial path."""
+
+    part: int | None
+    path: tuple[LinearForm, ...]
+    power: int = 0
+
+
+Evaluation = Field | Derivative | Flow | Average
+
+
+class Program(Frozen):
+    """A one-step method as a program; made by a `ProgramBuilder`, which explains the parts.
+
+    Example:
+        >>> builder = ProgramBuilder()
+        >>> k1 = builder.field(builder.y)
+        >>> k2 = builder.field(builder.y + k1 / 2)
+        >>> method = builder.program(builder.y + k2, name="explicit-midpoint")
+        >>> print(method)
+        k1 = h f(y)
+        k2 = h f(y + 1/2*k1)
+        y1 = y + k2
+        >>> method.is_explicit
+        True
+    """
+
+    names: tuple[str, ...]
+    auxiliary: tuple[str, ...]
+    evaluations: tuple[Evaluation, ...]
+    result: LinearForm
+    name: str
+    reference: str | None
+    digits: int | None
+
+    def __init__(
+        self,
+        evaluations: Sequence[Evaluation],
+        result: LinearForm,
+        *,
+        parts: Sequence[str] = ("",),
+        auxiliary: Sequence[str] = (),
+        name: str | None = None,
+        reference: str | None = None,
+        digits: int | None = None,
+    ) -> None:
+        check_label(name, "name")
+        check_label(reference, "reference")
+        check_digits(digits)
+        check_form(result, "result", start=1)
+        names = tuple(parts)
+        self.__dict__.update(
+            names=names,
+            auxiliary=tuple(part for part in names if part in auxiliary),
+            evaluations=tuple(evaluations),
+            result=result,
+            name="custom" if name is None else name,
+            reference=reference,
+            digits=digits,
+        )
+        self._check_registers()
+        if self.domain == "float" and self.parameters:
+            raise IntegratorError(entries.NO_SYMBOLS_AMONG_FLOATS)
+
+    def _check_registers(self) -> None:
+        count = len(self.evaluations)
+        for form in (*(form for e in self.evaluations for form in operands(e)), self.result):
+            if any(e >= count for e in form.terms):
+                raise IntegratorError(f"evaluations must all be defined, but k{max(form.terms) + 1} is not")
+        unsettled = set(range(count))
+        while unsettled:
+            settled = {e for e in unsettled if not unsettled & self.same_order_registers(e)}
+            if not settled:
+                raise IntegratorError(
+                    f"forcing must not depend on the flow that it drives, but that of k{min(unsettled) + 1} does"
+                )
+            unsettled -= settled
+
+    def same_order_registers(self, e: int) -> set[int]:
+        """The evaluations that evaluation e depends on without a factor of h."""
+        evaluation = self.evaluations[e]
+        forms = evaluation.forcing if isinstance(evaluation, Flow) else ()
+        return {other for form in forms for other in form.terms}
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.names, self.auxiliary, self.evaluations, self.result, self.digits
+
+    @property
+    def program(self) -> Program:
+        """The program itself: whatever has a `program` is a method."""
+        return self
+
+    @property
+    def stages(self) -> int:
+        """The number of evaluations."""
+        return len(self.evaluations)
+
+    @property
+    def issues(self) -> tuple[str, ...]:
+        """One sentence for each part of the field whose weights do not sum to 1, or to 0 if it is auxiliary."""
+        wanted = [0 if name in self.auxiliary else 1 for name in self.names]
+        return tuple(
+            f"weights of {f'part {name}' if name else 'the evaluations'} sum to {shorten(str(total))}, not {number}: "
+            "the method is inconsistent"
+            for name, total, number in zip(self.names, self.weight_sums, wanted, strict=True)
+            if entries.certainly_differs(total, number, self.precision)
+        )
+
+    @property
+    def precision(self) -> Fraction | float:
+        """The relative error of the coefficients: 0 if they are exact."""
+        return entries.relative_error(self.domain, self.digits)
+
+    @cached_property
+    def weight_sums(self) -> tuple[Entry, ...]:
+        """For each part what a constant field would be multiplied with."""
+        return tuple(
+            entries.sum_entries([x * self._total(e, part) for e, x in self.result.terms.items()])
+            for part in range(len(self.names))
+        )
+
+    def _total(self, e: int, part: int) -> Any:
+        """k_e for the constant field 1 of one part."""
+        evaluation = self.evaluations[e]
+        if isinstance(evaluation, Derivative):
+            return 0
+        own: Any = int(evaluation.part in (part, None))
+        if isinstance(evaluation, Average):
+            return own * entries.read_entry("1", "weight") / (evaluation.power + 1)
+        if isinstance(evaluation, Flow):
+            own = own * evaluation.time
+            for j, form in enumerate(evaluation.forcing):
+                own += sum(x * self._total(other, part) for other, x in form.terms.items()) / (j + 1)
+        return own
+
+    @cached_property
+    def _entries(self) -> tuple[Entry, ...]:
+        times = (e.time for e in self.evaluations if isinstance(e, Flow))
+        forms = (*(form for e in self.evaluations for form in operands(e)), self.result)
+        return (*times, *(x for form in forms for x in form.entries))
+
+    @cached_property
+    def domain(self) -> str:
+        """The smallest domain that holds the coefficients: QQ, algebraic, symbolic or float."""
+        return entries.find_domain(self._entries)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in the program, sorted."""
+        return entries.symbol_names(self._entries)
+
+    @property
+    def is_explicit(self) -> bool:
+        """Whether every evaluation needs earlier ones only."""
+        return all(
+            other < e
+            for e, evaluation in enumerate(self.evaluations)
+            for form in operands(evaluation)
+            for other in form.terms
+        )
+
+    def __str__(self) -> str:
+        from .program_text import program_text
+
+        return program_text(self)
+
+    def __repr__(self) -> str:
+        count = len(self.evaluations)
+        return f"<Program {self.name}: {count} evaluation{'s' * (count != 1)}>"
+
+
+def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
+    """All linear forms that an evaluation takes."""
+    if isinstance(evaluation, Average):
+        yield from evaluation.path
+        return
+    yield evaluation.at
+    if isinstance(evaluation, Derivative):
+        yield evaluation.along
+    if isinstance(evaluation, Flow):
+        yield from evaluation.forcing
+
+
+class ProgramBuilder:
+    """Records a method as it is written down.
+
+    `y` is the start value; `field`, `derivative`, `flow` and `average` record an evaluation and give it as a
+    `LinearForm` to compute with; `program` ends the record. For implicit stages, `unknowns` gives evaluations before
+    they are defined, and `into` says which one is.
+
+    Args:
+        parts: names of the parts of the field f = Σ f^[part]; the blocks of a partitioned system are parts, too.
+        auxiliary: which of them are no parts of the field, such as the matrix of a W-method.
+
+    Raises:
+        IntegratorError: a name is unusable, or `auxiliary` names no part.
+
+    Example:
+        The implicit midpoint rule:
+
+        >>> builder = ProgramBuilder()
+        >>> (k,) = builder.unknowns(1)
+        >>> _ = builder.field(builder.y + k / 2, into=k)
+        >>> print(builder.program(builder.y + k))
+        k1 = h f(y + 1/2*k1)
+        y1 = y + k1
+    """
+
+    def __init__(self, parts: Sequence[str] = (), *, auxiliary: Sequence[str] = ()) -> None:
+        if isinstance(parts, str):
+            raise IntegratorError(f"parts must be a sequence of names, but was the text {shorten(repr(parts))}")
+        check_partition_names(parts)
+        if len(set(parts)) < len(parts):
+            raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
+        for name in auxiliary:
+            if name not in parts:
+                raise IntegratorError(f"auxiliary must name parts, but {shorten(repr(name))} is none")
+        self._parts = tuple(parts) or ("",)
+        self._auxiliary = tuple(auxiliary)
+        self._evaluations: list[Evaluation | None] = []
+        self.y = LinearForm(1)
+
+    def unknowns(self, count: int) -> tuple[LinearForm, ...]:
+        """Evaluations to be defined later."""
+        first = len(self._evaluations)
+        self._evaluations += [None] * count
+        return tuple(LinearForm(0, {e: 1}) for e in range(first, first + count))
+
+    def field(self, at: LinearForm, part: str | None = None, *, into: LinearForm | None = None) -> LinearForm:
+        """h f^[part](at); all parts if None."""
+        return self._record(Field(self._part(part), check_form(at, "at", start=1)), into)
+
+    def derivative(
+        self, at: LinearForm, along: LinearForm, part: str | None = None, *, into: LinearForm | None = None
+    ) -> LinearForm:
+        """h (f^[part])′(at) · along."""
+        points = check_form(at, "at", start=1), check_form(along, "along", start=0)
+        return self._record(Derivative(self._part(part), *points), into)
+
+    def flow(
+        self,
+        at: LinearForm,
+        part: str | None = None,
+        *,
+        time: Any = 1,
+        forcing: Iterable[LinearForm] = (),
+        into: LinearForm | None = None,
+    ) -> LinearForm:
+        """The increment of the exact flow over time · h, with a polynomial forcing in θ (see `Flow`)."""
+        forms = tuple(check_form(form, "forcing", start=0) for form in forcing)
+        duration = entries.read_entry(time, "time")
+        return self._record(Flow(self._part(part), check_form(at, "at", start=1), duration, forms), into)
+
+    def average(
+        self, path: Sequence[LinearForm], part: str | None = None, *, power: int = 0, into: LinearForm | None = None
+    ) -> LinearForm:
+        """∫₀¹ θ^power h f^[part](Σ θ^j path[j]) dθ."""
+        if not path:
+            raise IntegratorError("path must hold at least its start, but was empty")
+        if isinstance(power, bool) or not isinstance(power, int) or power < 0:
+            raise IntegratorError(f"power must be 0, 1, 2, …, but was {shorten(repr(power))}")
+        forms = tuple(check_form(form, f"path[{j}]", start=int(j == 0)) for j, form in enumerate(path))
+        return self._record(Average(self._part(part), forms, power), into)
+
+    def program(
+        self,
+        result: LinearForm,
+        *,
+        name: str | None = None,
+        reference: str | None = None,
+        digits: int | None = None,
+    ) -> Program:
+        """The method whose step ends at `result`; `digits` are those of coefficients published as decimals."""
+        for e, evaluation in enumerate(self._evaluations, 1):
+            if evaluation is None:
+                raise IntegratorError(f"evaluations must all be defined, but k{e} is not")
+        evaluations: Any = tuple(self._evaluations)
+        return Program(
+            evaluations,
+            result,
+            parts=self._parts,
+            auxiliary=self._auxiliary,
+            name=name,
+            reference=reference,
+            digits=digits,
+        )
+
+    def _part(self, name: str | None) -> int | None:
+        if name is None:
+            if self._auxiliary:
+                raise IntegratorError(f"part must be one of {', '.join(self._parts)}, but was None")
+            return None if len(self._parts) > 1 else 0
+        if name not in self._parts:
+            known = ", ".join(self._parts) if self._parts != ("",) else "None, as there is only one"
+            raise IntegratorError(f"part must be one of {known}, but was {shorten(repr(name))}")
+        return self._parts.index(name)
+
+    def _record(self, evaluation: Evaluation, into: LinearForm | None) -> LinearForm:
+        if into is None:
+            self._evaluations.append(evaluation)
+            return LinearForm(0, {len(self._evaluations) - 1: 1})
+        known = isinstance(into, LinearForm) and into.start == 0 and len(into.terms) == 1 and 1 in into.terms.values()
+        e = next(iter(into.terms)) if known else -1
+        if not known or e >= len(self._evaluations) or self._evaluations[e] is not None:
+            raise IntegratorError(f"into must be one of the unknowns, not yet defined, but was {shorten(str(into))}")
+        self._evaluations[e] = evaluation
+        return into

@@ -1,0 +1,223 @@
+"""Trees without a root: how rooted trees turn into each other when the root moves, and the classes this makes.
+
+Moving the root along one edge takes u ∘ v to v ∘ u. Elementary Hamiltonians change their sign with it,
+H(u ∘ v) = −H(v ∘ u), so that a class of rooted trees (a free tree) has one Hamiltonian up to sign, and none where u = v
+is met: such free trees are called superfluous.
+
+Each tree needs only the edge to its largest child. That edge leads towards the centroid, and together these edges are
+all edges of the free tree: if neither end of an edge between u and v picked it, the picked neighbours w of u and x of v
+would give |u| > |w| ≥ |v| > |x| ≥ |u|.
+
+Two kinds of colours are known. *Parts* of the system, f = Σ f^[ν], stay with their nodes. *Blocks* p and q of a
+Hamiltonian system belong to the edges: an edge has an end with ∂/∂p and an end with ∂/∂q, a node has the colour of the
+block in which its parent is differentiated, and the colour of a root says nothing. So a moved root gets the colour
+opposite to that of its neighbour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from . import kernels
+from .compiled import kernel
+from .errors import TreeError
+from .kernels import OUTSIDE, graft, product
+from .table import TreeTable, tree_table
+from .tree import Tree
+
+
+class Rooting(NamedTuple):
+    """A rooted tree of a free tree, which `multiplicity` of its nodes give when chosen as the root.
+
+    Its Hamiltonian is `sign` times that of the representative; the sign is 0 if the free tree is superfluous.
+    """
+
+    tree: Tree
+    sign: int
+    multiplicity: int
+
+
+class FreeTree(NamedTuple):
+    """A free tree: the class of the rooted trees that differ only in the place of the root.
+
+    `representative` has its root in the centroid (of two centroids, where the smaller tree comes out); `symmetry` is
+    the number of automorphisms, |τ| / Σ 1/σ over the rootings.
+
+    Example:
+        >>> star = free_tree_classes(4)[-1]
+        >>> star.representative, star.symmetry, star.is_superfluous
+        (Tree('[τ,τ,τ]'), 6, False)
+        >>> star.rootings[0]
+        Rooting(tree=Tree('[[τ,τ]]'), sign=-1, multiplicity=3)
+    """
+
+    representative: Tree
+    rootings: tuple[Rooting, ...]
+    symmetry: int
+    is_superfluous: bool
+
+
+@kernel
+def turn_roots(
+    flips, max_order, colors, block, order, color, left, right, base_start, base, stack, flipped, turned,
+):  # fmt: skip
+    """For every tree, the tree with the other root colour (only if `flips`), and with the root in its largest child."""
+    for tree in range(len(turned)):
+        u = left[tree]
+        v = right[tree]
+        flipped[tree] = turned[tree] = OUTSIDE
+        if u < 0:
+            turned[tree] = tree
+            if flips:
+                flipped[tree] = 1 - color[tree]
+            continue
+        if flips:
+            if flipped[u] >= 0:
+                flipped[tree] = product(flipped[u], v, max_order, colors, block, order, color, base_start, base)
+            if color[u] == color[v]:
+                u = flipped[u]
+        if u >= 0:
+            turned[tree] = graft(v, u, max_order, colors, block, order, color, left, right, base_start, base, stack)
+
+
+@kernel
+def find_centroids(flips, order, color, right, flipped, turned, representative, sign):
+    """Move every root to the centroid: the representative of the class, and the sign of so many moves."""
+    for tree in range(len(turned)):
+        at = tree
+        parity = 1
+        while right[at] >= 0 and 2 * order[right[at]] > order[at]:
+            at = turned[at]
+            parity = -parity
+        if flips and color[at] == 1:
+            at = flipped[at]
+        if right[at] >= 0 and 2 * order[right[at]] == order[at]:
+            other = turned[at]
+            if flips and color[other] == 1:
+                other = flipped[other]
+            if other == at:
+                parity = 0
+            elif other < at:
+                at = other
+                parity = -parity
+        representative[tree] = at
+        sign[tree] = parity
+
+
+class Rootings:
+    """Moving the root, for all trees of a table, as columns over the ids.
+
+    Attributes:
+        flips: Whether roots change their colour: the colours are blocks, and not only blocks that the other one drives.
+        flipped: Id of the tree with the other root colour, where `flips`.
+        turned: Id of v ∘ u for the tree u ∘ v, v its largest child; if `flips`, with u's colour opposite to v's.
+        representative: Id of the tree that stands for the class.
+        sign: Sign of the tree's Hamiltonian relative to the representative's; 0 for superfluous trees.
+    """
+
+    def __init__(self, table: TreeTable, *, blocks: bool = False):
+        self.table = table
+        self.flips = blocks and not is_separable(table)
+        size = len(table)
+        columns = (table._block, table._order, table._color, table._left, table._right, table._base_start, table._base)
+        flipped, turned, representative = (table.column(size, "int32") for _ in range(3))
+        sign, stack = table.column(size), table.column(table.max_order, "int32")
+        table.run(turn_roots)(self.flips, table.max_order, table.colors, *columns, stack, flipped, turned)
+        self.flipped, self.turned = _list(flipped), _list(turned)
+        if min(self.turned) < 0 or (self.flips and min(self.flipped) < 0):
+            raise TreeError(f"table must hold every tree with its root moved, but {table!r} does not")
+        table.run(find_centroids)(
+            self.flips, table._order, table._color, table._right, flipped, turned, representative, sign
+        )
+        self.representative, self.sign = _list(representative), _list(sign)
+        self._symmetry = _list(table._symmetry_and_density[0])
+
+    def symmetry(self, tree: int) -> int:
+        """Number of automorphisms of a tree's free tree: the centroid, or the edge between two, stays where it is."""
+        return self._symmetry[self.representative[tree]] * (1 if self.sign[tree] else 2)
+
+    def multiplicity(self, tree: int) -> int:
+        """Number of nodes that give this tree when chosen as the root of its free tree."""
+        return self.symmetry(tree) // self._symmetry[tree]
+
+
+def _list(column: Any) -> list[int]:
+    return column if isinstance(column, list) else column.tolist()
+
+
+@lru_cache(maxsize=8)
+def rootings(table: TreeTable, *, blocks: bool = False) -> Rootings:
+    """The rootings of a table, made once.
+
+    Raises:
+        TreeError: The table does not hold every tree with its root moved.
+    """
+    return Rootings(table, blocks=blocks)
+
+
+def is_separable(table: TreeTable) -> bool:
+    """Whether the trees are those of p' = f(q), q' = g(p): no node has a child of its own colour."""
+    return table.colors == 2 and all(table.limits[c][c] == 0 for c in range(2))
+
+
+def grafting(table: TreeTable) -> Callable[[int, int], int]:
+    """The Butcher product u ∘ v on the ids of a table; negative if the table does not hold it."""
+    run = table.run(kernels.graft)
+    columns = (
+        table.max_order, table.colors, table._block, table._order, table._color, table._left, table._right,
+        table._base_start, table._base, table.column(table.max_order, "int32"),
+    )  # fmt: skip
+    return lambda u, v: run(u, v, *columns)
+
+
+def free_tree_classes(
+    order: int,
+    colors: int = 1,
+    *,
+    blocks: bool = False,
+    max_children: Iterable[Iterable[float | None]] | float | None = None,
+) -> tuple[FreeTree, ...]:
+    """The free trees with 1 … `order` nodes: classes of rooted trees that differ in the place of the root.
+
+    The modified Hamiltonian of a method on y' = J ∇H has one term for each class that is not superfluous.
+
+    Args:
+        order: Largest number of nodes.
+        colors: Number of colours.
+        blocks: Whether two colours are the blocks p and q of a Hamiltonian system, p' = −H_q and q' = H_p; otherwise
+            they are parts of a sum of systems. The roots of blocks have no colour and are written with that of p, but
+            for the trees of separable systems, where the root's colour tells the kinetic from the potential energy.
+        max_children: Which trees to hold, as for `TreeTable`; moving the root must not lead out of them.
+
+    Returns:
+        The classes, their representatives ascending.
+
+    Raises:
+        TreeError: An argument is out of its range, or moving the root leads out of the trees.
+
+    Example:
+        >>> [str(free.representative) for free in free_tree_classes(5) if not free.is_superfluous]
+        ['τ', '[τ,τ]', '[τ,τ,τ]', '[[τ],[τ]]', '[τ,τ,[τ]]', '[τ,τ,τ,τ]']
+        >>> [(str(tree), sign, many) for tree, sign, many in free_tree_classes(3)[-1].rootings]
+        [('[[τ]]', -1, 2), ('[τ,τ]', 1, 1)]
+        >>> [free.representative.text("pq") for free in free_tree_classes(2, colors=2, blocks=True)]
+        ['p', 'p[p]']
+
+    References:
+        HLW, sections IX.9 (elementary Hamiltonians, superfluous trees) and IX.10 (blocks).
+        OEIS A000055 (free trees), A000238 (blocks: trees with directed edges).
+    """
+    if blocks and colors != 2:
+        raise TreeError(f"blocks must be two colours, but were {colors!r:.60}")
+    table = tree_table(order, colors, max_children)
+    roots = rootings(table, blocks=blocks)
+    classes: dict[int, list[Rooting]] = {}
+    for tree, representative in enumerate(roots.representative):
+        if not (roots.flips and table._color[tree]):
+            rooting = Rooting(table[tree], roots.sign[tree], roots.multiplicity(tree))
+            classes.setdefault(representative, []).append(rooting)
+    return tuple(
+        FreeTree(table[at], tuple(classes[at]), roots.symmetry(at), roots.sign[at] == 0) for at in sorted(classes)
+    )
