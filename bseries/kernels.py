@@ -81,13 +81,20 @@ def multiply_blocks(blocks, x, at_x, y, at_y, relation, modulus, inverse, produc
     for e in range(1, len(blocks)):
         first = int(blocks[e - 1])
         size = int(blocks[e]) - first
-        for k in range(2 * size - 1):
+        many = 2 * size - 1
+        returning = False
+        for i in range(size):
+            if relation[first + i]:
+                returning = True
+        if not returning:  # modulo a power of z nothing comes back from above
+            many -= size - 1
+        for k in range(many):
             low = max(0, k - size + 1)
             total = x[at_x + first + low] * y[at_y + first + k - low]
             for i in range(low + 1, min(k, size - 1) + 1):
                 total += x[at_x + first + i] * y[at_y + first + k - i]
             product[k] = reduced(total, modulus, inverse) if modulus else total
-        for k in range(2 * size - 2, size - 1, -1):
+        for k in range(many - 1, size - 1, -1):
             for i in range(size):
                 total = product[k - size + i] - product[k] * relation[first + i]
                 product[k - size + i] = reduced(total, modulus, inverse) if modulus else total

@@ -10,7 +10,7 @@ from math import factorial, prod
 from typing import TYPE_CHECKING, Any
 
 from .errors import TreeError
-from .formulas import _latex_name
+from .formulas import latex_name
 from .names import check_names, default_names, is_name, is_number, node_names
 from .notation import MAX_ORDER, nest
 from .tree import Tree
@@ -206,7 +206,7 @@ def common_names(trees: Iterable[Tree], names: Iterable[str] | None) -> tuple[st
 def _tree_latex(tree: Tree, names: Sequence[str]) -> str:
     if not names[0]:
         return tree.text(names).replace("τ", "\\tau")
-    return nest(tree.levels, map(_latex_name, node_names(tree.colors, names)), "[", "]")
+    return nest(tree.levels, map(latex_name, node_names(tree.colors, names)), "[", "]")
 
 
 def _read(text: str, names: Iterable[str] | None) -> list[Tree]:

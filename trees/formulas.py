@@ -50,7 +50,7 @@ def elementary_differential(tree: Tree, format: str = "text", names: Iterable[st
     latex = _is_latex(format)
     labels = []
     for (_, subtree), name in zip(tree.preorder(), node_names(tree.colors, names), strict=True):
-        part = f"_{{{_latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
+        part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
         labels.append("f" + part + _derivative(len(subtree.children), latex))
     return nest(tree.levels, labels, "(", ")")
 
@@ -82,15 +82,15 @@ def elementary_weight(tree: Tree, format: str = "text", names: Iterable[str] | N
     latex = _is_latex(format)
     name_of = dict(zip(tree.colors, node_names(tree.colors, names), strict=True))
     inner = [(level, subtree) for level, subtree in tree.preorder() if level == 0 or subtree.children]
-    indices = _indices(len(inner), latex)
+    indices = index_letters(len(inner), latex)
     factors = []
     path: list[str] = []  # the indices from the root to the present node
     for (level, subtree), own in zip(inner, indices, strict=True):
         path[level:] = [own]
         subscript = ("," if len(own) > 1 and not latex else "").join(path[-2:])
-        factors.append(_factor("a" if level else "b", name_of[subtree.color], subscript, 1, latex))
+        factors.append(factor_text("a" if level else "b", name_of[subtree.color], subscript, 1, latex))
         for color, equal in groupby(child.color for child in subtree.children if not child.children):
-            factors.append(_factor("c", name_of[color], own, len(list(equal)), latex))
+            factors.append(factor_text("c", name_of[color], own, len(list(equal)), latex))
     sign = f"\\sum_{{{','.join(indices)}}}" if latex else "Σ"
     return " ".join([sign, *factors])
 
@@ -137,20 +137,22 @@ def _derivative(count: int, latex: bool) -> str:
     return f"^{{({count})}}" if latex else f"^({count})"
 
 
-def _latex_name(name: str) -> str:
+def latex_name(name: str) -> str:
+    """The name of a colour in LaTeX."""
     return name if len(name) == 1 else f"\\mathrm{{{name.replace('_', chr(92) + '_')}}}"
 
 
-def _indices(count: int, latex: bool) -> list[str]:
+def index_letters(count: int, latex: bool) -> list[str]:
+    """Names of so many summation indices: i, j, k, …, and numbered ones where letters do not suffice."""
     if count <= len(_INDICES):
         return list(_INDICES[:count])
     return [f"i_{{{k}}}" if latex else f"i{k}" for k in range(1, count + 1)]
 
 
-def _factor(symbol: str, name: str, subscript: str, power: int, latex: bool) -> str:
+def factor_text(symbol: str, name: str, subscript: str, power: int, latex: bool) -> str:
     """One factor such as a_ij, (c^p_i)^2 or c_i^2."""
     if latex:
-        base = symbol + (f"^{{{_latex_name(name)}}}" if name else "") + f"_{{{subscript}}}"
+        base = symbol + (f"^{{{latex_name(name)}}}" if name else "") + f"_{{{subscript}}}"
         exponent = f"^{{{power}}}"
     else:
         base = symbol + (f"^{name}" if name else "") + f"_{subscript}"

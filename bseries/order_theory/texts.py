@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import groupby
 from typing import NamedTuple
 
-from trees.formulas import _factor, _indices
+from trees.formulas import factor_text, index_letters
 
 from .kernels import IMAGE, ONE
 from .program import Equation, Program, Summand
@@ -41,12 +41,12 @@ def left_text(program: Program, equation: Equation, format: str) -> str:
 
 def _summand_text(program: Program, summand: Summand, latex: bool) -> str:
     found = _read(program, summand)
-    indices = _indices(len(found.relations), latex)
+    indices = index_letters(len(found.relations), latex)
     parts = [_sign(found.relations, indices, latex)]
     for symbol, part, at, exponent in found.factors:
         own = [indices[k] for k in at]
         subscript = ("," if len(own[-1]) > 1 and not latex else "").join(own)
-        parts.append(_factor(symbol[latex], part, subscript, exponent, latex))
+        parts.append(factor_text(symbol[latex], part, subscript, exponent, latex))
     if summand.coefficient != 1:
         parts.insert(0, _number(summand.coefficient, latex))
     return " ".join(parts)

@@ -200,3 +200,11 @@ def test_bad_input_is_refused_in_one_sentence(call, message):
     with pytest.raises(bs.errors, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("order", "colors"), [(6, 1), (4, 2)])
+def test_the_substitution_coproduct_gives_the_same(random_series, order, colors):
+    b, a = random_series(order, 10, 0, colors), random_series(order, 11, 1, colors)
+    expected = bs.substitute(b, a)
+    for tree in b:
+        assert bs.substitution_coproduct(tree).evaluate(b.__getitem__, a.__getitem__) == expected[tree]
