@@ -86,6 +86,10 @@ class Exact:
         """Factor on 1/j! (see `Wrapped`)."""
         return 1
 
+    def raised(self, values: Any, table: TreeTable) -> Any:
+        """Values that a solution starts from; bounds are kept off zero (see `Majorant`)."""
+        return values
+
     entry_factors = (1, 1)
     """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
 
@@ -176,7 +180,7 @@ class Majorant(Float):
     Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
     2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a product of n
     inputs passes through at most 3 n² + (s + 4) n roundings on its way (s stages), which makes a relative error below
-    2^−37 within `MOST_TERMS` and `MOST_STAGES`, and `SLACK` covers several such steps.
+    2^−33 within `MOST_TERMS` and `MOST_STAGES` (in blocks s n² roundings), and `SLACK` covers several such steps.
     """
 
     majorant = True
@@ -194,6 +198,12 @@ class Majorant(Float):
     def node_factor(self, *, field: bool) -> Any:
         """The scaling of values with one node."""
         return Fraction(2) ** -self.exponent
+
+    def raised(self, values: Any, table: TreeTable) -> Any:
+        """Values lifted to 2^(−floor·n): where solutions enter products again, what underflows is far below that."""
+        import numpy as np
+
+        return np.maximum(values, 2.0 ** -(self.floor * table.order.astype(float)))
 
 
 class Prime(Compiled):

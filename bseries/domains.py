@@ -258,7 +258,9 @@ def to_float(number: Any) -> float:
     """
     try:
         return float(number)
-    except (TypeError, OverflowError) as error:
+    except OverflowError:
+        raise SeriesError(f"coefficient must stay within the range of floats, but was {number!s:.30}…") from None
+    except TypeError as error:
         raise SeriesError(f"coefficient must be a number to become a float, but was {number!s:.60}") from error
 
 

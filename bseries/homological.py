@@ -138,7 +138,7 @@ class EffectiveOrder:
         known = {0: number(Fraction(0))} if n == 1 else {}
         trees, larger = self._table.ids(n), self._table.ids(n + 1)
         term = solve_triangular(trees, self._leaves.add, self._equation, b.__getitem__, known, number)
-        residuals = [b[tree] - _sum(self._equation(tree), term) for tree in larger]
+        residuals = [b[tree] - _sum(self._equation(tree), term, number) for tree in larger]
         return Step(term, residuals, list(larger))
 
     def _equation(self, tree: int) -> Counter[int]:
@@ -148,8 +148,8 @@ class EffectiveOrder:
         return factors
 
 
-def _sum(factors: Mapping[Key, int], values: Mapping[Key, Any]) -> Any:
-    return sum(values[key] * factor for key, factor in factors.items())
+def _sum(factors: Mapping[Key, int], values: Mapping[Key, Any], number: Number) -> Any:
+    return sum((values[key] * factor for key, factor in factors.items()), start=number(Fraction(0)))
 
 
 class ConjugateSymplectic:
@@ -183,7 +183,7 @@ class ConjugateSymplectic:
             return b[tree] + b[other] if len(key) == 2 else b[tree] - b[other]
 
         found = solve_triangular(unknowns, self._pivot, self._equation, right_side, {}, number)
-        residuals = [right_side(key) - _sum(self._equation(key), found) for key in equations]
+        residuals = [right_side(key) - _sum(self._equation(key), found, number) for key in equations]
         term = self._lifted(self._roots.table.ids(n), found, number)
         return Step(term, residuals, [min(pair) for pair in equations.values()])
 

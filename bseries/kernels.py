@@ -93,6 +93,8 @@ def multiply_blocks(blocks, x, at_x, y, at_y, relation, modulus, inverse, produc
             total = x[at_x + first + low] * y[at_y + first + k - low]
             for i in range(low + 1, min(k, size - 1) + 1):
                 total += x[at_x + first + i] * y[at_y + first + k - i]
+                if modulus and i % 16 == 0:
+                    total = reduced(total, modulus, inverse)
             product[k] = reduced(total, modulus, inverse) if modulus else total
         for k in range(many - 1, size - 1, -1):
             for i in range(size):

@@ -71,7 +71,8 @@ class Operation(NamedTuple):
 
     `expression(arithmetic, *loaders)` gives the raw result, where loader(field=…) gives an input's raw values.
     `claim(n, L)` is the denominator D_n, `step(order, L)` an L for the result. `field` says how the raw result is
-    scaled (see `Wrapped`). The operation's own multipliers have denominators that divide powers of `units`, beside j!.
+    scaled (see `Wrapped`). The operation's own multipliers have denominators that divide powers of `units`, beside j!;
+    if it is even, nothing runs modulo 2^64. Primes that divide `avoid` are not used: numbers that are divided by.
     `bounds`, if they are known without a run, are log₂ of bounds on the result for n = 1, 2, … nodes; `integers`, if
     given, is the arithmetic modulo 2^64 that suits the operation (None: the homogeneous one; see `Wrapped`).
     """
@@ -81,6 +82,7 @@ class Operation(NamedTuple):
     step: Callable[[int, int], int]
     field: bool
     units: int = 1
+    avoid: int = 1
     bounds: Sequence[float] | None = None
     integers: Wrapped | None = None
 
@@ -109,7 +111,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
             bits = [bound + math.log2(d) for bound, d in zip(operation.bounds, denominators[1:], strict=True)]
         if bits is not None:
             numerators = _numerators(
-                table, run, bits, common * operation.units, denominators, integers, operation.field
+                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
             )
             return RationalValues(table, numerators, denominators, step)
     values = run(Exact())

@@ -151,6 +151,7 @@ def modifying_integrator(
         lambda _, step: math.lcm(*claimed(step)),
         field=True,
         units=1 if integers else 2,
+        avoid=_numerators(sums),
         integers=integers,
     )
     return of_method(method, table, operation, 0, stages)
@@ -203,12 +204,13 @@ def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 
     def expression(arithmetic: Any, base: Any) -> Any:
-        wanted = target.load(a.table, arithmetic, field=True)
+        wanted = arithmetic.raised(target.load(a.table, arithmetic, field=True), a.table)
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
     skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
     claims = solved_denominators(skeletons, target.denominators, _numerators(roots))
-    result = apply(a.table, [values], _operation(expression, claims))
+    operation = _operation(expression, claims)._replace(avoid=_numerators(roots))
+    result = apply(a.table, [values], operation)
     return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
 
 

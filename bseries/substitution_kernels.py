@@ -70,10 +70,10 @@ def substitute_in_stages(
                         for j in range(width):
                             terms[to + j] += rows[from_row + j] * factor
                             log_terms[to + j] += logs[from_row + j] * factor
-                if modulus and size > 1:
-                    for j in range(many * width):
-                        terms[j] = reduced(terms[j], modulus, inverse)
-                        log_terms[j] = reduced(log_terms[j], modulus, inverse)
+                    if modulus and size > 1 and (x % 16 == 15 or x == size - 1):
+                        for j in range(many * width):
+                            terms[j] = reduced(terms[j], modulus, inverse)
+                            log_terms[j] = reduced(log_terms[j], modulus, inverse)
             if modulus and size == 1:
                 for j in range(width):
                     terms[j] = reduced(terms[j], modulus, inverse)
@@ -115,7 +115,8 @@ def substitute_in_stages(
         for i in range(stages):
             value[i] *= lift
         for e in range(1, len(blocks)):
-            value[blocks[e - 1]] += field[tree]
+            total = value[blocks[e - 1]] + field[tree]
+            value[blocks[e - 1]] = reduced(total, modulus, inverse) if modulus else total
             if live[e - 1] < moved and tree < top:
                 rows[(tree * moved + live[e - 1]) * width] = field[tree]
         if not solve:

@@ -34,19 +34,24 @@ class LinearForm(Frozen):
 
     start: Entry
     terms: Mapping[int, Entry]
+    owner: object | None
 
     def __init__(self, start: Any = 0, terms: Mapping[int, Any] | None = None) -> None:
         read = {e: read_entry(x, f"coefficient of k{e + 1}") for e, x in (terms or {}).items()}
         self._set(read_entry(start, "coefficient of y"), read)
 
-    def _set(self, start: Entry, terms: Mapping[int, Entry]) -> LinearForm:
-        self.__dict__.update(start=start, terms={e: x for e, x in sorted(terms.items()) if x != 0})
+    def _set(self, start: Entry, terms: Mapping[int, Entry], owner: object | None = None) -> LinearForm:
+        kept = {e: x for e, x in sorted(terms.items()) if x != 0}
+        self.__dict__.update(start=start, terms=kept, owner=owner)
         return self
 
     @classmethod
-    def of_entries(cls, start: Entry, terms: Mapping[int, Entry]) -> LinearForm:
-        """The form with coefficients that are entries of a method already, and need not be read again."""
-        return cls.__new__(cls)._set(start, terms)
+    def of_entries(cls, start: Entry, terms: Mapping[int, Entry], owner: object | None = None) -> LinearForm:
+        """The form with coefficients that are entries of a method already, and need not be read again.
+
+        Forms that a builder gives have an `owner`, so that nobody mixes those of two builders: their k₁ differ.
+        """
+        return cls.__new__(cls)._set(start, terms, owner)
 
     @property
     def _data(self) -> tuple[Any, ...]:
@@ -59,7 +64,7 @@ class LinearForm(Frozen):
 
     def map(self, function: Callable[[Entry], Any]) -> LinearForm:
         """The form with a function of every coefficient."""
-        return self.of_entries(function(self.start), {e: function(x) for e, x in self.terms.items()})
+        return self.of_entries(function(self.start), {e: function(x) for e, x in self.terms.items()}, self.owner)
 
     def times(self, entry: Entry) -> LinearForm:
         """The form times an entry of a method."""
@@ -75,10 +80,12 @@ class LinearForm(Frozen):
     def __add__(self, other: object) -> LinearForm:
         if not isinstance(other, LinearForm):
             return NotImplemented
+        if None not in (self.owner, other.owner) and self.owner is not other.owner:
+            raise IntegratorError("forms must come from one builder to be added, but came from two")
         terms = dict(self.terms)
         for e, x in other.terms.items():
             terms[e] = sum_entries((terms[e], x)) if e in terms else x
-        return self.of_entries(sum_entries((self.start, other.start)), terms)
+        return self.of_entries(sum_entries((self.start, other.start)), terms, self.owner or other.owner)
 
     def __radd__(self, other: object) -> LinearForm:
         return self if other == 0 else NotImplemented  # where `sum` begins

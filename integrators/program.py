@@ -18,7 +18,7 @@ from .errors import IntegratorError
 from .expressions import shorten
 from .frozen import Frozen
 from .linear_forms import LinearForm, check_form
-from .tableau_input import check_digits, check_label, check_partition_names
+from .tableau_input import MAX_STAGES, check_digits, check_label, check_partition_names
 
 if TYPE_CHECKING:
     from .entries import Entry
@@ -261,8 +261,9 @@ class ProgramBuilder:
     """
 
     def __init__(self, parts: Sequence[str] = (), *, auxiliary: Sequence[str] = ()) -> None:
-        if isinstance(parts, str):
-            raise IntegratorError(f"parts must be a sequence of names, but was the text {shorten(repr(parts))}")
+        for argument, names in (("parts", parts), ("auxiliary", auxiliary)):
+            if isinstance(names, str) or not isinstance(names, Iterable):
+                raise IntegratorError(f"{argument} must be a sequence of names, but was {shorten(repr(names))}")
         check_partition_names(parts)
         if len(set(parts)) < len(parts):
             raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
@@ -272,23 +273,35 @@ class ProgramBuilder:
         self._parts = tuple(parts) or ("",)
         self._auxiliary = tuple(auxiliary)
         self._evaluations: list[Evaluation | None] = []
-        self.y = LinearForm(1)
+        self.y = LinearForm.of_entries(Fraction(1), {}, self)
 
     def unknowns(self, count: int) -> tuple[LinearForm, ...]:
-        """Evaluations to be defined later."""
+        """Evaluations to be defined later, up to 1,000 at a time."""
+        if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= MAX_STAGES:
+            raise IntegratorError(f"count must be from 0 to {MAX_STAGES}, but was {shorten(repr(count))}")
         first = len(self._evaluations)
         self._evaluations += [None] * count
-        return tuple(LinearForm(0, {e: 1}) for e in range(first, first + count))
+        return tuple(map(self._register, range(first, first + count)))
+
+    def _register(self, e: int) -> LinearForm:
+        return LinearForm.of_entries(Fraction(0), {e: Fraction(1)}, self)
+
+    def _form(self, form: object, argument: str, *, start: int) -> LinearForm:
+        """A form of this builder, without its mark."""
+        checked = check_form(form, argument, start=start)
+        if checked.owner not in (None, self):
+            raise IntegratorError(f"{argument} must come from this builder, but {shorten(str(checked))} is another's")
+        return LinearForm.of_entries(checked.start, checked.terms)
 
     def field(self, at: LinearForm, part: str | None = None, *, into: LinearForm | None = None) -> LinearForm:
         """h f^[part](at); all parts if None."""
-        return self._record(Field(self._part(part), check_form(at, "at", start=1)), into)
+        return self._record(Field(self._part(part), self._form(at, "at", start=1)), into)
 
     def derivative(
         self, at: LinearForm, along: LinearForm, part: str | None = None, *, into: LinearForm | None = None
     ) -> LinearForm:
         """h (f^[part])′(at) · along."""
-        points = check_form(at, "at", start=1), check_form(along, "along", start=0)
+        points = self._form(at, "at", start=1), self._form(along, "along", start=0)
         return self._record(Derivative(self._part(part), *points), into)
 
     def flow(
@@ -301,19 +314,21 @@ class ProgramBuilder:
         into: LinearForm | None = None,
     ) -> LinearForm:
         """The increment of the exact flow over time · h, with a polynomial forcing in θ (see `Flow`)."""
-        forms = tuple(check_form(form, "forcing", start=0) for form in forcing)
+        forms = tuple(self._form(form, "forcing", start=0) for form in forcing)
         duration = entries.read_entry(time, "time")
-        return self._record(Flow(self._part(part), check_form(at, "at", start=1), duration, forms), into)
+        return self._record(Flow(self._part(part), self._form(at, "at", start=1), duration, forms), into)
 
     def average(
         self, path: Sequence[LinearForm], part: str | None = None, *, power: int = 0, into: LinearForm | None = None
     ) -> LinearForm:
         """∫₀¹ θ^power h f^[part](Σ θ^j path[j]) dθ."""
-        if not path:
-            raise IntegratorError("path must hold at least its start, but was empty")
+        if not isinstance(path, Sequence) or not path:
+            raise IntegratorError(
+                f"path must be a sequence that holds at least its start, but was {shorten(repr(path))}"
+            )
         if isinstance(power, bool) or not isinstance(power, int) or power < 0:
             raise IntegratorError(f"power must be 0, 1, 2, …, but was {shorten(repr(power))}")
-        forms = tuple(check_form(form, f"path[{j}]", start=int(j == 0)) for j, form in enumerate(path))
+        forms = tuple(self._form(form, f"path[{j}]", start=int(j == 0)) for j, form in enumerate(path))
         return self._record(Average(self._part(part), forms, power), into)
 
     def program(
@@ -331,7 +346,7 @@ class ProgramBuilder:
         evaluations: Any = tuple(self._evaluations)
         return Program(
             evaluations,
-            result,
+            self._form(result, "result", start=1),
             parts=self._parts,
             auxiliary=self._auxiliary,
             name=name,
@@ -352,7 +367,7 @@ class ProgramBuilder:
     def _record(self, evaluation: Evaluation, into: LinearForm | None) -> LinearForm:
         if into is None:
             self._evaluations.append(evaluation)
-            return LinearForm(0, {len(self._evaluations) - 1: 1})
+            return self._register(len(self._evaluations) - 1)
         known = isinstance(into, LinearForm) and into.start == 0 and len(into.terms) == 1 and 1 in into.terms.values()
         e = next(iter(into.terms)) if known else -1
         if not known or e >= len(self._evaluations) or self._evaluations[e] is not None:

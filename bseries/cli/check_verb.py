@@ -22,6 +22,16 @@ Number = Callable[[Any, Any], str]
 """How to write a number of a method."""
 
 COLUMNS = (Column("quantity"), Column("value"))
+_NAMES = {
+    "i_stable": "I-stable",
+    "a_stable": "A-stable",
+    "l_stable": "L-stable",
+    "stability_angle": "stability angle in degrees",
+    "linear_ssp_coefficient": "linear SSP coefficient",
+    "ssp_coefficient": "SSP coefficient",
+}
+"""Names of facts that are no plain words."""
+
 MOST_TERMS = 50
 """More error coefficients than these are left to JSON and CSV."""
 
@@ -65,7 +75,8 @@ def check(method: Method, order: int | None, nonzero: bool, output: Output) -> I
         notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
         errors = []
     if output.format == "latex":
-        return [layout.latex(COLUMNS, [(layout.latex_text(name), value) for name, value in [*facts, *errors]])]
+        rows = [(layout.latex_text(name), v if v[0] == "$" else layout.latex_text(v)) for name, v in [*facts, *errors]]
+        return [layout.latex(COLUMNS, rows)]
     title = f"Order and properties of {method.name}"
     if output.format == "markdown":
         return [layout.markdown(COLUMNS, [*facts, *errors], title=title, notes=notes)]
@@ -89,7 +100,7 @@ def _facts(report: Report, number: Number) -> Iterator[tuple[str, str]]:
         yield "simplifying assumptions", ", ".join(f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True))
     for name, value in report.stability.items():
         if value is not None and name != "undecided":
-            yield name.replace("_", " "), _answer(value) if isinstance(value, bool) else str(value)
+            yield _NAMES.get(name, name.replace("_", " ")), _answer(value) if isinstance(value, bool) else str(value)
     for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
         yield f"row sums of {name}" if name else "row sums", ", ".join(number(x, method) for x in sums)
     if report.error is not None:
@@ -150,9 +161,19 @@ def _notes(report: Report) -> Iterator[str]:
         )
     if getattr(report.method, "domain", "") == "float":
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
+    names = report.method.names
+    if report.structure and len(names) > 1:
+        if names == ("p", "q"):
+            yield "Structure: p and q are taken as blocks of variables, p' = -H_q and q' = H_p."
+        else:
+            yield f"Structure: {', '.join(names)} are taken as parts of the field, each with the property itself."
+    if not report.stability:
+        yield "Linear stability is computed for Runge-Kutta tableaux only."
+    if report.structure and max(v.tested_to for v in report.structure.values()) <= report.order:
+        yield "Up to its order a method has every structure that the exact flow has; more nodes: --order N."
     undecided: dict[str, str] = report.stability.get("undecided", {})
     for reason in dict.fromkeys(undecided.values()):
-        facts = ", ".join(name.replace("_", " ") for name, why in undecided.items() if why == reason)
+        facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
         yield f"Not decided: {facts}: {reason}."
     for issue in report.method.issues:
         yield f"Beware: {issue}."

@@ -56,6 +56,9 @@ def compose(
     if len(texts) != len(methods):
         raise Refusal(f"steps must be as many as methods, {len(methods)}, but were {len(texts)}")
     lengths = [read_entry(text, f"steps[{i}]") for i, text in enumerate(texts, 1)]
+    for other in methods[1:]:
+        if other.names != methods[0].names:
+            raise Refusal(f"METHODs must have the same parts, but {_parts(methods[0])} and {_parts(other)}")
     output.check_rows(count_rows(order, len(methods[0].names), max_children))
 
     def one(method: Any, length: Any) -> BSeries:
@@ -66,3 +69,7 @@ def compose(
     s = (s.log() if modified else s).with_label(", then ".join(parts))
     issues = list(dict.fromkeys(issue for method in methods for issue in method.issues))
     return answer(s, "modified" if modified else "series", issues, output=output, **options)
+
+
+def _parts(method: Any) -> str:
+    return f"{method.name} has {', '.join(method.names)}" if any(method.names) else f"{method.name} has none"

@@ -297,3 +297,9 @@ def test_refusals(call, message):
     a = bs.exact_flow(3)
     with pytest.raises(bs.errors, match=message):
         call(a.log(), a)
+
+
+def test_irrational_tableaux_are_decided_too():
+    method = bs.RungeKutta([["sqrt(2)/2"]], [1])
+    assert bs.conjugate_symplecticity(method, 5)[:2] == (1, bs.Tree("[τ]"))
+    assert bs.effective_order(method, 4).order == 1

@@ -62,7 +62,7 @@ def test_steps_default_to_one_each_and_may_be_symbol_free_formulas(answer):
     [
         (("compose", "rk4", "heun2", "--steps", "1"), "steps must be as many as methods, 2, but were 1"),
         (("compose", "rk4", "--steps", "x"), r"steps\[1\]"),
-        (("compose", "rk4", "stormer-verlet"), "both series must have the same trees"),
+        (("compose", "rk4", "strang"), "METHODs must have the same parts, but rk4 has none and strang has a, b"),
         (("compose",), "METHOD"),
         (("compose", "rk5"), "name must be a method of the catalogue"),
         (("modifying", "ros34pw2", "--order", "3"), "method must have parts of the field only, but W is none"),

@@ -51,12 +51,12 @@ def test_structure_says_how_far_and_what_breaks_it(answer):
     assert found["symplectic"] == "to 4 nodes, not for [τ,[[τ]]]"
     assert found["stage order"] == "1"
     assert found["simplifying assumptions"] == "B(4), C(1), D(1)"
-    assert (found["a stable"], found["imaginary stability interval"]) == ("no", "2.8284271247461903")
+    assert (found["A-stable"], found["imaginary stability interval"]) == ("no", "2.8284271247461903")
     data = json.loads(answer("check", "stormer-verlet", "--order", "4", "--format", "json"))
     assert data["structure_tested_to"] == 4
     assert data["properties"]["energy_preserving"] == {"order": 2, "breaks": "p[p[q]]"}
     assert data["properties"]["symplectic"] == {"order": 4, "breaks": None}
-    assert "Not decided: a stable" not in answer("check", "rk4")
+    assert "Not decided: A-stable" not in answer("check", "rk4")
     assert "depends on gamma" in answer("check", "sdirk2")
 
 

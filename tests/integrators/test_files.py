@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import sympy
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
@@ -89,16 +89,16 @@ formulas = st.recursive(
 def methods(draw, entries, **keywords):
     s = draw(st.integers(1, 3))
     row = st.lists(entries, min_size=s, max_size=s)
-    return RungeKutta(
-        draw(st.lists(row, min_size=s, max_size=s)),
-        draw(row),
-        draw(st.none() | row),
-        embedded=draw(st.lists(row, max_size=2)),
-        name=draw(st.none() | st.text(st.characters(exclude_categories=["Cs"]), max_size=5)),
-        digits=draw(st.none() | st.integers(1, 40)) if "parameters" not in keywords else None,
-        warn=False,
-        **keywords,
+    A, b, c, embedded = (
+        draw(x) for x in (st.lists(row, min_size=s, max_size=s), row, st.none() | row, st.lists(row, max_size=2))
     )
+    name = draw(st.none() | st.text(st.characters(exclude_categories=["Cs"]), max_size=5))
+    digits = draw(st.none() | st.integers(1, 40)) if "parameters" not in keywords else None
+    try:
+        return RungeKutta(A, b, c, embedded=embedded, name=name, digits=digits, warn=False, **keywords)
+    except IntegratorError as error:
+        assume("bits" not in str(error))  # formulas may grow beyond what is read at all
+        raise
 
 
 @pytest.mark.filterwarnings("ignore::integrators.TableauWarning")

@@ -186,7 +186,7 @@ Y = LinearForm(1)
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: ProgramBuilder("ab"), "parts must be a sequence of names, but was the text 'ab'"),
+        (lambda: ProgramBuilder("ab"), "parts must be a sequence of names, but was 'ab'"),
         (lambda: builder("a", "a"), "parts must have different names, but were a, a"),
         (lambda: builder("τ"), "names of partitions must start with a letter"),
         (lambda: ProgramBuilder(["a"], auxiliary=["b"]), "auxiliary must name parts, but 'b' is none"),
@@ -197,7 +197,7 @@ Y = LinearForm(1)
         (lambda: builder().derivative(Y, Y), "along must be a vector, evaluations without y, but was y"),
         (lambda: builder().flow(Y, time="x"), "time must be a formula, but 'x' has"),
         (lambda: builder().flow(Y, forcing=[Y]), "forcing must be a vector, evaluations without y, but was y"),
-        (lambda: builder().average([]), "path must hold at least its start, but was empty"),
+        (lambda: builder().average([]), "path must be a sequence that holds at least its start, but was"),
         (lambda: builder().average([Y, Y]), r"path\[1\] must be a vector, evaluations without y, but was y"),
         (lambda: builder().average([Y], power=-1), "power must be 0, 1, 2, …, but was -1"),
         (lambda: builder().field(Y, into=k()), "into must be one of the unknowns, not yet defined, but was k1"),

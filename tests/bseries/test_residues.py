@@ -1,0 +1,92 @@
+"""Sums that must be reduced, primes that must be avoided, bounds that must not vanish: what residues rest on."""
+
+import math
+from fractions import Fraction
+
+import numba  # noqa: F401
+import pytest
+
+import bseries as bs
+import trees.table
+from bseries import recursions, substitution_recursions
+from bseries.arithmetic import Exact, majorants, prime_field
+from bseries.recursions import Stages
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.setattr(trees.table, "compiling_pays", lambda work: True)
+    TABLE = trees.TreeTable(5)
+
+PRIME = 1073741789  # the largest below 2^30, the first that is used
+
+
+def alike_in_all_arithmetics(run, exact):
+    """Residues agree with exact numbers, and bounds are bounds."""
+    residues, bounds = run(prime_field(PRIME)), run(majorants(4, TABLE.max_order))
+    nodes = TABLE.order.tolist()
+    for x, residue, bound, n in zip(exact, residues, bounds, nodes, strict=True):
+        assert (Fraction(x).numerator - int(residue) * Fraction(x).denominator) % PRIME == 0
+        assert abs(x) <= Fraction(float(bound)) * 16**n
+
+
+HALVES = [Fraction(1)] + [Fraction(1, 2)] * (len(TABLE) - 1)
+
+
+def numbers(arithmetic):
+    """The field 1, 1/2, 1/2, …, scaled as bounds want it."""
+    scale = arithmetic.node_factor(field=True) if arithmetic.majorant else 1
+    return [x * scale**tree.order for x, tree in zip(HALVES, TABLE, strict=True)]
+
+
+@pytest.mark.parametrize("stages", [2, 17, 40])
+def test_long_sums_over_stages_are_reduced(stages):
+    """Residues of 1/2 lie at half the prime: seventeen products of them with a sum that is not reduced overflow."""
+    size, half = stages, Fraction(1, 2)
+    a = [half if j == 0 else Fraction(0) for _ in range(size) for j in range(size)]
+    method = Stages(size, a, [half] * size)
+
+    def run(arithmetic):
+        field = arithmetic.vector(numbers(arithmetic))
+        return substitution_recursions.into_stages(method, TABLE, arithmetic, field=field)
+
+    alike_in_all_arithmetics(run, run(Exact()))
+
+
+@pytest.mark.parametrize("length", [3, 40, 121])
+def test_long_blocks_are_reduced(length):
+    """A path of many halves: products of polynomials with more terms than residues can add up."""
+    half = Fraction(1, 2)
+    a = [half * (i > 0) if j == 0 else Fraction(0) for i in range(length) for j in range(length)]
+    b = [half] * length
+    method = Stages(length, a, b, [0] * length, [length])
+    alike_in_all_arithmetics(lambda x: recursions.elementary_weights(method, TABLE, x), exact_weights(method))
+
+    def run(arithmetic):
+        field = arithmetic.vector(numbers(arithmetic))
+        return substitution_recursions.into_stages(method, TABLE, arithmetic, field=field)
+
+    alike_in_all_arithmetics(run, run(Exact()))
+
+
+def exact_weights(method):
+    return recursions.elementary_weights(method, TABLE, Exact())
+
+
+def test_numbers_that_are_divided_by_may_be_primes_in_use(execution):
+    identity = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 6, empty=0)
+    b = bs.BSeries.from_rule(lambda tree: Fraction(PRIME) if tree.order == 1 else Fraction(1, 7), 6, empty=0)
+    assert bs.substitute(bs.substitution_inverse(b), b) == identity
+    weights = [Fraction(PRIME, 2)] * 2
+    method = bs.RungeKutta([[Fraction(1, 3), Fraction(1, 6)], [Fraction(1, 5), Fraction(1, 7)]], weights, warn=False)
+    assert bs.substitute(bs.modifying_integrator(method, 6), method) == bs.exact_flow(6)
+
+
+@pytest.mark.parametrize("t", [Fraction(3**50, 2**240), Fraction(3**30, 2**170), Fraction(1, 10**80)])
+def test_tiny_numbers_do_not_vanish_from_bounds(execution, t):
+    """The inverse of f + t h f'f has Catalan numbers, with signs, at chains: bounds that underflow lose them."""
+    b = bs.BSeries.from_rule(lambda tree: {1: 1, 2: t}.get(tree.order, 0), 8, empty=0)
+    x = bs.substitution_inverse(b)
+    chain, expected = bs.Tree("τ"), []
+    for n in range(1, 9):
+        expected.append((-t) ** (n - 1) * math.comb(2 * n - 2, n - 1) / n)
+        assert x[chain] == expected[-1]
+        chain = bs.Tree.join([chain])
