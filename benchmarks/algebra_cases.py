@@ -54,8 +54,11 @@ def substitution(order: int, *, kept: bool) -> Callable[[], Sampler]:
                 partitions_of.cache_clear()
             return bs.substitute(b, a)
 
-        work()
-        return lambda: time_calls(work)
+        def sample() -> Sample:
+            work()  # keeps the lists, which another case may have thrown away
+            return time_calls(work)
+
+        return sample
 
     return prepare
 

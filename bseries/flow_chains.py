@@ -88,5 +88,5 @@ class FlowChain:
             along = arithmetic.zeros(len(table))
             for color in range(table.colors) if part is None else (part,):
                 along[color] = node
-            values = recursions.lie_series(along, values, 1, table, arithmetic)
+            values = recursions.lie_series(along, values, 1, table, arithmetic, sparse=True)
         return values

@@ -106,8 +106,8 @@ def multiply_blocks(blocks, x, at_x, y, at_y, relation, modulus, inverse, produc
 
 @kernel
 def lie_series(
-    first, last, order, start, trunk, branch, width, top, solve, field, base, base_empty, weights, modulus, rows,
-    result, terms,
+    first, last, order, start, trunk, branch, width, top, solve, sparse, field, base, base_empty, weights, modulus,
+    rows, result, terms,
 ):  # fmt: skip
     """Σ_j weights[j] · ∂_b^j c for the trees first … last−1, or the b for which that sum is given.
 
@@ -124,6 +124,7 @@ def lie_series(
         top: Rows are kept for ids below this one.
         solve: If true, c is the identity (c(∅) = 1, else 0), `result` is given and `field` is solved for: weights[1]
             must be 1, and the sum begins with b itself.
+        sparse: Whether b is zero at most trees, so that looking first pays.
         field: b at every tree; read, or written when solving.
         base, base_empty: c at every tree (empty: zero) and at ∅.
         weights: Factor of the j-th derivative, j = 0 … n.
@@ -140,10 +141,11 @@ def lie_series(
             terms[j] = 0
         for k in range(start[n] + tree * (n - 1), start[n] + (tree + 1) * (n - 1)):
             b = field[branch[k]]
-            if b:
-                row = trunk[k] * width
-                for j in range(width):
-                    terms[j] += rows[row + j] * b
+            if sparse and not b:
+                continue
+            row = trunk[k] * width
+            for j in range(width):
+                terms[j] += rows[row + j] * b
         if modulus:
             for j in range(width):
                 terms[j] = reduced(terms[j], modulus, inverse)

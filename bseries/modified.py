@@ -57,7 +57,7 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
 
     table = table_of(method, order, max_children)
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
-    return of_method(method, table, operation, 1)
+    return of_method(method, table, operation, 1, inputs_of(method, table.max_order))
 
 
 def modified_equation(
@@ -100,8 +100,9 @@ def modified_equation(
         return recursions.logarithm(weights(field=True), table, arithmetic)
 
     table = table_of(method, order, max_children)
-    units = inputs_of(method, table.max_order).units
-    return of_method(method, table, Operation(expression, log_claim, wider_step, field=True, units=units), 0)
+    inputs = inputs_of(method, table.max_order)
+    operation = Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
+    return of_method(method, table, operation, 0, inputs)
 
 
 def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:
@@ -174,10 +175,9 @@ def _fits(order: int, colors: int) -> None:
 
 
 def of_method(
-    method: Method, table: TreeTable, operation: Operation, empty: int, stages: MethodStages | None = None
+    method: Method, table: TreeTable, operation: Operation, empty: int, inputs: MethodStages | FlowChain
 ) -> BSeries:
-    """The series that an operation makes of a method's stages (by default of what `inputs_of` gives)."""
-    inputs = inputs_of(method, table.max_order) if stages is None else stages
+    """The series that an operation makes of a method's stages, or of its chain of flows."""
     values = apply(table, [inputs], operation)
     digits = method.digits
     uncertainty = None

@@ -20,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
+from operator import add
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from . import kernels
@@ -102,9 +103,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         integers = None
         if operation.units % 2:
             integers = operation.integers or wrapped_integers(twos(common))
-            # What becomes a 2-adic integer with so many factors of two has no more of them in its denominator.
-            spare = [twos(d) - integers.twos_of(n, field=operation.field) for n, d in enumerate(denominators[1:], 1)]
-            denominators = [1] + [d >> max(0, excess) for d, excess in zip(denominators[1:], spare, strict=True)]
+            denominators = _sharpened(integers, tuple(denominators), operation.field)
         if operation.bounds is None:
             bits = _bits(table, run, max(source.exponent for source in sources), denominators)
         else:
@@ -119,14 +118,27 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
 
+@lru_cache(maxsize=64)
+def _sharpened(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[int, ...]:
+    """The claims with as many factors of two as a number that the arithmetic makes a 2-adic integer can have."""
+    excess = (twos(d) - integers.twos_of(n, field=field) for n, d in enumerate(denominators[1:], 1))
+    return 1, *(d >> max(0, more) for d, more in zip(denominators[1:], excess, strict=True))
+
+
+@lru_cache(maxsize=64)
+def _carried(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> list[int]:
+    """By how many factors of two raw values exceed the numerators, for n = 1, 2, …."""
+    return [integers.twos_of(n, field=field) - twos(d) for n, d in enumerate(denominators[1:], 1)]
+
+
 def _numerators(
     table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
     integers: Wrapped | None, field: bool,
 ) -> Any:  # fmt: skip
     """The numerators, modulo 2^64 if they fit there with the powers of two that they carry, else modulo primes."""
     if integers is not None:
-        carried = (integers.twos_of(n, field=field) - twos(denominators[n]) for n in range(1, table.max_order + 1))
-        if max(needed + more for needed, more in zip(bits, carried, strict=True)) < 62:
+        carried = _carried(integers, tuple(denominators), field)
+        if max(map(add, bits, carried)) < 62:
             return _run_wrapped(table, run, integers, denominators, field)
     return _run_primes(table, run, max(bits), avoid, denominators)
 

@@ -30,7 +30,7 @@ class Stages:
     z, a polynomial in the time of an exact flow (`bseries.lowering`).
     """
 
-    __slots__ = ("a", "b", "blocks", "relation", "size")
+    __slots__ = ("a", "b", "blocks", "longest", "relation", "size")
 
     def __init__(self, size: int, a: list[Any], b: list[Any], relation: Sequence[Any] = (), blocks: Sequence[int] = ()):
         self.size = size
@@ -38,6 +38,7 @@ class Stages:
         self.b = b
         self.relation = list(relation)
         self.blocks = list(accumulate(blocks, initial=0)) if relation else []
+        self.longest = max(blocks, default=1)
 
     @property
     def sizes(self) -> list[int]:
@@ -48,13 +49,13 @@ class Stages:
 def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
     """Weights of a method for every tree of the table; `field` scales them as `Wrapped` wants a field."""
     size, top, count = len(table), table.offsets[-2], stages.size
-    start, column, a, b, relation = entries(stages, arithmetic, field)
+    blocks, start, column, a, b, relation = entries(stages, arithmetic, field)
     _, color, left, right = arithmetic.columns(table)
     weight = arithmetic.zeros(size)
     arithmetic.run(kernels.elementary_weights)(
-        0, size, top, table.colors, left, right, color, arithmetic.size(count), arithmetic.sizes(stages.blocks),
-        start, column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
-        weight, arithmetic.scratch(count), arithmetic.scratch(2 * max(stages.sizes)),
+        0, size, top, table.colors, left, right, color, arithmetic.size(count), blocks, start,
+        column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
+        weight, arithmetic.scratch(count), arithmetic.scratch(2 * stages.longest),
     )  # fmt: skip
     return weight
 
@@ -66,7 +67,7 @@ def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any,
     Each carries the factor of one node, the weights towards a field's or a flow's values; None: no node's factor.
 
     Returns:
-        Where each row starts, the columns and values of its entries, the weights, and the relation.
+        The ends of blocks, where each row starts, the columns and values of its entries, the weights, the relation.
     """
     node, last = (
         arithmetic.entry_factors
@@ -76,6 +77,7 @@ def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any,
     filled = [k for k, entry in enumerate(stages.a) if entry]
     start = [bisect_left(filled, stages.size * row) for row in range(len(stages.a) // stages.size + 1)]
     return (
+        arithmetic.sizes(stages.blocks),
         arithmetic.sizes(start),
         arithmetic.sizes([k % stages.size for k in filled]),
         arithmetic.vector([stages.a[k] * node for k in filled]),
@@ -92,33 +94,48 @@ def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
     field = arithmetic.zeros(len(table))
     weights = factorial_weights(arithmetic, table.max_order, 1, True)
     weights = -weights if arithmetic.majorant else weights
-    _lie_series(table, arithmetic, True, field, arithmetic.zeros(0), 1, weights, target)
+    _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), 1, weights, target)
     return field
 
 
 def lie_series(
-    field: Any, base: Any | None, base_empty: Any, table: TreeTable, arithmetic: Exact, factor: Any = 1
+    field: Any,
+    base: Any | None,
+    base_empty: Any,
+    table: TreeTable,
+    arithmetic: Exact,
+    factor: Any = 1,
+    *,
+    sparse: bool = False,
 ) -> Any:
     """Σ_j factor^j/j! · ∂_field^j c: the flow of factor · field, then the series c (see `derivatives`)."""
     factor = abs(factor) if arithmetic.majorant else factor
     weights = factorial_weights(arithmetic, table.max_order, factor, False)
-    return derivatives(field, base, base_empty, weights, table, arithmetic)
+    return derivatives(field, base, base_empty, weights, table, arithmetic, sparse=sparse)
 
 
 def derivatives(
-    field: Any, base: Any | None, base_empty: Any, weights: Any, table: TreeTable, arithmetic: Exact
+    field: Any,
+    base: Any | None,
+    base_empty: Any,
+    weights: Any,
+    table: TreeTable,
+    arithmetic: Exact,
+    *,
+    sparse: bool = False,
 ) -> Any:
-    """Σ_j weights[j] · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty."""
+    """Σ_j weights[j] · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty; `sparse`: few b are not 0."""
     result = arithmetic.zeros(len(table))
     base = arithmetic.zeros(0) if base is None else base
     empty = arithmetic.vector([base_empty])[0]
-    _lie_series(table, arithmetic, False, field, base, empty, weights, result)
+    _lie_series(table, arithmetic, False, sparse, field, base, empty, weights, result)
     return result
 
 
 def _lie_series(
-    table: TreeTable, arithmetic: Exact, solve: bool, field: Any, base: Any, empty: Any, weights: Any, result: Any
-) -> None:
+    table: TreeTable, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any, weights: Any,
+    result: Any,
+) -> None:  # fmt: skip
     run = arithmetic.run(kernels.lie_series)
     top = table.offsets[-2]
     width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
@@ -126,8 +143,8 @@ def _lie_series(
     order = arithmetic.columns(table)[0]
     for splits in table.split_chunks():
         run(
-            splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, field, base, empty,
-            weights, arithmetic.modulus, rows, result, terms,
+            splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, sparse, field, base,
+            empty, weights, arithmetic.modulus, rows, result, terms,
         )  # fmt: skip
 
 

@@ -65,7 +65,7 @@ def into_stages(
         inverses: Then, for each colour, 1/B with B the sum of the weights.
     """
     size, top, solve = len(table), table.offsets[-2], field is None
-    row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
+    _, row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
     shape = places(stages)
     field = arithmetic.zeros(size) if solve else field
     result = target if solve else arithmetic.zeros(size)
