@@ -158,7 +158,7 @@ def auxiliary_colors(method: Method) -> frozenset[int]:
 
 def own_trees(method: Method) -> Any:
     """Which trees a method is meant for, as bounds on children; None for all."""
-    return getattr(method, "max_children", None)
+    return None if isinstance(method, RungeKutta | PartitionedRungeKutta) else method.program.max_children
 
 
 def stages_of(method: Method, order: int) -> MethodStages:

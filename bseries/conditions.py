@@ -10,10 +10,11 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.transformations import as_decimals
 from trees.counting import check_order, count_trees
 
-from .coefficients import auxiliary_colors, check_method, own_trees
+from .algebra import check_flow
+from .coefficients import auxiliary_colors, check_method
 from .domains import RingValues, alike, to_float
 from .exceptions import SeriesError
-from .modified import exact_values, series
+from .modified import exact_values, series, series_to
 from .rationals import RationalValues
 from .simplifying import simplifying_assumptions
 from .truncated import BSeries
@@ -89,13 +90,12 @@ def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
         HLW, theorems II.1.8 and III.1.5.
     """
     if isinstance(method, BSeries):
-        return _order_of_series(method if max_order is None else method.truncate(max_order))
+        return _order_of_series(series_to(method, max_order))
     return decide_order(method, max_order)[0]
 
 
 def _order_of_series(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int:
-    if s.empty != 1:
-        raise SeriesError(f"method must be a flow, with the coefficient 1 of the empty tree, but has {s.empty} there")
+    check_flow(s, "method")
     failing = first_failure(s, auxiliary)
     return s.order if failing is None else int(s.table._order[failing]) - 1
 
@@ -131,14 +131,14 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     """The order, and how far it was tested."""
     check_method(method)
     max_order = None if max_order is None else check_order(max_order)
-    method, max_children = trusted(method), own_trees(method)
+    method = trusted(method)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
         proved = simplifying_assumptions(method, 2 * method.stages + 1 if max_order is None else max_order + 1).order
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = affordable_order(len(method.names)) if max_order is None else max_order
     for reach in [*range(4, limit, 2), limit]:
-        order = _order_of_series(series(method, reach, max_children=max_children), auxiliary_colors(method))
+        order = _order_of_series(series(method, reach), auxiliary_colors(method))
         if order < reach:
             return order, reach
     return limit, limit
@@ -153,7 +153,7 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 
 def trusted(method: Method) -> Method:
-    """The method with floats taken as decimals of `FLOAT_DIGITS` digits, others as they are."""
+    """The method, for the same trees, with floats taken as decimals of `FLOAT_DIGITS` digits."""
     if isinstance(method, RungeKutta):
         return _as_decimals(method) if method.domain == "float" else method
     if isinstance(method, PartitionedRungeKutta):

@@ -8,8 +8,17 @@ numbers. `modulus` is 0 where nothing is to be reduced.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
-from trees.compiled import kernel
+from trees.compiled import Kernel, kernel
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def inlined(function: Callable[..., Any]) -> Kernel:
+    """Mark a function as a kernel that is copied into its callers: handing over arrays costs as much as a short sum."""
+    return Kernel(function, inline="always")
 
 
 @kernel
@@ -20,6 +29,34 @@ def reduced(x, modulus, inverse):
     is off by less than 2^-17, so the result stays below (1/2 + 2^-17) · modulus.
     """
     return x - math.floor(x * inverse + 0.5) * modulus
+
+
+@kernel
+def reduce_all(x, count, modulus, inverse):
+    """Reduce the first `count` entries."""
+    for i in range(count):
+        x[i] = reduced(x[i], modulus, inverse)
+
+
+@inlined
+def weighted_sum(x, weights, first, count, modulus, inverse):
+    """Σ x[i] · weights[first + i] over i < count, for count ≥ 1."""
+    total = x[0] * weights[first]
+    for i in range(1, count):
+        total += x[i] * weights[first + i]
+        if modulus and i % 16 == 0:
+            total = reduced(total, modulus, inverse)
+    return reduced(total, modulus, inverse) if modulus else total
+
+
+@inlined
+def row_sum(total, x, column, a, first, last, modulus, inverse):
+    """A number plus Σ a[k] · x[column[k]] over first ≤ k < last: a row of a matrix without its zeros."""
+    for k in range(first, last):
+        total += x[column[k]] * a[k]
+        if modulus and k % 16 == 0:
+            total = reduced(total, modulus, inverse)
+    return reduced(total, modulus, inverse) if modulus else total
 
 
 @kernel
@@ -57,22 +94,14 @@ def elementary_weights(
                     for i in range(stages):
                         g[i] = reduced(g[i], modulus, inverse)
         row = color[tree] * stages
-        total = g[0] * b[row]
-        for i in range(1, stages):
-            total += g[i] * b[row + i]
-            if modulus and i % 16 == 0:
-                total = reduced(total, modulus, inverse)
-        weight[tree] = reduced(total, modulus, inverse) if modulus else total
+        weight[tree] = weighted_sum(g, b, row, stages, modulus, inverse)
         if tree >= top:
             continue
         for i in range(stages):
-            total = g[0] * 0
-            for k in range(start[row + i], start[row + i + 1]):
-                total += g[column[k]] * a[k]
-                if modulus and k % 16 == 0:
-                    total = reduced(total, modulus, inverse)
             stage[tree * stages + i] = g[i]
-            applied[tree * stages + i] = reduced(total, modulus, inverse) if modulus else total
+            applied[tree * stages + i] = row_sum(
+                g[0] * 0, g, column, a, start[row + i], start[row + i + 1], modulus, inverse
+            )
 
 
 @kernel

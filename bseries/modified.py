@@ -92,9 +92,7 @@ def modified_equation(
         Annals of Numerical Mathematics 1 (1994).
     """
     if isinstance(method, BSeries):
-        if max_children is not None:
-            raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
-        return log(method if order is None else method.truncate(order))  # pyright: ignore[reportArgumentType]
+        return log(series_to(method, order, max_children))
 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return recursions.logarithm(weights(field=True), table, arithmetic)
@@ -103,6 +101,13 @@ def modified_equation(
     inputs = inputs_of(method, table.max_order)
     operation = Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
     return of_method(method, table, operation, 0, inputs)
+
+
+def series_to(s: BSeries, order: Any, max_children: Any = None) -> BSeries:
+    """A series that stands for a method, up to some order (None: its own), on its own trees."""
+    if max_children is not None:
+        raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
+    return s if order is None else s.truncate(order)
 
 
 def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:

@@ -88,22 +88,18 @@ class RationalValues:
         """Whether the coefficient of a tree is zero."""
         return not self.numerators[at]
 
-    @cached_property
+    @property
     def exponent(self) -> int:
         """k such that no value exceeds 2^(k·n)."""
-        k = 0
-        for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
-            largest = _largest(self.numerators[first:last])
-            excess = largest.bit_length() - self.denominators[n].bit_length() + 1
-            k = max(k, -(-excess // n))
-        return k
+        return math.ceil(self.growth)
 
     @cached_property
     def growth(self) -> float:
         """Some κ ≥ 0 such that no value exceeds 2^(κ·n)."""
         largest = [_largest(self.numerators[first:last]) for first, last in pairwise(self.table.offsets)]
         logs = [(math.log2(x) - math.log2(self.denominators[n])) / n for n, x in enumerate(largest, 1) if x]
-        return max(logs, default=0.0) + 1e-9 if max(logs, default=0.0) > 0 else 0.0
+        most = max(logs, default=0.0)
+        return most + 1e-9 if most > 0 else 0.0
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
         """The values as a raw vector of an arithmetic (`table` is this series' own)."""

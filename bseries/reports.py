@@ -9,7 +9,7 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from trees.counting import check_order, count_trees
 
 from . import conjugation, structure
-from .coefficients import auxiliary_colors, check_method, own_trees
+from .coefficients import auxiliary_colors, check_method
 from .conditions import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
 from .exceptions import SeriesError
 from .modified import modified_equation, series
@@ -165,8 +165,9 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
         import numba  # noqa: F401  # many passes over a larger table: let kernels be compiled
 
     exact = trusted(method)
-    max_children = own_trees(method)
-    flow, field = (make(exact, order, max_children=max_children) for make in (series, modified_equation))
+    flow = series(exact, order)
+    # What decimals leave uncertain about the field is known for a method only.
+    field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
     tests: dict[str, Callable[[], Verdict | ConjugateVerdict]] = {
         "symmetric": lambda: structure.symmetry(flow),
         "symplectic": lambda: structure.symplecticity(flow),
@@ -200,7 +201,8 @@ def _structure_order(method: Method, found: int, order: int | None) -> int:
 
 def _properties(method: Method) -> dict[str, bool]:
     """What the coefficients decide for every order."""
-    found = {"explicit": bool(getattr(method, "is_explicit", method.program.is_explicit))}
+    own = getattr(method, "is_explicit", None)
+    found = {"explicit": bool(method.program.is_explicit if own is None else own)}
     if isinstance(method, RungeKutta):
         found["diagonally_implicit"] = method.is_diagonally_implicit
     if isinstance(method, PartitionedRungeKutta):

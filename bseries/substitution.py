@@ -16,13 +16,13 @@ from trees.counting import normal_limits, refuse_beyond_memory
 from trees.table import TreeTable
 
 from . import substitution_recursions as recursions
-from .algebra import check_field
+from .algebra import check_field, check_flow
 from .arithmetic import WrappedParts, wrapped_parts
 from .claims import solved_denominators, substituted_denominators
 from .coefficients import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
 from .domains import RingValues, alike, apply, divided, ring_element
 from .exceptions import SeriesError
-from .modified import exact_values, of_method, table_of
+from .modified import exact_values, of_method, series_to, table_of
 from .operations import Operation
 from .rationals import RationalValues, twos
 from .truncated import BSeries, fewest_digits
@@ -158,11 +158,8 @@ def modifying_integrator(
 
 
 def _modifying_of_series(a: BSeries, order: Any, max_children: Any) -> BSeries:
-    if max_children is not None:
-        raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
-    if a.empty != 1:
-        raise SeriesError(f"method must be a flow, with the coefficient 1 of the empty tree, but has {a.empty} there")
-    a = a if order is None else a.truncate(order)
+    a = series_to(a, order, max_children)
+    check_flow(a, "method")
     return _solved(a, exact_values(a.table), "method")
 
 

@@ -1,14 +1,14 @@
 """Compiled recursions of substitution: another field in place of f, in a method's stages or in any series.
 
-As in `bseries.kernels`, each kernel is one source for all kinds of numbers. (The callee `reduced` lives there; it never
-changes, so the machine code kept on disk cannot grow stale.)
+As in `bseries.kernels`, each kernel is one source for all kinds of numbers. (Callees live there: whoever changes one
+must touch this file too, or the machine code kept on disk grows stale.)
 """
 
 from __future__ import annotations
 
 from trees.compiled import kernel
 
-from .kernels import reduced
+from .kernels import inlined, reduce_all, reduced, row_sum, weighted_sum
 
 
 @kernel
@@ -48,50 +48,21 @@ def substitute_in_stages(
     for tree in range(first, last):
         n = order[tree]
         paint = color[tree] * stages
+        splits = start[n] + tree * (n - 1)
+        for i in range(stages):
+            value[i] = inner[i] = 0
         for e in range(1, len(blocks)):
             at = blocks[e - 1]
             size = blocks[e] - at
-            for x in range(size):
-                value[at + x] = inner[at + x] = 0
             place = live[e - 1]
             if place >= moved:
                 continue
-            many = degrees[e - 1]
-            for j in range(many * width):
-                terms[j] = log_terms[j] = 0
-            for k in range(start[n] + tree * (n - 1), start[n] + (tree + 1) * (n - 1)):
-                low = branch[k] * moved + place
-                row = (trunk[k] * moved + place) * width
-                for x in range(size):
-                    for y in range(min(size, many - x)):
-                        factor = generators[low + y]
-                        to = (x + y) * width
-                        from_row = row + x * width
-                        for j in range(width):
-                            terms[to + j] += rows[from_row + j] * factor
-                            log_terms[to + j] += logs[from_row + j] * factor
-                    if modulus and size > 1 and (x % 16 == 15 or x == size - 1):
-                        for j in range(many * width):
-                            terms[j] = reduced(terms[j], modulus, inverse)
-                            log_terms[j] = reduced(log_terms[j], modulus, inverse)
-            if modulus and size == 1:
-                for j in range(width):
-                    terms[j] = reduced(terms[j], modulus, inverse)
-                    log_terms[j] = reduced(log_terms[j], modulus, inverse)
-            for d in range(int(many) - 1, int(size) - 1, -1):
-                for x in range(size):
-                    factor = relation[at + x]
-                    for j in range(width):
-                        back = (d - size + x) * width + j
-                        terms[back] -= terms[d * width + j] * factor
-                        log_terms[back] -= log_terms[d * width + j] * factor
-                        if modulus:
-                            terms[back] = reduced(terms[back], modulus, inverse)
-                            log_terms[back] = reduced(log_terms[back], modulus, inverse)
-            # Now terms[j] is ∂_ℓ^(j+1) b at the tree, and log_terms[j] is ∂_ℓ^(j+2) id.
+            differentiate(
+                splits, splits + n - 1, trunk, branch, width, moved, place, size, degrees[e - 1], relation, at, modulus,
+                inverse, rows, logs, generators, terms, log_terms,
+            )  # fmt: skip
             for x in range(size):
-                total = terms[x * width] * 0
-                nonlinear = terms[x * width] * 0
+                total = nonlinear = terms[x * width] * 0
                 for j in range(n - 1):
                     total += terms[x * width + j] * weights[j + 1]
                     nonlinear += log_terms[x * width + j] * negated[j + 2]
@@ -103,13 +74,7 @@ def substitute_in_stages(
                         rows[row + 1 + j] = terms[x * width + j]
                         logs[row + 1 + j] = log_terms[x * width + j]
         if solve:
-            total = value[0] * b[paint]
-            for i in range(1, stages):
-                total += value[i] * b[paint + i]
-                if modulus and i % 16 == 0:
-                    total = reduced(total, modulus, inverse)
-            if modulus:
-                total = reduced(total, modulus, inverse)
+            total = weighted_sum(value, b, paint, stages, modulus, inverse)
             total = result[tree] * scale[2 * color[tree]] + total * scale[2 * color[tree] + 1]
             field[tree] = reduced(total, modulus, inverse) if modulus else total
         for i in range(stages):
@@ -117,31 +82,60 @@ def substitute_in_stages(
         for e in range(1, len(blocks)):
             total = value[blocks[e - 1]] + field[tree]
             value[blocks[e - 1]] = reduced(total, modulus, inverse) if modulus else total
-            if live[e - 1] < moved and tree < top:
-                rows[(tree * moved + live[e - 1]) * width] = field[tree]
         if not solve:
-            total = value[0] * b[paint]
-            for i in range(1, stages):
-                total += value[i] * b[paint + i]
-                if modulus and i % 16 == 0:
-                    total = reduced(total, modulus, inverse)
-            result[tree] = reduced(total, modulus, inverse) if modulus else total
+            result[tree] = weighted_sum(value, b, paint, stages, modulus, inverse)
         if tree >= top:
             continue
         for e in range(1, len(blocks)):
             if live[e - 1] >= moved:
                 continue
-            for x in range(blocks[e] - blocks[e - 1]):
-                i = blocks[e - 1] + x
-                total = inner[i]
-                for k in range(row_start[paint + i], row_start[paint + i + 1]):
-                    total += value[row_column[k]] * a[k]
-                    if modulus and k % 16 == 0:
-                        total = reduced(total, modulus, inverse)
-                total = reduced(total, modulus, inverse) if modulus else total
-                at = tree * moved + live[e - 1] + x
-                generators[at] = total
-                logs[at * width] = total
+            rows[(tree * moved + live[e - 1]) * width] = field[tree]
+            for i in range(blocks[e - 1], blocks[e]):
+                at = tree * moved + live[e - 1] + i - blocks[e - 1]
+                generators[at] = logs[at * width] = row_sum(
+                    inner[i], value, row_column, a, row_start[paint + i], row_start[paint + i + 1], modulus, inverse
+                )
+
+
+@inlined
+def differentiate(
+    first, last, trunk, branch, width, moved, place, size, many, relation, at, modulus, inverse, rows, logs, generators,
+    terms, log_terms,
+):  # fmt: skip
+    """∂_ℓ^(j+1) b and ∂_ℓ^(j+2) id on a tree, whose splits are first … last−1, for the stages of one block.
+
+    The block has `size` components, the first of them at `place` among those kept and at `at` among all; a product has
+    `many` coefficients. `terms` and `log_terms` hold the result, `width` entries for each component.
+    """
+    for j in range(many * width):
+        terms[j] = log_terms[j] = 0
+    for k in range(first, last):
+        low = branch[k] * moved + place
+        row = (trunk[k] * moved + place) * width
+        for x in range(size):
+            for y in range(min(size, many - x)):
+                factor = generators[low + y]
+                to = (x + y) * width
+                from_row = row + x * width
+                for j in range(width):
+                    terms[to + j] += rows[from_row + j] * factor
+                    log_terms[to + j] += logs[from_row + j] * factor
+            if modulus and size > 1 and (x % 16 == 15 or x == size - 1):
+                reduce_all(terms, many * width, modulus, inverse)
+                reduce_all(log_terms, many * width, modulus, inverse)
+    if modulus and size == 1:
+        reduce_all(terms, width, modulus, inverse)
+        reduce_all(log_terms, width, modulus, inverse)
+    for d in range(int(many) - 1, int(size) - 1, -1):
+        for x in range(size):
+            factor = relation[at + x]
+            for j in range(width):
+                back = (d - size + x) * width + j
+                terms[back] -= terms[d * width + j] * factor
+                log_terms[back] -= log_terms[d * width + j] * factor
+                if modulus:
+                    terms[back] = reduced(terms[back], modulus, inverse)
+                    log_terms[back] = reduced(log_terms[back], modulus, inverse)
 
 
 @kernel

@@ -13,11 +13,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .algebra import check_flow, log
-from .coefficients import auxiliary_colors, check_method, own_trees
+from .coefficients import auxiliary_colors, check_method
 from .conditions import trusted
 from .domains import RingValues, make_values, public
 from .exceptions import SeriesError
-from .modified import series
+from .modified import series, series_to
 from .truncated import BSeries
 
 if TYPE_CHECKING:
@@ -131,9 +131,9 @@ def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
 def series_of(method: Method | BSeries, order: int | None) -> BSeries:
     """A series up to some order, or that of a method, with floats taken as decimals."""
     if isinstance(method, BSeries):
-        return method if order is None else method.truncate(order)
+        return series_to(method, order)
     check_method(method)
-    return series(trusted(method), order, max_children=own_trees(method))  # pyright: ignore[reportArgumentType]
+    return series(trusted(method), order)  # pyright: ignore[reportArgumentType]
 
 
 def _nearby(s: BSeries) -> Iterator[BSeries]:

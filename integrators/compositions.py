@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import reduce
 from math import prod
 from typing import TYPE_CHECKING, Any
 
+from .child_bounds import common_bounds
 from .entries import certainly_differs, multiply_entries, read_entry, relative_error, sum_entries
 from .errors import IntegratorError
 from .expressions import shorten
@@ -17,6 +19,7 @@ from .tableau_input import items
 from .transformations import appended, reversed_step
 
 if TYPE_CHECKING:
+    from .child_bounds import ChildBounds
     from .entries import Entry
     from .program import Evaluation
     from .program_method import Method
@@ -219,7 +222,18 @@ def _append(
 
 def _finish(evaluations: Sequence[Evaluation], end: LinearForm, methods: Sequence[Method], name: str) -> Program:
     first = methods[0].program
-    return Program(evaluations, end, parts=first.names, auxiliary=first.auxiliary, name=name, digits=_digits(methods))
+    labels = {"name": name, "digits": _digits(methods)}
+    bounds = reduce(common_bounds, (_bounds(method.program, first.names) for method in methods))
+    return Program(evaluations, end, parts=first.names, auxiliary=first.auxiliary, max_children=bounds, **labels)
+
+
+def _bounds(program: Program, names: Sequence[str]) -> ChildBounds | None:
+    """The bounds of a method with its parts in another order."""
+    if program.max_children is None:
+        return None
+    order = [program.names.index(name) for name in names]
+    rows = [program.max_children[part] for part in order]
+    return tuple((*(row[part] for part in order), *row[len(names) :]) for row in rows)
 
 
 def _digits(methods: Iterable[Method]) -> int | None:

@@ -47,7 +47,8 @@ def is_algebraically_stable(method: RungeKutta) -> bool | None:
         [True, True, False, False]
 
     References:
-        K. Burrage, J. C. Butcher, SIAM J. Numer. Anal. 16 (1979) 46–57, doi:10.1137/0716004;
+        K. Burrage, J. C. Butcher, *Stability criteria for implicit Runge–Kutta methods*, SIAM J. Numer. Anal. 16 (1979)
+        46–57;
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.12.
     """
     rows, weights, _ = stage_matrix(checked_method(method))
@@ -66,10 +67,8 @@ def _gram(method: RungeKutta, weights: Sequence[Any]) -> list[list[Any]]:
     size = len(weights)
     if method.algebra is None:
         return [[b if i == j else Fraction(0) for j in range(size)] for i, b in enumerate(weights)]
-    moments = list(weights)
-    while len(moments) < 2 * size - 1:
-        moments.append(-dot(method.algebra.polynomial[:-1], moments[-size:]))
-    return [moments[k : k + size] for k in range(size)]
+    moments = method.algebra.moments(2 * size - 1)
+    return [list(moments[k : k + size]) for k in range(size)]
 
 
 def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
@@ -189,8 +188,10 @@ def linear_ssp_coefficient(method: Method) -> Fraction | float | None:
         ['1', '1', '6']
 
     References:
-        M. N. Spijker, Numer. Math. 42 (1983) 271–290, doi:10.1007/BF01389573;
-        J. F. B. M. Kraaijevanger, Numer. Math. 48 (1986) 303–322, doi:10.1007/BF01389477.
+        M. N. Spijker, *Contractivity in the numerical solution of initial value problems*, Numer. Math. 42 (1983)
+        271–290;
+        J. F. B. M. Kraaijevanger, *Absolute monotonicity of polynomials occurring in the numerical solution of initial
+        value problems*, Numer. Math. 48 (1986) 303–322.
     """
     R = function_of(method)
     if len(R.q) > 1 or not R.has_signs:

@@ -8,62 +8,27 @@ place of f), and the generator of steppers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from . import entries
+from .child_bounds import read_child_bounds
 from .errors import IntegratorError
+from .evaluations import Average, Derivative, Evaluation, Field, Flow, operands
 from .expressions import shorten
 from .frozen import Frozen
 from .linear_forms import LinearForm, check_form
 from .tableau_input import MAX_STAGES, check_digits, check_label, check_partition_names
 
 if TYPE_CHECKING:
+    from .child_bounds import ChildBounds
     from .entries import Entry
 
 
-class Field(NamedTuple):
-    """k = h f^[part](at); `part` None means the sum of all parts."""
-
-    part: int | None
-    at: LinearForm
-
-
-class Derivative(NamedTuple):
-    """k = h (f^[part])′(at) · along. With k itself in `along` it is a linear system, as in Rosenbrock methods."""
-
-    part: int | None
-    at: LinearForm
-    along: LinearForm
-
-
-class Flow(NamedTuple):
-    """k = z(1) − at, where z(0) = at and z′(θ) = time · h f^[part](z(θ)) + Σ_j θ^j forcing[j].
-
-    Without forcing, the exact flow of a part; with it, what exponential and multirate infinitesimal methods solve.
-    """
-
-    part: int | None
-    at: LinearForm
-    time: Entry
-    forcing: tuple[LinearForm, ...] = ()
-
-
-class Average(NamedTuple):
-    """k = ∫₀¹ θ^power h f^[part](Σ_j θ^j path[j]) dθ: an average of the field along a polynomial path."""
-
-    part: int | None
-    path: tuple[LinearForm, ...]
-    power: int = 0
-
-
-Evaluation = Field | Derivative | Flow | Average
-
-
 class Program(Frozen):
-    """A one-step method as a program; made by a `ProgramBuilder`, which explains the parts.
+    """A one-step method as a program; made by a `ProgramBuilder`, which explains its attributes.
 
     Example:
         >>> builder = ProgramBuilder()
@@ -85,6 +50,7 @@ class Program(Frozen):
     name: str
     reference: str | None
     digits: int | None
+    max_children: ChildBounds | None
 
     def __init__(
         self,
@@ -96,6 +62,7 @@ class Program(Frozen):
         name: str | None = None,
         reference: str | None = None,
         digits: int | None = None,
+        max_children: Any = None,
     ) -> None:
         check_label(name, "name")
         check_label(reference, "reference")
@@ -110,6 +77,7 @@ class Program(Frozen):
             name="custom" if name is None else name,
             reference=reference,
             digits=digits,
+            max_children=read_child_bounds(max_children, len(names)),
         )
         self._check_registers()
         if self.domain == "float" and self.parameters:
@@ -137,12 +105,43 @@ class Program(Frozen):
 
     @property
     def _data(self) -> tuple[Any, ...]:
-        return self.names, self.auxiliary, self.evaluations, self.result, self.digits
+        # The domain: 0.5 equals Fraction(1, 2), but a method in floats is no exact one.
+        return self.domain, self.names, self.auxiliary, self.evaluations, self.result, self.digits, self.max_children
 
     @property
     def program(self) -> Program:
         """The program itself: whatever has a `program` is a method."""
         return self
+
+    def restricted(self, max_children: Any) -> Program:
+        """The same method for fields of a special form, on which the differentials of all other trees vanish.
+
+        Args:
+            max_children: bounds on the children of nodes, as for `ProgramBuilder.program`.
+
+        Returns:
+            The program with these bounds in place of its own.
+
+        Raises:
+            IntegratorError: `max_children` is no such bound.
+
+        Example:
+            Two steps of the Störmer–Verlet method for p' = g(q), q' = p:
+
+            >>> from integrators import method, repeat
+            >>> repeat(method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
+            ((0, None), (1, 0))
+        """
+        return Program(
+            self.evaluations,
+            self.result,
+            parts=self.names,
+            auxiliary=self.auxiliary,
+            name=self.name,
+            reference=self.reference,
+            digits=self.digits,
+            max_children=max_children,
+        )
 
     @property
     def stages(self) -> int:
@@ -220,19 +219,8 @@ class Program(Frozen):
 
     def __repr__(self) -> str:
         count = len(self.evaluations)
-        return f"<Program {self.name}: {count} evaluation{'s' * (count != 1)}>"
-
-
-def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
-    """All linear forms that an evaluation takes."""
-    if isinstance(evaluation, Average):
-        yield from evaluation.path
-        return
-    yield evaluation.at
-    if isinstance(evaluation, Derivative):
-        yield evaluation.along
-    if isinstance(evaluation, Flow):
-        yield from evaluation.forcing
+        restricted = "" if self.max_children is None else f", max_children={self.max_children}"
+        return f"<Program {self.name}: {count} evaluation{'s' * (count != 1)}{restricted}>"
 
 
 class ProgramBuilder:
@@ -338,8 +326,34 @@ class ProgramBuilder:
         name: str | None = None,
         reference: str | None = None,
         digits: int | None = None,
+        max_children: Any = None,
     ) -> Program:
-        """The method whose step ends at `result`; `digits` are those of coefficients published as decimals."""
+        """The method whose step ends at a point.
+
+        Args:
+            result: the end of the step.
+            name: what messages call the method.
+            reference: where the method was published.
+            digits: for coefficients published as decimals, how many significant digits are correct.
+            max_children: for a method meant for fields of a special form, bounds on the children of nodes in trees
+                whose differentials do not vanish there: one number, or for each part a row that says how often it can
+                be differentiated along each part and perhaps, as a last entry, in all; None means without bound. The
+                series of the method then has no other trees.
+
+        Returns:
+            The program.
+
+        Raises:
+            IntegratorError: an evaluation is not defined, `result` is no point, or an argument is not as it must be.
+
+        Example:
+            Lawson's Euler method for y' = L y + N(y), L linear:
+
+            >>> builder = ProgramBuilder(["L", "N"])
+            >>> at = builder.y + builder.field(builder.y, "N")
+            >>> builder.program(at + builder.flow(at, "L"), name="lawson", max_children=[[1, 1, 1], [None, None]])
+            <Program lawson: 2 evaluations, max_children=((1, 1, 1), (None, None))>
+        """
         for e, evaluation in enumerate(self._evaluations, 1):
             if evaluation is None:
                 raise IntegratorError(f"evaluations must all be defined, but k{e} is not")
@@ -352,6 +366,7 @@ class ProgramBuilder:
             name=name,
             reference=reference,
             digits=digits,
+            max_children=max_children,
         )
 
     def _part(self, name: str | None) -> int | None:

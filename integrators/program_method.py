@@ -13,6 +13,7 @@ from .program import Program, ProgramBuilder
 from .tableau_input import check_digits, check_label
 
 if TYPE_CHECKING:
+    from .child_bounds import ChildBounds
     from .linear_forms import LinearForm
     from .partitioned import PartitionedRungeKutta
     from .runge_kutta import RungeKutta
@@ -65,12 +66,18 @@ class ProgramMethod(Frozen):
         """Those of the parts that are no parts of the field."""
         return ()
 
+    @property
+    def max_children(self) -> ChildBounds | None:
+        """How often each part can be differentiated along each part, and in all; None without bound."""
+        return None
+
     @cached_property
     def program(self) -> Program:
         """The step as a program."""
         builder = ProgramBuilder(self.names if self.names != ("",) else (), auxiliary=self._auxiliary)
         end = self._lower(builder)
-        return builder.program(end, name=self.name, reference=self.reference, digits=self.digits)
+        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
+        return builder.program(end, **labels, max_children=self.max_children)
 
     @property
     def stages(self) -> int:

@@ -107,6 +107,14 @@ class StageAlgebra(Frozen):
         """The number Σ_i b_i g(c_i)."""
         return sum((b * v for b, v in zip(self.b, g, strict=False)), Fraction(0))
 
+    def moments(self, count: int) -> tuple[Fraction, ...]:
+        """The numbers Σ_i b_i c_i^k for k = 0, …, `count` − 1: the node polynomial makes them a linear recurrence."""
+        found = list(self.b[:count])
+        while len(found) < count:
+            latest = found[-self.stages :]
+            found.append(-sum((p * m for p, m in zip(self.polynomial, latest, strict=False)), Fraction(0)))
+        return tuple(found)
+
     @property
     def row_sums(self) -> Polynomial:
         """The sums Σ_j a_ij, as a polynomial: x for most methods."""

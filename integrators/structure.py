@@ -6,7 +6,6 @@ A method given by a stage algebra is decided by rational bilinear forms wherever
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from operator import mul
 from typing import TYPE_CHECKING
 
@@ -62,10 +61,7 @@ def is_symplectic_pair(first: RungeKutta, second: RungeKutta) -> bool:
 def _is_symplectic_algebra(first: StageAlgebra, second: StageAlgebra) -> bool:
     """The same for all stage values f and g at once, on the basis 1, x, …: b(f · Âg) + b(Af · g) = b(f) b(g)."""
     b, basis = first.b, range(first.stages)
-    # The matrix of b(f · g) has the entries b(x^(k+l)).
-    moments = list(b)
-    while len(moments) < 2 * len(b) - 1:
-        moments.append(-sum(map(mul, first.polynomial[:-1], moments[-len(b) :]), Fraction(0)))
+    moments = first.moments(2 * len(b) - 1)  # the matrix of b(f · g) has the entries b(x^(k+l))
     left, right = (
         [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
         for algebra in (second, first)

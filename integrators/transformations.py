@@ -106,4 +106,5 @@ def as_decimals(program: Program, digits: int) -> Program:
         name=program.name,
         reference=program.reference,
         digits=digits,
+        max_children=program.max_children,
     )

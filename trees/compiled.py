@@ -21,7 +21,8 @@ class Kernel:
     live in the same file, because numba's cache on disk notices edits of that file only.
     """
 
-    def __init__(self, function: Callable[..., Any]):
+    def __init__(self, function: Callable[..., Any], **options: Any):
+        self._options = options
         self.__name__ = function.__name__
         self.__doc__ = function.__doc__
         self.__wrapped__ = function
@@ -43,17 +44,37 @@ class Kernel:
 
         function = self._bind(lambda kernel: kernel.compiled)
         try:
-            return numba.njit(cache=True, nogil=True)(function)
+            return numba.njit(cache=True, nogil=True, **self._options)(function)
         except RuntimeError:  # no writable place for the cache: compile in memory
-            return numba.njit(nogil=True)(function)
+            return numba.njit(nogil=True, **self._options)(function)
 
-    def _bind(self, choose: Callable[[Kernel], Callable[..., Any]]) -> Callable[..., Any]:
+    def c_function(self, signature: Any) -> Any:
+        """The kernel as a C function, a ctypes object that compiled code can call.
+
+        A callee that numba links is compiled again with each of its callers; a C function is compiled once.
+        """
+        import numba
+
+        function = self._bind(lambda kernel: kernel.compiled)
+        try:
+            return numba.cfunc(signature, cache=True, **self._options)(function).ctypes
+        except RuntimeError:  # no writable place for the cache: compile in memory
+            return numba.cfunc(signature, **self._options)(function).ctypes
+
+    def interpreted(self, **names: Any) -> Callable[..., Any]:
+        """The kernel run by the interpreter, here and in its callees with other things behind some global names.
+
+        With the elementary functions of mpmath in place of those of `math`, a kernel computes in any precision.
+        """
+        return self._bind(lambda kernel: kernel.interpreted(**names), **names)
+
+    def _bind(self, choose: Callable[[Kernel], Callable[..., Any]], **names: Any) -> Callable[..., Any]:
         function = self._function
-        scope = function.__globals__
+        scope = {**function.__globals__, **names} if names else function.__globals__
         callees = {
             name: choose(scope[name]) for name in function.__code__.co_names if isinstance(scope.get(name), Kernel)
         }
-        if not callees:
+        if not callees and not names:
             return function
         bound = types.FunctionType(function.__code__, {**scope, **callees}, function.__name__)
         return update_wrapper(bound, function)
@@ -62,6 +83,16 @@ class Kernel:
 def kernel(function: Callable[..., Any]) -> Kernel:
     """Mark a function as a kernel."""
     return Kernel(function)
+
+
+def float_kernel(function: Callable[..., Any]) -> Kernel:
+    """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C."""
+    return Kernel(function, error_model="numpy", fastmath={"contract"})
+
+
+def inline_float_kernel(function: Callable[..., Any]) -> Kernel:
+    """Mark a function as a kernel of floating-point numbers so small that calling it would cost more than its work."""
+    return Kernel(function, error_model="numpy", fastmath={"contract"}, forceinline=True)
 
 
 def compiling_pays(work: float) -> bool:

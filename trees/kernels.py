@@ -144,38 +144,18 @@ def list_partitions(
                 child = skeleton[j]
                 while right[child] >= 0:
                     merged = graft(
-                        merged,
-                        right[child],
-                        max_order,
-                        colors,
-                        block,
-                        order,
-                        color,
-                        left,
-                        right,
-                        base_start,
-                        base,
+                        merged, right[child], max_order, colors, block, order, color, left, right, base_start, base,
                         stack,
-                    )
+                    )  # fmt: skip
                     child = left[child]
                 skeleton[at] = merged
                 part[at] = graft(
                     part[i], part[j], max_order, colors, block, order, color, left, right, base_start, base, stack
                 )
                 skeleton[at + 1] = graft(
-                    skeleton[i],
-                    skeleton[j],
-                    max_order,
-                    colors,
-                    block,
-                    order,
-                    color,
-                    left,
-                    right,
-                    base_start,
-                    base,
+                    skeleton[i], skeleton[j], max_order, colors, block, order, color, left, right, base_start, base,
                     stack,
-                )
+                )  # fmt: skip
                 part[at + 1] = part[i]
                 at += 2
 

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .application import Refusal
 from .method_argument import complete_method, read_method, split_row
-from .series_verbs import SERIES_OPTIONS, answer, count_rows
+from .series_verbs import answer, count_rows, takes_series_options
 
 if TYPE_CHECKING:
     from ..truncated import BSeries
     from .output import Output
 
 
-def _takes_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    return functools.reduce(lambda command, option: option(command), reversed(SERIES_OPTIONS), verb)
-
-
 @click.command()
 @click.argument("sources", metavar="METHOD METHOD...", nargs=-1, required=True, shell_complete=complete_method)
 @click.option("--steps", metavar="ROW", help='Length of each step, in units of h, as in "1/2,1/2"; by default 1 each.')
 @click.option("--modified", is_flag=True, help="The modified equation of the composition, not its B-series.")
-@_takes_options
+@takes_series_options
 def compose(
     sources: tuple[str, ...],
     steps: str | None,

@@ -24,22 +24,20 @@ FIELDS = ("tree", "levels", "colors", "order", "symmetry", "density", "coefficie
 COLUMNS = (Column("|τ|", True), Column("tree τ"), Column("coefficient"), Column("weight"), Column("F(τ)"))
 
 
-SERIES_OPTIONS = (
-    click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
-    takes_max_children,
-    click.option("--nonzero", is_flag=True, help="Leave out trees whose coefficient is zero."),
-    click.option("--float", "as_float", is_flag=True, help="Round the exact coefficients to floats."),
-    takes_output,
-)
-
-
 def takes_series_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """METHOD and all options that verbs about the series of a method share."""
-    options = (takes_method(), *SERIES_OPTIONS)
+    """The options that all verbs about series share."""
+    options = (
+        click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
+        takes_max_children,
+        click.option("--nonzero", is_flag=True, help="Leave out trees whose coefficient is zero."),
+        click.option("--float", "as_float", is_flag=True, help="Round the exact coefficients to floats."),
+        takes_output,
+    )
     return functools.reduce(lambda command, option: option(command), reversed(options), verb)
 
 
 @click.command()
+@takes_method()
 @takes_series_options
 def modified(method: Method, **options: Any) -> Iterable[str]:
     """The modified equation, which a method solves exactly.
@@ -63,6 +61,7 @@ def modified(method: Method, **options: Any) -> Iterable[str]:
 
 
 @click.command()
+@takes_method()
 @takes_series_options
 def modifying(method: Method, **options: Any) -> Iterable[str]:
     """The modifying integrator: the equation for which a method gives the exact solution of y' = f(y).
@@ -82,6 +81,7 @@ def modifying(method: Method, **options: Any) -> Iterable[str]:
 
 
 @click.command()
+@takes_method()
 @takes_series_options
 def series(method: Method, **options: Any) -> Iterable[str]:
     """The B-series of a method: its elementary weights.

@@ -144,6 +144,13 @@ def test_check_reports_what_the_tableau_decides(name, properties):
     assert (data["kind"], data["order"]) == ("check", report.order)
 
 
+def test_check_needs_no_program_of_a_tableau():
+    """With the roots of a polynomial of high degree among its entries it takes minutes."""
+    tableau = bs.RungeKutta.from_algebra(bs.method("gauss4").algebra)
+    assert not bs.check(tableau, 4).properties["explicit"]
+    assert "program" not in vars(tableau)
+
+
 def test_check_reports_embedded_orders():
     assert bs.check(bs.method("dormand-prince54")).embedded_orders == (4,)
     assert bs.check(bs.method("dop853")).embedded_orders == (5, 3)

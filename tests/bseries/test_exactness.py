@@ -147,6 +147,17 @@ def test_a_wrong_claim_is_noticed():
         evaluate(PLAIN, [stages_of(method, PLAIN.max_order)], wrong)
 
 
+@pytest.mark.parametrize("scale", [1, Fraction(1, 7), 3, 10**40, Fraction(1, 10**40)])
+def test_growth_bounds_every_coefficient(scale):
+    s = bs.series(bs.method("rk4"), 6)
+    values = RationalValues.from_fractions(s.table, [x * scale for x in s.coefficients()])
+    exponent, nodes = values.exponent, s.table.order.tolist()
+    found = values.fractions()
+    assert all(abs(x) <= Fraction(2) ** (exponent * n) for n, x in zip(nodes, found, strict=True))
+    smaller = any(abs(x) > Fraction(2) ** ((exponent - 1) * n) for n, x in zip(nodes, found, strict=True))
+    assert exponent == 0 or smaller
+
+
 def test_smallest_step():
     assert smallest_step([1, 2, 4, 8], 2**10 * 5) == 2
     assert smallest_step([1, 1, 2, 6, 24, 120], 120) == 30

@@ -124,6 +124,60 @@ def test_symbols_roots_and_floats_in_programs():
     assert not rounded.is_exact
 
 
+@pytest.mark.parametrize("first", [HALF, 0.5])
+def test_exact_and_rounded_programs_are_not_taken_for_each_other(first):
+    """Stages are kept for the next caller, and 0.5 equals 1/2."""
+    for kind in ("field", "flow"):
+        domains = {}
+        for number in (first, HALF, 0.5):
+            builder = ProgramBuilder()
+            k = builder.field(builder.y) * number if kind == "field" else builder.flow(builder.y, time=number)
+            domains[type(number)] = bs.series(builder.program(builder.y + k), 3).domain
+        assert domains == {Fraction: "QQ", float: "RR"}
+
+
+NYSTROM_TREES = ((0, None), (1, 0))
+
+
+def test_a_program_for_special_systems_has_their_trees_only():
+    """As the kind of method that it comes from; on all trees it has order 1."""
+    method = bs.method("rkn-nystrom5")
+    program = method.program.restricted(NYSTROM_TREES)
+    assert bs.series(program, 6) == bs.series(method, 6)
+    assert bs.modified_equation(program, 6) == bs.modified_equation(method, 6)
+    assert bs.modifying_integrator(program, 6) == bs.modifying_integrator(method, 6)
+    assert (bs.order_of(program), bs.order_of(program.restricted(None))) == (5, 1)
+    assert bs.error_coefficients(program).terms == bs.error_coefficients(method).terms
+    assert bs.symplecticity(program, 7) == bs.symplecticity(method, 7)
+    assert bs.check(program).structure == bs.check(method).structure
+    assert len(bs.series(program, 6, max_children=[[0, None], [None, 0]])) > len(bs.series(program, 6))
+
+
+def test_floats_do_not_change_which_trees_a_method_is_meant_for():
+    rounded = bs.RungeKuttaNystrom([[0, 0], [0.5, 0]], [0.5, 0], [0.5, 0.5], [0, 1])
+    exact = bs.method("rkn-verlet")
+    assert rounded.domain == "float"
+    for method in (rounded, rounded.program.restricted(NYSTROM_TREES)):
+        assert bs.order_of(method) == 2
+        assert bs.symplecticity(method, 6) == bs.symplecticity(exact, 6)
+        assert bs.check(method).structure["effective_order"].order == 2
+    assert not bs.symplecticity(rounded.program.restricted(None), 4).holds
+
+
+def test_a_class_of_ones_own_says_which_trees_it_is_meant_for():
+    class Drift:
+        name, names, digits, parameters = "drift", ("p", "q"), None, ()
+
+        def __init__(self, program, **more):
+            self.program = program
+            self.__dict__.update(more)
+
+    plain = bs.method("rkn-verlet").program.restricted(None)
+    for method in (Drift(plain.restricted(NYSTROM_TREES)),):
+        assert bs.series(method, 5) == bs.series(bs.method("rkn-verlet"), 5)
+    assert len(bs.series(Drift(plain), 5)) == len(bs.exact_flow(5, colors=2))
+
+
 def test_many_stages_stay_on_the_fast_path():
     """Forty flows in a row: more products than residues can add up without a reduction."""
     builder = ProgramBuilder()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from fractions import Fraction
 
+import numpy as np
 import pytest
 import sympy
 from method_definitions import POINT, runge_kutta
@@ -94,6 +95,58 @@ def test_programs_are_frozen_values():
     assert program != everything(digits=5)
     with pytest.raises(AttributeError, match="Program is immutable"):
         program.result = program.result
+
+
+def test_floats_are_no_exact_numbers():
+    builder = ProgramBuilder()
+    k = builder.field(builder.y)
+    exact, rounded = builder.program(builder.y + k * Fraction(1, 2)), builder.program(builder.y + k * 0.5)
+    assert exact != rounded
+    assert (exact.domain, rounded.domain) == ("QQ", "float")
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        (None, None),
+        (2, ((None, None, 2), (None, None, 2))),
+        ([[1, 1, 1], [None, None, None]], ((1, 1, 1), (None, None))),
+        (((0, None), (1, 0)), ((0, None), (1, 0))),
+        (np.array([[0, 3], [1, 0]]), ((0, 3), (1, 0))),
+        ([[2.0, float("inf")], np.array([1, 0, 1])], ((2, None), (1, 0, 1))),
+        ([[None, None], [None, float("inf"), None]], None),
+    ],
+)
+def test_a_program_knows_which_trees_it_is_meant_for(given, kept):
+    program = everything(name="all", max_children=given)
+    assert program.max_children == kept
+    assert all(isinstance(bound, int | None) for row in kept or () for bound in row)
+    assert (program == everything()) == (kept is None)
+    assert program == everything().restricted(given)
+    assert hash(program) == hash(everything(max_children=kept))
+    assert program.restricted(None) == everything()
+    shown = "" if kept is None else f", max_children={kept}"
+    assert repr(program) == f"<Program all: 5 evaluations{shown}>"
+    assert pickle.loads(pickle.dumps(program)).max_children == kept
+    labels = ("name", "reference", "digits", "names", "auxiliary")
+    labelled = everything(name="all", reference="nowhere", digits=7)
+    again = labelled.restricted(given)
+    assert [getattr(labelled, label) for label in labels] == [getattr(again, label) for label in labels]
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        -1, True, "2", 1.5, float("nan"), [], [[0, 1]], [[0, 1], [0]], [[0, 1, 2, 3], [0, 1]], [0, 1], ["01", "10"],
+        [[0, -1], [0, 1]], [["0", 1], [0, 1]], [[0, True], [1, 0]], [[[0, 1], 1], [0, 1]], {"a": 1}, sympy.Symbol("x"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_bounds_on_children_are_refused(bounds):
+    message = r"^max_children must be one bound or 2 rows of 2 or 3 bounds, each a whole number, .*, but was .{1,70}$"
+    for build in (lambda: everything(max_children=bounds), lambda: everything().restricted(bounds)):
+        with pytest.raises(IntegratorError, match=message):
+            build()
 
 
 def test_weights_of_constant_fields():
@@ -206,6 +259,7 @@ Y = LinearForm(1)
         (lambda: builder().program(Y, name=3), "name must be text, but was 3"),
         (lambda: builder().program(Y, digits="3"), "digits must be an integer from 1 to 1000, but was '3'"),
         (lambda: Program([Field(0, Y + k(2))], Y), "evaluations must all be defined, but k2 is not"),
+        (lambda: builder().program(Y, max_children=[1] * 99), "1 row of 1 or 2 bounds, each .* but was .{55,62}$"),
     ],
 )
 def test_refusals(build, message):

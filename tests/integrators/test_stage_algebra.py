@@ -126,6 +126,16 @@ def test_nodes_by_kind_of_factor():
     assert [float(node) for node in nodes] == sorted(float(node) for node in nodes)
 
 
+@pytest.mark.parametrize("stages", [1, 2, 3, 6])
+def test_moments(stages):
+    """Gauss integrates x^k exactly for k < 2s only; Lobatto and Radau two and one powers less."""
+    moments = gauss(stages).moments(2 * stages + 1)
+    assert [m * (k + 1) == 1 for k, m in enumerate(moments)] == [True] * (2 * stages) + [False]
+    assert [gauss(stages).moments(count) for count in (0, 1)] == [(), (1,)]
+    _, weights, nodes = gauss(stages).tableau_float()
+    assert np.allclose(moments, [np.dot(weights, np.power(nodes, k)) for k in range(2 * stages + 1)], rtol=1e-12)
+
+
 def test_operations_are_those_of_the_stages():
     algebra = gauss(3)
     a, b, c = algebra.tableau_float()
