@@ -1,0 +1,160 @@
+"""Modules made from generated source, and kept on disk so that numba finds its machine code again.
+
+numba keeps machine code beside the file that a function comes from, and asks that file whether it has changed. So the
+source goes to ``<cache>/<key>.py``, where the key covers all that the machine code depends on: the text, the sources of
+the helpers that it calls (numba does not notice edits of those) and the version of this package. The cache is
+
+- the directory that the environment variable ``BSERIES_CACHE`` names, else
+- the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
+  on macOS, ``%LOCALAPPDATA%\\bseries-engine`` on Windows; or, where that cannot be written,
+- a temporary directory that goes when the process ends.
+
+It may be deleted at any time; what is needed is made again. Nothing else removes old files from it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Sequence
+from functools import cache
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from .errors import IntegratorError
+from .text_files import atomic_write
+
+PACKAGE = "bseries-engine"
+_LOCK = threading.RLock()
+
+
+def load_module(source: str, *, helpers: Sequence[ModuleType | str | os.PathLike[str]] = ()) -> ModuleType:
+    """The module with this source; the same source gives the same module.
+
+    Args:
+        source: The text of the module.
+        helpers: Modules that it imports, or their files, whose edits must not go unnoticed.
+
+    Returns:
+        The module, executed once in this process. It has a file, and functions in it may be compiled with
+        ``cache=True``.
+
+    Raises:
+        IntegratorError: There is no directory to write to, not even a temporary one.
+
+    Example:
+        >>> module = load_module("def twice(x):\\n    return 2*x\\n")
+        >>> module.twice(21)
+        42
+        >>> load_module("def twice(x):\\n    return 2*x\\n") is module
+        True
+    """
+    data = source.encode()
+    key = _key(data, [Path(getattr(helper, "__file__", None) or helper) for helper in helpers])  # type: ignore[arg-type]
+    name = f"bseries_generated_{key}"
+    with _LOCK:
+        if name not in sys.modules:
+            _execute(name, _stored(f"{key}.py", data), data)
+        return sys.modules[name]
+
+
+def cache_directory() -> Path:
+    """Where generated modules are kept, if it can be written.
+
+    Returns:
+        The directory; it need not exist.
+    """
+    chosen = os.environ.get("BSERIES_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    if sys.platform == "win32":
+        parent = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        parent = "~/Library/Caches"
+    else:
+        parent = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(parent).expanduser().absolute() / PACKAGE
+
+
+def _key(data: bytes, helpers: Sequence[Path]) -> str:
+    texts = [_version().encode(), *(path.read_bytes() for path in helpers), data]
+    return hashlib.sha256(b"".join(hashlib.sha256(text).digest() for text in texts)).hexdigest()
+
+
+@cache
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(PACKAGE)
+    except PackageNotFoundError:  # a checkout that is not installed
+        return ""
+
+
+def _stored(name: str, data: bytes) -> Path:
+    """The path of a file with this name and content, written unless it is there."""
+    for place in (cache_directory, _temporary_directory):
+        try:
+            directory = place()
+            directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _check_writable(directory / "__pycache__")
+            path = directory / name
+            if not path.is_file() or path.read_bytes() != data:
+                atomic_write(path, data)
+        except (OSError, RuntimeError, IntegratorError):  # Path.expanduser: there is no home
+            continue
+        return path
+    chosen = os.environ.get("BSERIES_CACHE")
+    raise IntegratorError(f"BSERIES_CACHE must be a directory that can be written, but was {chosen!r}")
+
+
+def _check_writable(directory: Path) -> None:
+    """Raise OSError unless numba will be able to write here: it refuses to compile where it cannot."""
+    import tempfile
+
+    directory.mkdir(exist_ok=True)
+    tempfile.TemporaryFile(dir=directory).close()
+
+
+@cache
+def _temporary_directory() -> Path:
+    """A directory that lives as long as the process."""
+    import atexit
+    import shutil
+    import tempfile
+
+    directory = tempfile.mkdtemp(prefix=f"{PACKAGE}-")
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    return Path(directory)
+
+
+class _Loader(SourceFileLoader):
+    """Executes the text in memory: neither the file nor Python's own bytecode beside it can have been changed."""
+
+    def __init__(self, name: str, path: Path, data: bytes):
+        super().__init__(name, str(path))
+        self._source = data
+
+    def get_data(self, path: str) -> bytes:
+        return self._source
+
+    def path_stats(self, path: str) -> dict[str, float]:
+        raise OSError  # no bytecode: nothing is read or written under __pycache__
+
+
+def _execute(name: str, path: Path, data: bytes) -> None:
+    """Run the module; numba needs to find it in `sys.modules` while it runs."""
+    spec = spec_from_file_location(name, path, loader=_Loader(name, path, data))
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise

@@ -1,0 +1,259 @@
+"""Formulas as lines of Python: the values are right in doubles and in any precision, and nothing is done twice."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import mpmath
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from integrators import IntegratorError
+from integrators.expressions import ELEMENTARY, parse_expression
+from integrators.modules import load_module
+from integrators.number_text import exact_text, literal
+from integrators.printer import FUNCTIONS, count_operations, operation_cost, source_lines
+
+SYMBOLS = x, y, z = sympy.symbols("x y z")
+NAMES = {symbol: symbol.name for symbol in SYMBOLS}
+ROOT = Path(__file__).parents[2]
+HALF, THIRD = sympy.Rational(1, 2), sympy.Rational(1, 3)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BSERIES_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def text(*formulas, **options):
+    targets = [f"out[{k}]" for k in range(len(formulas))]
+    return "\n".join(source_lines(zip(targets, map(sympy.sympify, formulas), strict=True), NAMES, **options))
+
+
+def evaluate(formulas, values, *, module="math", number=None):
+    """Run the lines with the functions of a module, and a function that makes fractions."""
+    body = text(*formulas, number=number and "number").replace("\n", "\n    ")
+    names = ", ".join((*FUNCTIONS, "pi"))
+    run = load_module(f"from {module} import {names}\ndef run(number, out, x, y, z):\n    {body}\n    return out\n").run
+    return run(number, [None] * len(formulas), *values)
+
+
+def reference(formulas, values):
+    """What SymPy's own printer gives in 40 digits."""
+    with mpmath.workdps(40):
+        return [
+            +mpmath.mpf(sympy.lambdify(SYMBOLS, formula, "mpmath")(*map(mpmath.mpf, values))) for formula in formulas
+        ]
+
+
+def fraction(p, q):
+    return mpmath.mpf(p) / q
+
+
+AWKWARD = [
+    "x^5 + x^4*y^2", "x^-1", "x^-3*y + x^-6*z", "sqrt(x)", "x^(3/2)", "x^(-1/2) + x^(-5/2)", "x^(1/4)*y^(-3/4)",
+    "1/(x*y)", "x^(1/3)", "x^(-2/3) + x^(4/3)", "x^(7/10)", "cbrt(x + y)*sqrt(x*y)", "sqrt(2*x + 2*y)",
+    "(y - x - 5)^3/(x - 7)^2",
+    "sqrt(5 - x)", "x^y", "2^x", "(x + y)^(x/3)", "x^(-y)", "sqrt(sqrt(x))^3", "(x^2)^(1/2)", "x^2/3 - y^2/7 + 2*z/9",
+    "x^100*y^-100", "sqrt(3)*x/6 + pi*y - exp(1)", "(1 + sqrt(2))^(x/2)", "pi^2*x^pi", "x/1000000000000000000001",
+    "sqrt(2)*(x + y) + sqrt(2)*(x + y)^2", "exp(-x^2/2)*sin(3*x - y)", "log(x)^2/log(y + 1)", "7", "pi", "0", "-x - y",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("formula", [*AWKWARD, *(f"{name}(x/4 + y/8)*z" for name in ELEMENTARY)])
+def test_values(formula):
+    if "acosh" in formula:
+        formula = formula.replace("x/4", "x + 1")
+    expression = parse_expression(formula, names=("x", "y", "z"))
+    generator = random.Random(formula)
+    for _ in range(5):
+        values = [generator.uniform(0.5, 2) for _ in SYMBOLS]
+        (expected,) = reference([expression], values)
+        (found,) = evaluate([expression], values)
+        assert abs(found - expected) <= 1e-14 * abs(expected)
+        with mpmath.workdps(40):
+            (found,) = evaluate([expression], map(mpmath.mpf, values), module="mpmath", number=fraction)
+            assert abs(found - expected) <= mpmath.mpf("1e-37") * abs(expected)
+
+
+def monomials():
+    powers = st.tuples(*(st.integers(-4, 6) for _ in SYMBOLS))
+    return st.dictionaries(powers, st.fractions(max_denominator=12).filter(bool), min_size=1, max_size=8)
+
+
+@settings(max_examples=50)
+@given(st.lists(monomials(), min_size=1, max_size=3), st.lists(st.integers(1, 9), min_size=3, max_size=3))
+def test_rational_formulas_are_exact(polynomials, values):
+    def write(polynomial):
+        terms = (sympy.Rational(c.numerator, c.denominator) * x**i * y**j * z**k for (i, j, k), c in polynomial.items())
+        return sympy.Add(*terms)
+
+    formulas = [write(polynomial) for polynomial in polynomials]
+    formulas += [formulas[0] ** 3 + formulas[-1] * x, formulas[0] - formulas[-1]]
+    point = [Fraction(value, 7) for value in values]
+    at = dict(zip(SYMBOLS, map(sympy.Rational, point), strict=True))
+    expected = [formula.subs(at) for formula in formulas]
+    found = evaluate(formulas, point, number=Fraction)
+    assert [sympy.Rational(value) for value in found] == expected
+
+
+WRITTEN = {
+    "squares are shared": ([x**4, x**5], ["c0 = x*x", "c1 = c0*c0", "out[0] = c1", "out[1] = x*c1"]),
+    "Horner": ([1 + 2 * x + 3 * x**2 + 4 * x**3], ["out[0] = x*(x*(4.0*x + 3.0) + 2.0) + 1.0"]),
+    "a single negative power divides": ([y * x**-3], ["out[0] = y/(x*x*x)"]),
+    "several share a reciprocal": ([x**-3, x**-6], ["c0 = 1.0/(x*x*x)", "out[0] = c0", "out[1] = c0*c0"]),
+    "a reciprocal used once divides": ([x / z + y / z], ["out[0] = (x + y)/z"]),
+    "half powers": ([x**sympy.Rational(-3, 2)], ["out[0] = 1.0/(x*sqrt(x))"]),
+    "thirds": ([x / 3, -2 * x / 3, x / 4], ["out[0] = x/3.0", "out[1] = -0.6666666666666666*x", "out[2] = 0.25*x"]),
+    "equal values": ([x * y, -x * y, x * y], ["c0 = x*y", "out[0] = c0", "out[1] = -c0", "out[2] = c0"]),
+    "signs": ([x - y, y - x], ["c0 = x - y", "out[0] = c0", "out[1] = -c0"]),
+    "pairs": ([x * y * z, x * y + 1], ["c0 = x*y", "out[0] = z*c0", "out[1] = c0 + 1.0"]),
+    "constants": ([sympy.pi, sympy.Integer(0), -THIRD], [
+        "out[0] = 3.141592653589793", "out[1] = 0.0", "out[2] = -0.3333333333333333"
+    ]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("formulas", "lines"), WRITTEN.values(), ids=WRITTEN)
+def test_written(formulas, lines):
+    assert text(*formulas).splitlines() == lines
+
+
+def test_exact_numbers_are_written_out():
+    lines = text(x / 3, 2 * x / 3 + HALF, sympy.sqrt(3) * x / 6, (1 - sympy.sqrt(2)) * y, number="ratio").splitlines()
+    assert lines == [
+        "out[0] = x/3",
+        "out[1] = ratio(2, 3)*x + ratio(1, 2)",
+        "out[2] = sqrt(3)*ratio(1, 6)*x",
+        "out[3] = -(sqrt(2) + -1)*y",
+    ]
+
+
+def test_targets_names_and_temporaries():
+    formulas = [("c0", x**2 * y), ("out[1] +=", -(x**2) * z), ("total -=", x**2)]
+    lines = source_lines(formulas, {x: "y[0]", y: "c1", z: "t"})
+    assert lines == ["c2 = y[0]*y[0]", "c0 = c1*c2", "out[1] -= c2*t", "total -= c2"]
+    assert source_lines([("a", x**2), ("b", x**2)], NAMES, temporary="w")[0] == "w0 = x*x"
+    assert source_lines([], {}) == []
+
+
+def test_long_formulas_are_cut_into_lines():
+    generator = random.Random(5)
+    terms = [generator.randint(1, 99) * sympy.sin(k * x) * sympy.cos(y / k) for k in range(1, 80)]
+    lines = text(sympy.Add(*terms), sympy.Add(*terms) ** 2 + z).splitlines()
+    assert max(map(len, lines)) < 200
+    assert len(lines) > 20
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fewer_operations_than_common_subexpressions(seed):
+    generator = random.Random(seed)
+    powers = [(generator.randint(0, 5), generator.randint(0, 5)) for _ in range(60)]
+    terms = [generator.randint(1, 9) * x**i * y**j for i, j in powers]
+    formulas = [sympy.Add(*terms[:30]), sympy.Add(*terms[30:])]
+    ours = sum(count_operations(text(*formulas).splitlines()).values())
+    shared, rest = sympy.cse(formulas)
+    theirs = sum(sympy.count_ops(formula) for _, formula in shared) + sum(map(sympy.count_ops, rest))
+    assert ours < theirs
+
+
+@pytest.mark.parametrize(("power", "most"), [(2, 1), (3, 2), (4, 2), (7, 4), (8, 3), (12, 4), (100, 8)])
+def test_powers_cost_few_multiplications(power, most):
+    assert sum(count_operations(text(x**power).splitlines()).values()) <= most
+
+
+def test_costs():
+    lines = ["c0 = sqrt(x) - 2.0**y", "out[0] += c0*sin(-c0)/3.0"]
+    counts = count_operations(lines)
+    assert counts == {"add": 2, "multiply": 1, "divide": 1, "sqrt": 1, "call": 1, "power": 1}
+    assert operation_cost(lines) == 2 + 1 + 4 + 5 + 20 + 40
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        (sympy.Symbol("u"), "formula must use the names x, y, z, but has 'u'"),
+        (sympy.Symbol("x", real=True), "formula must use the names"),
+        (abs(x), r"formula must be made of \+ \* \*\* and sin, .*, but has 'Abs\(x\)'"),
+        (sympy.Piecewise((x, x > 0), (0, True)), "formula must be made of .*, but has 'Piecewise"),
+        (sympy.Function("f")(x), "formula must be made of .*, but has 'f\\(x\\)'"),
+        (sympy.I * x, "formula must have finite real numbers only, but has 'I'"),
+        (x + sympy.oo, "formula must have finite real numbers only, but has 'oo'"),
+        (x**sympy.nan, "formula must have finite real numbers only, but has 'nan'"),
+        (sympy.log(-2) * x, "formula must have finite real numbers only, but has 'I'"),
+        (
+            1 / (sympy.sqrt(2) * (x**2 + x * y) - sympy.sqrt(2) * x * (x + y)),
+            "formula must not divide by zero, but does",
+        ),
+        (x * 10**400, "formula must have numbers that doubles can stand for, but has 10"),
+        (x * sympy.exp(sympy.exp(9)), "formula must have numbers that doubles can stand for"),
+    ],
+)
+def test_refusals(formula, message):
+    with pytest.raises(IntegratorError, match=message):
+        text(formula)
+
+
+def test_exact_numbers_that_cannot_be_written():
+    root = sympy.CRootOf(x**5 - x - 1, 0)
+    assert text(root * x) == "out[0] = 1.1673039782614187*x"
+    with pytest.raises(
+        IntegratorError, match="formula must have numbers made of integers, roots, pi and functions, but"
+    ):
+        text(root * x, number="ratio")
+
+
+@pytest.mark.parametrize(
+    "number",
+    [sympy.sqrt(2), sympy.pi, sympy.exp(20), HALF - sympy.sqrt(3) / 6, sympy.sqrt(10**40 + 1) - 10**20, sympy.log(2)],
+)
+def test_literals_are_the_nearest_doubles(number):
+    with mpmath.workdps(80):
+        exact = mpmath.mpf(sympy.N(number, 80))
+        found = float(literal(number))
+        below, above = math.nextafter(found, -math.inf), math.nextafter(found, math.inf)
+        assert abs(exact - found) < min(abs(exact - below), abs(exact - above))
+
+
+@pytest.mark.parametrize(
+    "formula",
+    ["1/2 - sqrt(3)/6", "2^(1/3)*pi", "exp(1/3) + sin(1)", "(1 + sqrt(5))^(3/4)/7", "-3", "sqrt(2 - sqrt(2))", "1/pi"],
+)
+def test_exact_text_has_the_value_of_the_number(formula):
+    number = sympy.sympify(parse_expression(formula, names=()), strict=True)
+    names = ", ".join((*FUNCTIONS, "pi"))
+    module = load_module(f"from mpmath import {names}\ndef value(ratio):\n    return {exact_text(number, 'ratio')}\n")
+    with mpmath.workdps(50):
+        assert mpmath.almosteq(module.value(fraction), mpmath.mpf(sympy.N(number, 60)))
+
+
+PROGRAM = """
+import sympy
+from integrators.printer import source_lines
+x, y, z = sympy.symbols("x y z")
+r = sympy.sqrt(x**2 + y**2 + z**2)
+V = sympy.exp(-r)/r**6 + sympy.sin(x*y)*sympy.cos(x*y)*z**3 - (x + y)**5*(x - z)**2/3
+gradient = [V.diff(s) for s in (x, y, z)] + [sympy.expand((x + 2*y - z)**4).diff(x)]
+print(*source_lines([(f"out[{k}]", f) for k, f in enumerate(gradient)], {x: "x", y: "y", z: "z"}), sep="\\n")
+"""
+
+
+def test_text_is_the_same_in_every_process():
+    def run(seed):
+        environment = {**os.environ, "PYTHONHASHSEED": str(seed)}
+        command = [sys.executable, "-c", PROGRAM]
+        return subprocess.run(command, capture_output=True, text=True, check=True, env=environment, cwd=ROOT).stdout
+
+    first, *others = [run(seed) for seed in (0, 1, 2)]
+    assert first.count("\n") > 10
+    assert others == [first, first]
