@@ -1,0 +1,188 @@
+"""Sparse polynomials with rational coefficients, modulo rewriting rules.
+
+A polynomial is a dictionary {monomial: coefficient}. A monomial is one integer that holds the exponents of all
+generators, `WIDTH` bits each, so that monomials multiply by one addition, and generators can be added at any time: they
+take higher bits. Integers compare as monomials do in the lexicographic order, the newest generator first. Coefficients
+are ints where possible, else Fractions.
+
+A rule rewrites a monomial as smaller ones, as s² = 1 − c² does. Rules of one relation each are a Gröbner basis, and
+remainders a canonical form, if their leading monomials have no generator in common (Buchberger's first criterion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    Number: TypeAlias = int | Fraction
+    Terms: TypeAlias = dict[int, Number]
+
+WIDTH = 24
+GUARD = 1 << (WIDTH - 1)
+"""The highest bit of every exponent: clear in every monomial, so that it shows what overflows or borrows."""
+
+ONE = 0
+"""The monomial 1."""
+
+
+class TooLarge(Exception):
+    """A polynomial has more monomials, or a larger exponent, than was allowed."""
+
+
+class Rule(NamedTuple):
+    """Rewrite multiples of `monomial`: it equals the sum of `tail`; `guards` marks its generators."""
+
+    monomial: int
+    guards: int
+    tail: tuple[tuple[int, Number], ...]
+
+    @classmethod
+    def of(cls, monomial: int, tail: Terms) -> Rule:
+        """The rule monomial = tail."""
+        return cls(monomial, sum(_guard(k) for k, _ in exponents(monomial)), tuple(tail.items()))
+
+    def divides(self, monomial: int) -> bool:
+        """Whether a monomial is a multiple of this rule's."""
+        return ((monomial | self.guards) - self.monomial) & self.guards == self.guards
+
+
+def generator(k: int, exponent: int = 1) -> int:
+    """The monomial of the k-th generator to a power."""
+    if exponent >= GUARD:
+        raise TooLarge
+    return exponent << (WIDTH * k)
+
+
+def _guard(k: int) -> int:
+    return GUARD << (WIDTH * k)
+
+
+def exponent(monomial: int, k: int) -> int:
+    """The exponent of the k-th generator."""
+    return (monomial >> (WIDTH * k)) & (GUARD - 1)
+
+
+def exponents(monomial: int) -> Iterator[tuple[int, int]]:
+    """Pairs (k, exponent) of the generators in a monomial."""
+    k = 0
+    while monomial:
+        if e := monomial & (GUARD - 1):
+            yield k, e
+        monomial >>= WIDTH
+        k += 1
+
+
+def constant(number: Number) -> Terms:
+    """The polynomial that is a number."""
+    return {ONE: narrowed(number)} if number else {}
+
+
+def narrowed(number: Number) -> Number:
+    """The number as an int if it is one."""
+    return number.numerator if number.denominator == 1 else number
+
+
+def partial(terms: Terms, k: int) -> Terms:
+    """The derivative with respect to the k-th generator."""
+    step = generator(k)
+    return {m - step: x * e for m, x in terms.items() if (e := exponent(m, k))}
+
+
+def generators_of(terms: Iterable[int]) -> list[int]:
+    """The generators in a polynomial, ascending."""
+    seen = 0
+    for monomial in terms:
+        seen |= monomial
+    return [k for k, _ in exponents(seen)]
+
+
+def total(parts: Iterable[tuple[Number, Terms]]) -> Terms:
+    """The sum of multiples of polynomials."""
+    found: Terms = {}
+    for factor, terms in parts:
+        for m, x in terms.items():
+            found[m] = found.get(m, 0) + factor * x
+    return {m: narrowed(x) for m, x in found.items() if x}
+
+
+class RewritingRing:
+    """Polynomials in a growing list of generators, modulo the rules added so far.
+
+    Args:
+        limit: Results with more monomials raise `TooLarge`.
+    """
+
+    def __init__(self, limit: int):
+        self.limit = limit
+        self.size = 0
+        self.rules: list[Rule] = []
+        self._overflow = 0
+
+    def new_generator(self) -> int:
+        """One more generator; returns its number."""
+        self._overflow |= _guard(self.size)
+        self.size += 1
+        return self.size - 1
+
+    def add_rule(self, monomial: int, tail: Terms) -> None:
+        """Rewrite multiples of a monomial from now on (it must hold a generator that no polynomial holds yet)."""
+        self.rules.append(Rule.of(monomial, tail))
+
+    def dot(self, pairs: Iterable[tuple[Terms, Terms]]) -> Terms:
+        """The sum of products a·b, in normal form."""
+        found: Terms = {}
+        get = found.get
+        for a, b in pairs:
+            if len(a) > len(b):
+                a, b = b, a
+            others = b.items()
+            for m, x in a.items():
+                for n, y in others:
+                    product = m + n
+                    found[product] = get(product, 0) + x * y
+                if len(found) > self.limit:
+                    raise TooLarge
+        return self.reduced(found)
+
+    def power(self, terms: Terms, n: int) -> Terms:
+        """The n-th power, n ≥ 0."""
+        result = constant(1)
+        while n:
+            if n & 1:
+                result = self.dot([(result, terms)])
+            n >>= 1
+            if n:
+                terms = self.dot([(terms, terms)])
+        return result
+
+    def reduced(self, terms: Terms) -> Terms:
+        """The normal form; the argument is used up."""
+        while True:
+            seen = 0
+            for monomial in terms:
+                seen |= monomial
+            if seen & self._overflow or len(terms) > self.limit:
+                raise TooLarge
+            changed = False
+            for rule in self.rules:
+                if rule.divides(seen):  # or else no monomial: all their exponents are at most those of `seen`
+                    changed |= _rewrite(terms, rule)
+            if not changed:
+                return {m: x for m, x in terms.items() if x}
+
+
+def _rewrite(terms: Terms, rule: Rule) -> bool:
+    """Apply a rule once to every monomial that it divides; whether there was one."""
+    leading, guards, tail = rule
+    hits = [m for m in terms if ((m | guards) - leading) & guards == guards]
+    for m in hits:
+        x = terms.pop(m)
+        if x:
+            for n, y in tail:
+                product = m - leading + n
+                terms[product] = terms.get(product, 0) + x * y
+    return bool(hits)
