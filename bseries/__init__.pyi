@@ -1,4 +1,5 @@
 from integrators import ContinuousStageRungeKutta as ContinuousStageRungeKutta
+from integrators import Effect as Effect
 from integrators import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
 from integrators import IntegratorError as IntegratorError
 from integrators import LawsonMethod as LawsonMethod
@@ -8,11 +9,13 @@ from integrators import ProgramBuilder as ProgramBuilder
 from integrators import Rosenbrock as Rosenbrock
 from integrators import RungeKutta as RungeKutta
 from integrators import RungeKuttaNystrom as RungeKuttaNystrom
+from integrators import Scene as Scene
 from integrators import Splitting as Splitting
 from integrators import StabilityFunction as StabilityFunction
 from integrators import StageAlgebra as StageAlgebra
 from integrators import TableauWarning as TableauWarning
 from integrators import TakahashiImada as TakahashiImada
+from integrators import Term as Term
 from integrators import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from integrators import WMethod as WMethod
 from integrators import adjoint_method as adjoint_method
@@ -32,10 +35,16 @@ from integrators import linear_combination as linear_combination
 from integrators import linear_order as linear_order
 from integrators import linear_ssp_coefficient as linear_ssp_coefficient
 from integrators import load_method as load_method
+from integrators import load_scene as load_scene
 from integrators import method as method
+from integrators import parse_hamiltonian as parse_hamiltonian
+from integrators import parse_scene as parse_scene
 from integrators import real_stability_interval as real_stability_interval
 from integrators import repeat as repeat
 from integrators import save_method as save_method
+from integrators import save_scene as save_scene
+from integrators import scene as scene
+from integrators import scene_catalogue as scene_catalogue
 from integrators import ssp_coefficient as ssp_coefficient
 from integrators import stability_angle as stability_angle
 from integrators import stability_function as stability_function
@@ -74,10 +83,20 @@ from .conjugation import bracket as bracket
 from .conjugation import conjugate as conjugate
 from .conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .conjugation import effective_order as effective_order
+from .convergence import ConvergenceRadius as ConvergenceRadius
+from .convergence import convergence_radius as convergence_radius
+from .evaluation import SceneSeries as SceneSeries
+from .evaluation import modified_field as modified_field
+from .evaluation import modifying_field as modifying_field
+from .evaluation import series_map as series_map
 from .exceptions import SeriesError as SeriesError
 from .modified import exact_flow as exact_flow
 from .modified import modified_equation as modified_equation
 from .modified import series as series
+from .modified_invariants import ModifiedInvariant as ModifiedInvariant
+from .modified_invariants import divergence as divergence
+from .modified_invariants import modified_invariant as modified_invariant
+from .modifying_runs import modifying_steps as modifying_steps
 from .order_theory.compiling import CompiledConditions as CompiledConditions
 from .order_theory.condition import OrderCondition as OrderCondition
 from .order_theory.generating import order_conditions as order_conditions
@@ -93,6 +112,9 @@ from .structure import volume_preservation as volume_preservation
 from .substitution import modifying_integrator as modifying_integrator
 from .substitution import substitute as substitute
 from .substitution import substitution_inverse as substitution_inverse
+from .term_sizes import Reach as Reach
+from .term_sizes import TruncationWarning as TruncationWarning
+from .term_sizes import reach as reach
 from .truncated import BSeries as BSeries
 from .verdicts import Verdict as Verdict
 

@@ -25,6 +25,15 @@ from .program import ProgramBuilder as ProgramBuilder
 from .rational_functions import StabilityFunction as StabilityFunction
 from .rosenbrock import Rosenbrock as Rosenbrock
 from .rosenbrock import WMethod as WMethod
+from .scenes.base import Scene as Scene
+from .scenes.effects import Effect as Effect
+from .scenes.files import load_scene as load_scene
+from .scenes.files import save_scene as save_scene
+from .scenes.registry import scene as scene
+from .scenes.registry import scene_catalogue as scene_catalogue
+from .scenes.terms import Term as Term
+from .scenes.text import parse_hamiltonian as parse_hamiltonian
+from .scenes.text import parse_scene as parse_scene
 from .splitting import Splitting as Splitting
 from .splitting import lie_trotter as lie_trotter
 from .splitting import strang as strang

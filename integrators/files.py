@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from .entries import read_entry
 from .errors import IntegratorError
 from .expressions import decimal_text, format_number, shorten
-from .formats import FORMATS, json_text, parse_json, parse_toml
+from .formats import FORMATS, check_keys, json_text, parse_json, parse_toml
 from .partitioned import PartitionedRungeKutta
 from .runge_kutta import RungeKutta, emit
 from .stage_algebra import StageAlgebra
@@ -168,10 +168,10 @@ def _checked_format(format: str) -> str:
 
 
 def _read_method(data: Any) -> Method:
-    _check_keys(data, KEYS, "content")
+    check_keys(data, KEYS, "content")
     if "partitions" not in data:
         return _read_tableau(data, ())
-    _check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
+    check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
     partitions = data["partitions"]
     if not isinstance(partitions, dict):
         raise IntegratorError(f"partitions must map names to tableaux, but was {shorten(repr(partitions))}")
@@ -188,10 +188,10 @@ def _prefixed(name: str, read: Callable[..., RungeKutta], *arguments: Any) -> Ru
 
 
 def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
-    _check_keys(data, PART_KEYS, "a tableau")
+    check_keys(data, PART_KEYS, "a tableau")
     labels = {key: data.get(key) for key in LABELS}
     if "algebra" in data:
-        _check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
+        check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
         return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
     for key in ("A", "b"):
         if key not in data:
@@ -220,7 +220,7 @@ def _as_floats(value: Any) -> Any:
 
 
 def _read_algebra(data: Any) -> StageAlgebra:
-    _check_keys(data, ("polynomial", "A", "b"), "algebra")
+    check_keys(data, ("polynomial", "A", "b"), "algebra")
     for key in ("polynomial", "A", "b"):
         if key not in data:
             raise IntegratorError(f"algebra must have the key {key}, but had {', '.join(data) or 'none'}")
@@ -228,20 +228,6 @@ def _read_algebra(data: Any) -> StageAlgebra:
     polynomial, b = (items(data[key], f"algebra.{key}") for key in ("polynomial", "b"))
     read = [[read_entry(value, "an entry of algebra") for value in row] for row in (polynomial, b, *rows)]
     return StageAlgebra(read[0], read[2:], read[1])
-
-
-def _check_keys(data: Any, known: Iterable[str], argument: str) -> None:
-    if not isinstance(data, dict):
-        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shorten(repr(data))}")
-    for key in data:
-        if key not in known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f" (did you mean {near[0]}?)" if near else ""
-            raise IntegratorError(
-                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{hint}"
-            )
 
 
 def _write_method(method: Method) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
 from typing import Any, NoReturn
 
@@ -52,6 +52,30 @@ def parse_toml(text: str) -> Any:
         raise IntegratorError(f"content must be TOML, but was not: {error}") from None
     except InvalidOperation:
         raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
+    """Refuse what is no table, and keys that nobody reads.
+
+    Args:
+        data: what a file holds.
+        known: the keys that it may have.
+        argument: what a message calls it.
+
+    Raises:
+        IntegratorError: it has another key; the message says which known one is like it.
+    """
+    if not isinstance(data, dict):
+        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shorten(repr(data))}")
+    for key in data:
+        if key not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(key, known, n=1, cutoff=0.5)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise IntegratorError(
+                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{hint}"
+            )
 
 
 def json_text(value: Any, indent: str = "") -> str:

@@ -17,10 +17,12 @@ VERBS = {
     "modifying": "series_verbs",
     "series": "series_verbs",
     "compose": "compose_verb",
+    "equation": "equation_verb",
     "check": "check_verb",
     "conditions": "conditions_verb",
     "trees": "tree_verb",
     "methods": "catalogue_verb",
+    "scenes": "scenes_verb",
     "completion": "completion_verb",
 }
 """Every verb and the module that holds it."""

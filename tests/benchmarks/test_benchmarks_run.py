@@ -15,7 +15,7 @@ import bseries as bs
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import algebra_cases, cases, report, rivals, timing  # noqa: E402
+from benchmarks import algebra_cases, cases, report, rivals, scene_cases, timing  # noqa: E402
 from benchmarks.__main__ import main  # noqa: E402
 from benchmarks.timing import Sample  # noqa: E402
 
@@ -37,6 +37,10 @@ EULER = bs.RungeKutta([[0.0]], [1.0])
         algebra_cases.structure(bs.symplecticity, "implicit-midpoint", 4),
         algebra_cases.conditions(4, 3),
         algebra_cases.fresh_series("tdrk5", 3),
+        scene_cases.written_out("explicit-midpoint", "riccati", 3),
+        scene_cases.per_point(lambda: bs.modified_field(bs.method("rk4"), bs.scene("riccati"), 3)),
+        scene_cases.printed_formulas(compiled=False),
+        scene_cases.compile_time(cached=True),
         cases.process(sys.executable, "-c", "pass"),
         cases.first_run(),
     ],
@@ -58,7 +62,7 @@ def test_the_rows_hold_every_bar_of_the_table():
     bars = {name: case.bar for name, case in rows.items() if case.bar is not None}
     assert bars["midpoint-9"] == 0.0002
     assert (bars["modifying-9"], bars["substitute-11"], bars["energy-9"]) == (0.001, 0.05, 0.01)
-    assert len(bars) == 31
+    assert len(bars) == 37
     assert all(case.peak_bar is not None for case in rows.values() if case.full)
     assert {rival.opponent for rival in rivals.RIVALS} <= rows.keys()
     assert {figure.opponent for figure in rivals.PUBLISHED} <= rows.keys()

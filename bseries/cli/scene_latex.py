@@ -1,0 +1,121 @@
+"""Names and equations of a scene as LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+from unicodedata import decomposition
+from unicodedata import name as unicode_name
+
+from integrators.scenes.blocks import ROLES
+
+from .layout import latex_text
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators import Scene
+
+    Terms = Sequence[tuple[int, tuple[sympy.Expr, ...]]]
+
+LINE = 120
+"""So many characters of LaTeX go on one line of an equation."""
+GREEK = "GREEK SMALL LETTER "
+_SIGNS = {"−": "$-$", "<": "$<$", ">": "$>$"}
+_RAISED = {"<super>": "^", "<sub>": "_"}
+
+
+def latex_formula(formula: sympy.Expr, scene: Scene) -> str:
+    """A formula in variables and parameters of a scene."""
+    import sympy
+
+    names = {symbol: _latex_name(str(symbol)) for symbol in formula.free_symbols}
+    return sympy.latex(formula, symbol_names=names | _components(scene))
+
+
+def align(scene: Scene, terms: Terms) -> str:
+    """Equations for all variables by powers of h, as a displayed align.
+
+    Args:
+        scene: The scene.
+        terms: Consecutive powers of h with what they multiply, one formula for each variable.
+    """
+    first, last = terms[0][0], terms[-1][0]
+    rest = f"\\mathcal{{O}}(h^{{{last + 1}}})" if last else r"\mathcal{O}(h)"
+    equations = []
+    for i, symbol in enumerate(scene.symbols):
+        base, *index = latex_formula(symbol, scene).partition("_{")
+        summands = [_summand(k, field[i], scene) for k, field in terms if field[i] != 0]
+        start = [r"\cdots"] if first else [] if summands else ["0"]
+        equations.append(f"\\dot{{{base}}}{''.join(index)} &= {_broken([*start, *summands, rest])}")
+    return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
+
+
+def latex_words(text: str) -> str:
+    """Text with Greek letters, raised and lowered digits, and signs of mathematics."""
+    return "".join(map(_latex_letter, text))
+
+
+def _latex_letter(letter: str) -> str:
+    kind, _, plain = decomposition(letter).partition(" ")
+    if kind in _RAISED:
+        return f"${_RAISED[kind]}{{{chr(int(plain, 16))}}}$"
+    if _is_greek(letter):
+        return f"${_latex_name(letter)}$"
+    return _SIGNS.get(letter) or latex_text(letter)
+
+
+def _latex_name(name: str) -> str:
+    """The name of a variable or parameter: Greek letters and indices as LaTeX writes them."""
+    import sympy
+
+    if name.startswith("_"):
+        return f"\\mathrm{{{latex_text(name)}}}"
+    spelled = (unicode_name(letter).removeprefix(GREEK).lower() if _is_greek(letter) else letter for letter in name)
+    return sympy.latex(sympy.Symbol("".join(spelled)))
+
+
+def _is_greek(letter: str) -> bool:
+    return unicode_name(letter, "").startswith(GREEK)
+
+
+@lru_cache(maxsize=1)
+def _components(scene: Scene) -> dict[sympy.Symbol, str]:
+    """The names of components at sites: p_{x,1} for px1, and p_{x,i} for px_i in a term over sites."""
+    import sympy
+
+    names = {}
+    for block in scene.blocks:
+        base = _latex_name(block.name)
+        for component in block.components if block.components != (block.name,) else ():
+            axis = component.removeprefix(block.name)
+            for site, symbol in enumerate(scene.symbols[block.places(component)], 1):
+                names[symbol] = f"{base}_{{{axis},{site}}}"
+            names |= {sympy.Symbol(f"{component}_{role}"): f"{base}_{{{axis},{role}}}" for role in ROLES}
+    return names
+
+
+def _summand(k: int, formula: sympy.Expr, scene: Scene) -> str:
+    """What a power of h multiplies, with it and with a sign if that is a minus."""
+    text = latex_formula(formula, scene)
+    if k == 0:
+        return text
+    h = f"h^{{{k}}}" if k > 1 else "h"
+    if formula.is_Add:
+        return f"{h} \\left({text}\\right)"
+    sign = "- " if text.startswith("-") else ""
+    factor = text.removeprefix("-").lstrip()
+    return sign + (h if factor == "1" else f"{h}\\, {factor}")
+
+
+def _broken(summands: Sequence[str]) -> str:
+    """A sum on as many lines as it takes."""
+    signed = [text if k == 0 or text.startswith("- ") else f"+ {text}" for k, text in enumerate(summands)]
+    lines = signed[:1]
+    for text in signed[1:]:
+        if len(lines[-1]) + len(text) > LINE:
+            lines.append(text)
+        else:
+            lines[-1] += f" {text}"
+    return " \\\\\n&\\quad ".join(lines)

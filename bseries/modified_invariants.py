@@ -1,0 +1,189 @@
+"""First integrals of modified equations of Poisson systems, and the divergence of the terms."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .differential_rings import MOST_MONOMIALS
+from .differentials import _refusing
+from .exceptions import SeriesError
+from .potentials import potential
+from .term_sizes import check_field
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.scenes.base import Scene
+
+    from .differential_rings import DifferentialRing, Element
+    from .evaluation import SceneSeries
+
+
+class ModifiedInvariant(NamedTuple):
+    """The integral I + h I_2 + h² I_3 + … of a truncated modified equation.
+
+    Attributes:
+        label: What it is the integral of.
+        variables: The symbols of the variables.
+        terms: The formulas by power of h, each up to a constant.
+
+    Example:
+        >>> import bseries as bs, sympy
+        >>> f = bs.modified_field(bs.method("symplectic-euler-p"), bs.scene("pendulum"), 2)
+        >>> bs.modified_invariant(f).expression(sympy.Symbol("h"))
+        -h*p*sin(q)/2 + p**2/2 - cos(q)
+    """
+
+    label: str
+    variables: tuple[sympy.Symbol, ...]
+    terms: tuple[sympy.Expr, ...]
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The whole integral for a step size, a number or a symbol.
+
+        Raises:
+            SeriesError: `h` is neither.
+        """
+        import sympy
+
+        if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
+            raise SeriesError(f"h must be a number or a SymPy expression, but was {h!r:.60}")
+        return sympy.Add(*(term * h**k for k, term in enumerate(self.terms)))
+
+    def __str__(self) -> str:
+        rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))
+        return "\n".join([f"integral of {self.label}", *rows])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The integral as plain data."""
+        return {
+            "schema": 1,
+            "kind": "invariant",
+            "series": self.label,
+            "variables": [str(symbol) for symbol in self.variables],
+            "terms": [{"power": k, "invariant": str(term)} for k, term in enumerate(self.terms)],
+        }
+
+
+def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
+    """The integral of a truncated modified equation, where it is a Poisson system like the scene.
+
+    For y' = B(y) ∇I(y) with B invertible, a Poisson integrator has a modified equation y' = B(y) (∇I + h ∇I_2 + …), so
+    that ∇I_k = B(y)^(−1) f_k. Other methods fail: what should be a gradient is none.
+
+    Args:
+        f: The field, such as `modified_field` gives, of an exact method.
+
+    Returns:
+        The integral.
+
+    Raises:
+        SeriesError: `f` is no exact field, its scene has no invertible structure, one of its terms comes from no
+            integral (the first such power of h is named), or an integral is beyond the rules of `potential`.
+
+    Example:
+        >>> import bseries as bs
+        >>> lotka_volterra = bs.scene("lotka-volterra")
+        >>> f = bs.modified_field(bs.method("symplectic-euler-p"), lotka_volterra, 2)
+        >>> print(bs.modified_invariant(f))
+        integral of the modified equation of symplectic-euler-p on lotka-volterra
+        h^0   p + q - log(p) - 2*log(q)
+        h^1   -p**2/4 - p*q/2 + 2*p - q**2/4 + 5*q/2 - log(p)/2 - 2*log(q)
+
+    References:
+        HLW, theorem IX.3.1 and section IX.3 (Poisson integrators); E. Hairer, lecture on long-time behaviour,
+        exercise 2.
+    """
+    label = f"{check_field(f).label} on {f.scene.name}"
+    if not f.series.is_exact or f.series.digits is not None:
+        raise SeriesError(f"f must be exact, but the coefficients of {f.label} are decimals")
+    with _refusing(MOST_MONOMIALS):
+        inverse = _inverse_structure(f)
+        terms = tuple(_integral(f, inverse, k, label) for k in range(f.order))
+    return ModifiedInvariant(label, f.scene.symbols, terms)
+
+
+def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) -> sympy.Expr:
+    """I_(k+1), whose gradient is B^(−1) f_(k+1)."""
+    ring, field = f.formulas.ring, f.formulas.elements(k + 1)
+    gradient = [ring.dot(zip(row, field, strict=True)) for row in inverse]
+    if not _is_gradient(ring, gradient):
+        raise SeriesError(f"f must have an integral, but {label} has none: at h^{k}, B^(-1) f_{k + 1} is no gradient")
+    found = potential(ring, gradient)
+    if found is None:
+        raise SeriesError(f"f must be simple enough to integrate, but {label} is not: at h^{k} no rule applies")
+    return found
+
+
+def divergence(f: SceneSeries, k: int) -> sympy.Expr:
+    """The divergence of the term with h^k, Σ_i ∂f_{k+1,i}/∂y_i.
+
+    A method preserves volume exactly if it vanishes for all k.
+
+    Args:
+        f: The field, such as `modified_field` gives.
+        k: The power of h.
+
+    Raises:
+        SeriesError: `f` is no field, or has no such power.
+
+    Example:
+        >>> import bseries as bs
+        >>> abc = bs.scene("abc-flow")
+        >>> bs.divergence(bs.modified_field(bs.method("explicit-euler"), abc, 2), 1)
+        sin(x)*cos(z) + sin(y)*cos(x) + sin(z)*cos(y)
+
+    References:
+        HLW, section VI.9 and lemma VI.9.1; E. Hairer, lecture on long-time behaviour, exercise 6.
+    """
+    import sympy
+
+    if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k < check_field(f).order:
+        raise SeriesError(f"k must be a power of h from 0 to {f.order - 1}, but was {k!r:.60}")
+    ring, field = f.formulas.ring, f.formulas.elements(k + 1)
+    with _refusing(MOST_MONOMIALS):
+        total = ring.sum((1, ring.derivative(component, i)) for i, component in enumerate(field))
+        return sympy.Integer(0) if ring.is_zero(total) else ring.to_expression(total)
+
+
+def _is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
+    """Whether the Jacobian matrix is symmetric."""
+    return all(
+        ring.is_zero(ring.derivative(components[i], j) - ring.derivative(components[j], i))
+        for i in range(len(components))
+        for j in range(i)
+    )
+
+
+def _inverse_structure(f: SceneSeries) -> list[list[Element]]:
+    """B(y)^(−1) of the scene."""
+    import sympy
+    from sympy.polys.matrices import DomainMatrix
+    from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
+
+    matrix = sympy.Matrix(_structure(f.scene))
+    try:
+        inverse = DomainMatrix.from_Matrix(matrix).to_field().inv().to_Matrix()
+    except DMNonInvertibleMatrixError:
+        raise SeriesError(
+            f"scene must have an invertible structure B, but that of {f.scene.name} is singular"
+        ) from None
+    return [[f.formulas.ring.element(entry) for entry in row] for row in inverse.tolist()]
+
+
+def _structure(scene: Scene) -> list[list[Any]]:
+    """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
+    from integrators.scenes.blocks import canonical_blocks
+    from integrators.scenes.expansion import filled
+
+    n = scene.dimension
+    if scene.poisson is not None and len(scene.poisson) == n:
+        return [[filled(entry, scene) for entry in row] for row in scene.poisson]
+    pair = canonical_blocks(scene.blocks)
+    if scene.poisson is not None or pair is None or 2 * pair[0].dimension != n:
+        raise SeriesError(f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not")
+    matrix = [[0] * n for _ in range(n)]
+    for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
+        matrix[p][q], matrix[q][p] = -1, 1
+    return matrix

@@ -1,0 +1,193 @@
+"""Which trees a scene calls for: colours as pieces of its field, and bounds on children from its formulas.
+
+A method of one part sees one field; the scene may still be seen as blocks, whose trees in several colours are fewer
+than those in one wherever the blocks are simple (a separable Hamiltonian with quadratic kinetic energy has 123 trees to
+order 8 in two colours, and 200 in one). The smaller table is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.scenes.degrees import Piece, degrees
+from integrators.scenes.expansion import flat_field
+from trees.counting import count_trees
+from trees.kernels import graft
+from trees.table import TreeTable, tree_table
+
+from .coefficients import auxiliary_colors, check_method, own_trees
+from .exceptions import SeriesError
+from .truncated import BSeries
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.scenes.base import Scene
+
+    from .coefficients import Method
+
+
+class SceneTrees(NamedTuple):
+    """The trees of a method on a scene.
+
+    Attributes:
+        pieces: The piece of the field that each colour stands for.
+        table: The trees whose elementary differentials need not vanish on the scene.
+        shapes: The table on which the method's series is computed: `table`, or one without colours.
+        total: The number of trees of this order in the colours of `table` for a scene of which nothing is known.
+    """
+
+    pieces: tuple[Piece, ...]
+    table: TreeTable
+    shapes: TreeTable
+    total: int
+
+
+def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None) -> SceneTrees:
+    """The trees that a method's series on a scene needs.
+
+    Args:
+        method: The method.
+        order: Largest number of nodes.
+        scene: The scene.
+        parts: What the method's parts are, see `pieces_of`.
+
+    Raises:
+        SeriesError: The method's parts are none of the scene's, or the scene is not of the kind it is meant for.
+    """
+    check_method(method)
+    if auxiliary_colors(method):
+        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
+    pieces = pieces_of(method.names, scene, parts)
+    bounds = degrees(scene, pieces)
+    own = own_trees(method)
+    if own is not None:
+        _check_kind(method, own, bounds, scene)
+    table = tree_table(order, len(pieces), bounds)
+    choices = [SceneTrees(pieces, table, table, sum(count_trees(order, len(pieces))))]
+    if len(pieces) == 1 and len(scene.blocks) > 1:
+        blocks = tuple(Piece(frozenset([block.name])) for block in scene.blocks)
+        finer = degrees(scene, blocks)
+        if sum(count_trees(order, len(blocks), finer)) < len(table):
+            total = sum(count_trees(order, len(blocks)))
+            choices.append(SceneTrees(blocks, tree_table(order, len(blocks), finer), table, total))
+    return min(choices, key=lambda choice: len(choice.table))
+
+
+def _check_kind(method: Method, own: Sequence[Sequence[Any]], bounds: Sequence[Sequence[Any]], scene: Scene) -> None:
+    """Refuse a scene with elementary differentials beyond those that a method for special systems is made for."""
+    for mine, theirs in zip(own, bounds, strict=True):
+        for allowed, found in zip(mine, theirs, strict=False):
+            if allowed is not None and (found is None or found > allowed):
+                raise SeriesError(
+                    f"scene must be of the kind that {method.name} is meant for, such as q'' = g(q), but {scene.name} "
+                    "depends on more"
+                )
+
+
+def pieces_of(names: Sequence[str], scene: Scene, parts: Any = None) -> tuple[Piece, ...]:
+    """The pieces of a scene's field that the colours of a method or series stand for.
+
+    Args:
+        names: The names of the colours; one colour is the whole field.
+        scene: The scene.
+        parts: Maps every name to a block, a part of the field, or a list of blocks. None if the names are those of
+            blocks (a time made a variable goes with the last block), or of parts.
+
+    Raises:
+        SeriesError: It is not clear what a colour is, or together they are not the whole field.
+    """
+    blocks = [block.name for block in scene.blocks]
+    if len(names) == 1:
+        return (Piece(),)
+    if parts is None and set(names) <= set(blocks) and set(blocks) - set(names) <= {"t"}:
+        rest = [name for name in blocks if name not in names]
+        last = max(names, key=blocks.index)
+        return tuple(Piece(frozenset([name, *rest] if name == last else [name])) for name in names)
+    if parts is None and set(names) == set(scene.parts):
+        _check_complete(scene)
+        return tuple(Piece(part=name) for name in names)
+    if parts is None and len(blocks) == 1 and not scene.parts:
+        raise SeriesError(
+            f"scene must have blocks or parts for {', '.join(names)}, which the method treats differently, but "
+            f"{scene.name} has the block {blocks[0]} only"
+        )
+    if parts is None:
+        known = f"blocks {', '.join(blocks)}" + (f", parts {', '.join(scene.parts)}" if scene.parts else "")
+        raise SeriesError(
+            f"parts must say what the method's parts {', '.join(names)} are in {scene.name} ({known}), as in "
+            f"parts={{{names[0]!r}: {blocks[-1]!r}, …}}, but was None"
+        )
+    return _named_pieces(names, scene, parts)
+
+
+def _named_pieces(names: Sequence[str], scene: Scene, parts: Any) -> tuple[Piece, ...]:
+    if not isinstance(parts, Mapping) or set(parts) != set(names):
+        raise SeriesError(f"parts must map {', '.join(names)} to blocks or parts of the scene, but was {parts!r:.60}")
+    blocks = [block.name for block in scene.blocks]
+    pieces = []
+    for name in names:
+        chosen = [parts[name]] if isinstance(parts[name], str) else list(parts[name])
+        if len(chosen) == 1 and chosen[0] in scene.parts and chosen[0] not in blocks:
+            pieces.append(Piece(part=chosen[0]))
+        elif chosen and all(block in blocks for block in chosen):
+            pieces.append(Piece(frozenset(chosen)))
+        else:
+            known = ", ".join([*blocks, *scene.parts])
+            raise SeriesError(f"parts.{name} must be of the scene's {known}, but was {parts[name]!r:.60}")
+    covered = [block for piece in pieces for block in piece.blocks or ()]
+    if all(piece.part for piece in pieces):
+        _check_complete(scene, {piece.part for piece in pieces})
+    elif sorted(covered) != sorted(blocks) or any(piece.part for piece in pieces):
+        raise SeriesError(f"parts must take each block of {', '.join(blocks)} once, but took {', '.join(covered)}")
+    return tuple(pieces)
+
+
+def _check_complete(scene: Scene, parts: set[str | None] | None = None) -> None:
+    """Refuse parts that are not the whole field."""
+    left = {term.part for term in scene.local_terms} - set(parts or scene.parts)
+    if left:
+        named = ", ".join(sorted(str(part) for part in left if part)) or "terms without a part"
+        raise SeriesError(f"parts must be the whole field of {scene.name}, but {named} belong to none of them")
+
+
+def trees_of_series(series: BSeries, scene: Scene, parts: Any = None) -> SceneTrees:
+    """The trees of a given series, all of them, as those of a scene."""
+    pieces = pieces_of(series.names, scene, parts)
+    total = sum(count_trees(series.order, len(pieces)))
+    return SceneTrees(pieces, series.table, series.table, total)
+
+
+def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr, ...]]:
+    """The field of each piece, one formula for each variable of the scene."""
+    blocks = [block.name for block in scene.blocks for _ in block.variables]
+    return [
+        tuple(
+            formula if piece.blocks is None or block in piece.blocks else formula * 0
+            for formula, block in zip(flat_field(scene, piece.part), blocks, strict=True)
+        )
+        for piece in pieces
+    ]
+
+
+def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
+    """For each tree of a table, the id of the same tree without colours in another table."""
+    if table == plain:
+        return list(range(len(table)))
+    _, _, left, right = table.lists
+    stack = [0] * plain.max_order
+    found: list[int] = []
+    for u, v in zip(left, right, strict=True):
+        if u < 0:
+            found.append(0)
+        else:
+            found.append(
+                int(
+                    graft.py_func(
+                        found[u], found[v], plain.max_order, 1, plain.block, *plain.lists, plain._base_start,
+                        plain._base, stack,
+                    )
+                )
+            )  # fmt: skip
+    return found

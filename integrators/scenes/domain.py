@@ -1,0 +1,188 @@
+"""Where a field is defined: what must be positive or not zero for its formulas, and whether a start lies there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from ..errors import IntegratorError
+from ..expressions import shorten
+from .blocks import ROLES, TIME, component_places
+from .expansion import as_float, filled, is_local
+from .terms import Sites
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+    from .system import System
+
+MAX_ROWS = 200_000
+"""Of more pairs than these only neighbours are looked at, in an order in which equal sites are neighbours."""
+MAX_SUSPECTS = 100
+"""Rows of sites that are looked at exactly: those with the smallest guards."""
+SMALL = 1e-9
+"""Guards that are larger in doubles are positive."""
+
+
+class Guard(NamedTuple):
+    """A formula that must be positive (``">"``), not negative (``">="``) or not zero (``"!="``)."""
+
+    formula: sympy.Expr
+    relation: str
+
+    def holds(self, value: sympy.Expr) -> bool:
+        """Whether it holds for a value; undecided values pass."""
+        if not value.is_number:
+            return True
+        number = cast(Any, value if value.is_Rational else value.evalf(30))
+        if not number.is_real:
+            return False
+        zero = abs(number) < 1e-25
+        return not zero if self.relation == "!=" else bool(number > 0 or (zero and self.relation == ">="))
+
+
+def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
+    """What must hold where a formula and so many derivatives of it are defined, the innermost first.
+
+    Example:
+        >>> import sympy
+        >>> x, y = sympy.symbols("x y")
+        >>> [(str(guard.formula), guard.relation) for guard in guards(sympy.log(1/x + sympy.sqrt(y)))]
+        [('x', '!='), ('y', '>='), ('sqrt(y) + 1/x', '>')]
+    """
+    import sympy
+
+    found: dict[Guard, None] = {}
+    for part in cast("Iterator[Any]", sympy.postorder_traversal(formula)):
+        for guard in _guards_of(part, derivatives):
+            if not guard.formula.is_positive:
+                found[guard] = None
+    return list(found)
+
+
+def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:
+    """What must hold for the outermost operation of a formula."""
+    import sympy
+
+    inner: Any = part.args[0] if part.args else None
+    if part.is_Pow and not part.exp.is_Integer:
+        smooth = part.exp.is_Rational and part.exp >= derivatives
+        yield Guard(part.base, ">=" if smooth else ">")
+    elif part.is_Pow and part.exp < 0:
+        yield Guard(part.base, "!=")
+    elif isinstance(part, sympy.log):
+        yield Guard(inner, ">")
+    elif isinstance(part, sympy.tan):
+        yield Guard(sympy.cos(inner), "!=")
+    elif isinstance(part, sympy.acosh):
+        yield Guard(inner - 1, ">" if derivatives else ">=")
+    elif isinstance(part, sympy.asin | sympy.acos):
+        yield Guard(1 - inner**2, ">" if derivatives else ">=")
+    elif isinstance(part, sympy.atanh):
+        yield Guard(1 - inner**2, ">")
+
+
+def check_domain(scene: System) -> None:
+    """Refuse parameters and a start outside the domain of the field.
+
+    Raises:
+        IntegratorError: A formula divides by zero there, or has a root or logarithm of a negative number.
+    """
+    for formula in scene.positive:
+        _check_flat(Guard(formula, ">"), scene)
+    for guard in (
+        guard for row in scene.poisson or () for entry in row for guard in _guards_with_values(entry, 0, scene)
+    ):
+        _check_flat(guard, scene)
+    for summand in scene.summands:
+        for guard in _guards_with_values(summand.formula, int(summand.target is None), scene):
+            if summand.sites.kind == "single":
+                _check_flat(guard, scene)
+            else:
+                _check_sites(guard, summand.sites, scene)
+
+
+def _guards_with_values(formula: sympy.Expr, derivatives: int, scene: System) -> list[Guard]:
+    """The guards with numbers for parameters: what a parameter 0 takes away guards nothing, unless it is divided by."""
+    import sympy
+
+    values = filled(formula, scene)
+    return guards(formula if values.has(sympy.zoo, sympy.nan, sympy.oo) else values, derivatives)
+
+
+def _check_flat(guard: Guard, scene: System) -> None:
+    formula = filled(guard.formula, scene)
+    if scene.start is not None:
+        symbols = cast("set[Any]", formula.free_symbols)
+        values = {symbol: scene.start[scene.places[symbol.name]] for symbol in symbols if symbol.name in scene.places}
+        formula = cast("sympy.Expr", formula.xreplace(values))
+    if not guard.holds(formula):
+        _refuse(guard, formula, "")
+
+
+def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
+    """In doubles at every row of sites, then exactly where that comes near to zero."""
+    import numpy as np
+    import sympy
+
+    formula = filled(guard.formula, scene)
+    symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
+    sources = [_source(symbol.name, sites.count, scene) for symbol in symbols]
+    known = [source for source in sources if source is not None]
+    if len(known) < len(symbols):
+        return
+    rows = _rows(sites, [source.doubles for source in known if source.varies])
+    arguments = [source.doubles[rows[:, source.role]] for source in known]
+    with np.errstate(all="ignore"):
+        found = np.broadcast_to(sympy.lambdify(symbols, formula, "numpy")(*arguments), len(rows))
+    size = np.abs(found) if guard.relation == "!=" else found
+    suspects = np.flatnonzero(~(size > SMALL))
+    for row in rows[suspects[np.argsort(size[suspects])][:MAX_SUSPECTS]]:
+        exact = {symbol: source.exact[row[source.role]] for symbol, source in zip(symbols, known, strict=True)}
+        value = cast("sympy.Expr", formula.xreplace(exact))
+        if not guard.holds(value):
+            _refuse(guard, value, f" for the sites {', '.join(str(site + 1) for site in row)}")
+
+
+class _Source(NamedTuple):
+    """Where a local symbol takes its value from: a role, and the numbers of all sites, exact and as doubles."""
+
+    role: int
+    exact: Sequence[sympy.Expr]
+    doubles: np.ndarray
+    varies: bool = False
+
+
+def _source(name: str, sites: int, scene: System) -> _Source | None:
+    """None for what has no number: a parameter that is a symbol, or a variable without a start."""
+    import numpy as np
+
+    if name == TIME and scene.start is not None:
+        time = scene.places[TIME]
+        return _Source(0, [scene.start[time]] * sites, np.full(sites, scene.y0[time]))
+    if not is_local(name, scene):
+        return None
+    role, parameter = ROLES.index(name[-1]), scene.parameters.get(name[:-2])
+    if isinstance(parameter, tuple):
+        return _Source(role, parameter, np.array([as_float(value) for value in parameter]))
+    places = component_places(name[:-2], scene.blocks)
+    if scene.start is None or places is None:
+        return None
+    return _Source(role, scene.start[places], scene.y0[places], varies=True)
+
+
+def _rows(sites: Sites, variables: Sequence[np.ndarray]) -> np.ndarray:
+    """The rows of sites to look at, as an array: all, or neighbours only of very many pairs."""
+    import numpy as np
+
+    if sites.kind == "pairs" and sites.size > MAX_ROWS:
+        order = np.lexsort(variables) if variables else np.arange(sites.count)
+        return np.column_stack([order[:-1], order[1:]])
+    return np.array(list(sites.rows()), dtype=int).reshape(-1, sites.roles)
+
+
+def _refuse(guard: Guard, value: sympy.Expr, where: str) -> None:
+    must = {">": "positive", ">=": "not negative", "!=": "other than zero"}[guard.relation]
+    formula, number = shorten(str(guard.formula)), shorten(str(value if value.is_Rational else value.evalf(6)))
+    raise IntegratorError(f"parameters and start must make {formula} {must}, but it was {number}{where}")

@@ -1,0 +1,235 @@
+"""A scene as terms in few local variables, with numbers for parameters: the form that compiled code takes.
+
+A formula over pairs of sites that only holds differences, such as a force between particles, becomes a formula in these
+differences; a sum falls into pieces without common variables. So a pair of atoms in the plane has two local variables,
+and the kinetic energy of each atom one for each momentum.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from ..errors import IntegratorError
+from .blocks import ROLES, TIME, Block, canonical_blocks, component_places
+from .expansion import filled, hamiltonian_field, is_local
+from .terms import Sites, Summand
+
+if TYPE_CHECKING:
+    import sympy
+
+    from .system import System
+
+LOCAL_NAME = re.compile("[xd][0-9]+")
+VALUE = -1
+"""An output that is the formula itself, not one of its derivatives."""
+
+
+class Place(NamedTuple):
+    """An entry of the state: offset + stride · (the site of this role in the row)."""
+
+    role: int
+    offset: int
+    stride: int
+
+    def at(self, row: Sequence[int]) -> int:
+        """The index in the state, for a row of sites."""
+        return self.offset + self.stride * row[self.role]
+
+
+class Argument(NamedTuple):
+    """A local variable: y[plus], or y[plus] − y[minus]."""
+
+    plus: Place
+    minus: Place | None
+
+
+class Output(NamedTuple):
+    """Where a term goes: sign · (the formula, or its derivative by a local variable) is added at a place."""
+
+    derivative: int
+    place: Place
+    sign: int
+
+
+class Data(NamedTuple):
+    """A parameter with a value for each site."""
+
+    role: int
+    values: tuple[sympy.Expr, ...]
+
+
+class LocalTerm(NamedTuple):
+    """One formula, its local variables x0, x1, … and data d0, d1, …, its outputs and its sites."""
+
+    formula: sympy.Expr
+    arguments: tuple[Argument, ...]
+    data: tuple[Data, ...]
+    outputs: tuple[Output, ...]
+    sites: Sites
+    part: str | None
+
+    @property
+    def is_hamiltonian(self) -> bool:
+        """Whether it is a term of a Hamiltonian, so that its outputs are derivatives."""
+        return all(output.derivative != VALUE for output in self.outputs)
+
+
+def lower(scene: System) -> tuple[LocalTerm, ...]:
+    """The terms of a scene; parameters that are symbols stay in the formulas.
+
+    Raises:
+        IntegratorError: Such a symbol has the name of a local variable.
+    """
+    terms = []
+    for summand in _with_field_of_poisson(scene):
+        formula = filled(summand.formula, scene)
+        for piece in independent_pieces(formula, _variables_in(formula, summand.sites, scene)):
+            term = _lower_piece(piece, summand, scene)
+            if term.outputs:  # a constant in a Hamiltonian has none
+                terms.append(term)
+    return tuple(terms)
+
+
+def _with_field_of_poisson(scene: System) -> list[Summand]:
+    """The summands, with B∇H in place of H where the structure is not the canonical one."""
+    if scene.poisson is None:
+        return list(scene.summands)
+    kept = [summand for summand in scene.summands if summand.target is not None]
+    for summand in scene.summands:
+        if summand.target is None:
+            field = hamiltonian_field(filled(summand.formula, scene), scene)
+            pieces = zip(field, scene.variables, strict=True)
+            kept += [Summand(formula, name, summand.sites, summand.part) for formula, name in pieces if formula != 0]
+    return kept
+
+
+def _variables_in(formula: sympy.Expr, sites: Sites, scene: System) -> list[sympy.Symbol]:
+    """The variables in a formula (not the data of sites), sorted by name."""
+    found = []
+    for symbol in sorted(cast("set[sympy.Symbol]", formula.free_symbols), key=str):
+        if _place(symbol.name, sites, scene) is not None:
+            found.append(symbol)
+        elif (sites.kind == "single" or not is_local(symbol.name, scene)) and LOCAL_NAME.fullmatch(symbol.name):
+            raise IntegratorError(f"parameters.{symbol.name} must have another name to stay a symbol, but was a symbol")
+    return found
+
+
+def check_numeric(terms: Iterable[LocalTerm]) -> None:
+    """Refuse terms with parameters that are symbols.
+
+    Raises:
+        IntegratorError: There is one.
+    """
+    for term in terms:
+        for symbol in sorted(map(str, term.formula.free_symbols)):
+            if not LOCAL_NAME.fullmatch(symbol):
+                raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")
+
+
+def independent_pieces(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+    """The summands of a formula, those with common variables together; a constant comes first.
+
+    Example:
+        >>> import sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> independent_pieces(p**2/2 - sympy.cos(q) + 3*q + 1, [p, q])
+        [1, p**2/2, 3*q - cos(q)]
+    """
+    import sympy
+
+    order: dict[sympy.Basic, int] = {symbol: k for k, symbol in enumerate(variables)}
+    first = list(range(len(variables)))  # of each variable, an earlier one in the same piece, or itself
+
+    def find(k: int) -> int:
+        while first[k] != k:
+            first[k] = k = first[first[k]]
+        return k
+
+    summands = [
+        (summand, [order[s] for s in summand.free_symbols if s in order]) for summand in _summands(formula, order)
+    ]
+    for _, used in summands:
+        roots = sorted(map(find, used))
+        for root in roots:
+            first[root] = roots[0]
+    pieces: dict[int, list[sympy.Expr]] = {}
+    for summand, used in summands:
+        pieces.setdefault(find(used[0]) if used else -1, []).append(summand)
+    return [sympy.Add(*pieces[k]) for k in sorted(pieces)]
+
+
+def _summands(formula: sympy.Expr, variables: Iterable[sympy.Basic]) -> Iterator[sympy.Expr]:
+    """The terms of a sum, also where the whole sum has a constant factor."""
+    import sympy
+
+    for summand in sympy.Add.make_args(formula):
+        factor, rest = cast("tuple[sympy.Expr, sympy.Expr]", summand.as_independent(*variables, as_Add=False))
+        if rest.is_Add:
+            yield from (factor * inner for inner in _summands(rest, variables))
+        else:
+            yield summand
+
+
+def _lower_piece(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTerm:
+    import sympy
+
+    formula, arguments = _local_arguments(formula, summand.sites, scene)
+    at_sites = sorted((s for s in cast("set[sympy.Symbol]", formula.free_symbols) if is_local(s.name, scene)), key=str)
+    data = [Data(ROLES.index(s.name[-1]), cast(Any, scene.parameters[s.name[:-2]])) for s in at_sites]
+    formula = _replaced(formula, {symbol: sympy.Symbol(f"d{k}") for k, symbol in enumerate(at_sites)})
+    if summand.target is not None:
+        outputs = [Output(VALUE, cast(Place, _place(summand.target, summand.sites, scene)), 1)]
+    else:
+        outputs = _hamiltonian_outputs(arguments, scene.blocks)
+    return LocalTerm(formula, tuple(arguments), tuple(data), tuple(outputs), summand.sites, summand.part)
+
+
+def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[sympy.Expr, list[Argument]]:
+    """The formula in x0, x1, …, which are differences of two sites wherever only those matter."""
+    import sympy
+
+    variables = _variables_in(formula, sites, scene)
+    names = {symbol.name for symbol in variables}
+    arguments: list[Argument] = []
+    for symbol in variables:
+        if symbol not in formula.free_symbols:  # it has gone into the difference that its partner has become
+            continue
+        local, minus = sympy.Symbol(f"x{len(arguments)}"), None
+        partner = symbol.name[:-1] + "j"
+        if sites.roles == 2 and partner in names - {symbol.name}:
+            difference = _replaced(formula, {symbol: local + sympy.Symbol(partner)})
+            if sympy.Symbol(partner) not in difference.free_symbols:
+                formula, minus = difference, _place(partner, sites, scene)
+        if minus is None:
+            formula = _replaced(formula, {symbol: local})
+        arguments.append(Argument(cast(Place, _place(symbol.name, sites, scene)), minus))
+    return formula, arguments
+
+
+def _replaced(formula: sympy.Expr, rule: Mapping[Any, sympy.Expr]) -> sympy.Expr:
+    return cast("sympy.Expr", formula.xreplace(rule))
+
+
+def _place(name: str, sites: Sites, scene: System) -> Place | None:
+    """Where a variable stands; None for the name of something else."""
+    if sites.kind == "single" or name == TIME:
+        return Place(0, scene.places[name], 0) if name in scene.places else None
+    places = component_places(name[:-2], scene.blocks) if is_local(name, scene) else None
+    return None if places is None else Place(ROLES.index(name[-1]), places.start, places.step)
+
+
+def _hamiltonian_outputs(arguments: Sequence[Argument], blocks: Sequence[Block]) -> list[Output]:
+    """p' = −∂H/∂q and q' = ∂H/∂p, with ∂H/∂y[plus] = ∂/∂x and ∂H/∂y[minus] = −∂/∂x."""
+    pair = canonical_blocks(blocks)
+    assert pair is not None  # checked when the scene was made
+    momenta, positions = pair
+    outputs = []
+    for k, argument in enumerate(arguments):
+        for place, sign in ((argument.plus, 1), (argument.minus, -1)):
+            for own, other, direction in ((momenta, positions, 1), (positions, momenta, -1)):
+                if place is not None and own.offset <= place.offset < own.end:
+                    conjugate = place._replace(offset=place.offset - own.offset + other.offset)
+                    outputs.append(Output(k, conjugate, sign * direction))
+    return outputs

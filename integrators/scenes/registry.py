@@ -1,0 +1,173 @@
+"""The built-in scenes: looking them up by name, and building them with options, effects and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import IntegratorError
+from ..expressions import shorten
+from . import (
+    abc_flow,
+    brusselator,
+    central_field,
+    double_pendulum,
+    fermi_pasta_ulam,
+    field_nijhoff,
+    henon_heiles,
+    kepler,
+    lennard_jones,
+    linear,
+    lorenz,
+    lotka_volterra,
+    n_body,
+    nonlinear_oscillator,
+    outer_solar_system,
+    pendulum,
+    riccati,
+    rigid_body,
+    toda,
+    van_der_pol,
+)
+
+if TYPE_CHECKING:
+    from .base import Scene
+
+
+class SceneEntry(NamedTuple):
+    """A built-in scene before it is built.
+
+    Attributes:
+        name: Its name.
+        build: Builds it, all effects off; keyword arguments are options that change its shape or its start, such as the
+            number of particles.
+        summary: What it is, in one line.
+        reference: Where it comes from.
+        aliases: Other names that find it.
+        built_in_effects: Effects that are no addition to the base system, with their summaries: `build` takes their
+            names as `effects`.
+    """
+
+    name: str
+    build: Callable[..., Scene]
+    summary: str
+    reference: str
+    aliases: tuple[str, ...] = ()
+    built_in_effects: Mapping[str, str] | None = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The names of its options and their defaults."""
+        return {name: value for name, value in (self.build.__kwdefaults__ or {}).items() if name != "effects"}
+
+    @property
+    def effects(self) -> dict[str, str]:
+        """The names of its effects and what they are; the scene is built for this."""
+        if self.built_in_effects is not None:
+            return dict(self.built_in_effects)
+        return {name: effect.summary or "" for name, effect in self.build().effects.items()}
+
+
+def _entries(*declared: tuple[Any, ...]) -> tuple[SceneEntry, ...]:
+    return tuple(SceneEntry(*entry) for entry in declared)
+
+
+ENTRIES = _entries(
+    *riccati.SCENES,
+    *linear.SCENES,
+    *nonlinear_oscillator.SCENES,
+    *lotka_volterra.SCENES,
+    *pendulum.SCENES,
+    *double_pendulum.SCENES,
+    *henon_heiles.SCENES,
+    *kepler.SCENES,
+    *central_field.SCENES,
+    *n_body.SCENES,
+    *outer_solar_system.SCENES,
+    *rigid_body.SCENES,
+    *toda.SCENES,
+    *fermi_pasta_ulam.SCENES,
+    *lennard_jones.SCENES,
+    *field_nijhoff.SCENES,
+    *abc_flow.SCENES,
+    *brusselator.SCENES,
+    *van_der_pol.SCENES,
+    *lorenz.SCENES,
+)
+_SPELLING = str.maketrans({"-": None, "–": None, "_": None, " ": None})
+
+
+def scene_catalogue() -> tuple[SceneEntry, ...]:
+    """List the built-in scenes.
+
+    Returns:
+        One entry for each; nothing is built.
+
+    Example:
+        >>> [entry.name for entry in scene_catalogue() if "pendulum" in entry.name]
+        ['pendulum', 'double-pendulum']
+    """
+    return ENTRIES
+
+
+def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any) -> Scene:
+    """Build a scene of the catalogue.
+
+    Args:
+        name: Its name; upper and lower case are equal, ``-`` and ``_`` do not matter.
+        effects: The effects to switch on; None for those that are on by default, which is none for most scenes.
+        parameters: Options of the scene (such as the number of particles), and values of its parameters and of those
+            of the effects that are on.
+
+    Returns:
+        The scene.
+
+    Raises:
+        IntegratorError: There is no such scene, effect, option or parameter.
+
+    Example:
+        >>> scene("pendulum", effects=["damping"], gamma="1/5").field
+        (-p/5 - sin(q), p)
+    """
+    entry = _find(name)
+    options = {key: parameters.pop(key) for key in list(parameters) if key in entry.options}
+    if entry.built_in_effects is not None:
+        if effects is not None:
+            options["effects"] = _checked(_names(effects), entry.built_in_effects)
+        return entry.build(**options).with_parameters(**parameters)
+    return entry.build(**options).with_effects(*_names(effects), **parameters)
+
+
+def _names(effects: Any) -> tuple[str, ...]:
+    if effects is None:
+        return ()
+    return (effects,) if isinstance(effects, str) else tuple(effects)
+
+
+def _checked(names: tuple[str, ...], known: Iterable[str]) -> tuple[str, ...]:
+    known = tuple(known)
+    for name in names:
+        if name not in known:
+            raise IntegratorError(f"effects must be of {', '.join(known)}, but one was {name!r:.60}")
+    return names
+
+
+def _find(name: Any) -> SceneEntry:
+    spelled = _spelling(name) if isinstance(name, str) else ""
+    if spelled in _index():
+        return _index()[spelled]
+    from difflib import get_close_matches
+
+    near = [_index()[key].name for key in get_close_matches(spelled, _index(), n=3, cutoff=0.6)]
+    hint = f"; did you mean {' or '.join(dict.fromkeys(near))}?" if near else ""
+    raise IntegratorError(f"scene must be one of the catalogue, but was {shorten(repr(name))}{hint}")
+
+
+@cache
+def _index() -> dict[str, SceneEntry]:
+    return {_spelling(name): entry for entry in ENTRIES for name in (entry.name, *entry.aliases)}
+
+
+def _spelling(name: str) -> str:
+    return name.strip().lower().translate(_SPELLING)

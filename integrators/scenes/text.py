@@ -1,0 +1,214 @@
+"""Scenes from one line of text: the equations of a field, or a Hamiltonian."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NoReturn
+
+from ..errors import IntegratorError
+from ..expressions import NOT_FINITE, shorten
+from .base import Scene
+from .blocks import TIME, read_blocks
+from .formulas import FUNCTIONS, words
+
+_EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
+_CANONICAL = re.compile(r"[pq]((?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)")
+"""A momentum or position in a Hamiltonian: p, p1, px, px1, p_a, …"""
+_COMMA = re.compile(r",(?![^()]*\))")
+"""A comma outside parentheses."""
+
+
+def parse_scene(
+    text: str,
+    blocks: str | Mapping[str, Any] | None = None,
+    parameters: str | Mapping[str, Any] | None = None,
+    start: str | Mapping[str, Any] | None = None,
+    name: str | None = None,
+) -> Scene:
+    """A scene from the equations of its field.
+
+    Args:
+        text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one to a line or with ``;`` between them.
+        blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. Without it, variables that begin with p
+            and q form the blocks p and q if there are no others; else all are one block.
+        parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
+        start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
+        name: What messages call the scene.
+
+    Returns:
+        The scene. Within a block variables stand in the order of their equations.
+
+    Raises:
+        IntegratorError: The text is no such list, or a name has neither an equation nor a value.
+
+    Example:
+        >>> pendulum = parse_scene("p' = -sin(q); q' = p", start="p=0; q=-3/2")
+        >>> pendulum == Scene({"p": 1, "q": 1}, field={"p": "-sin(q)", "q": "p"}, start={"p": [0], "q": ["-3/2"]})
+        True
+        >>> parse_scene("dx/dt = mu - x^2", parameters="mu=1/2").field
+        (1/2 - x**2,)
+    """
+    field = _read_equations(text)
+    values = _read_values(parameters, "parameters")
+    _check_known(" ".join(field.values()), [*field, *_value_names(values)], "an equation")
+    variables = _find_blocks(list(field)) if blocks is None else _read_blocks(blocks)
+    for variable in field:
+        if not any(variable in block for block in variables.values()):
+            raise IntegratorError(f"blocks must hold every variable, but {shorten(variable)} was in none")
+    return Scene(variables, field=field, parameters=values, start=_read_start(start, variables), name=name)
+
+
+def parse_hamiltonian(
+    text: str,
+    blocks: str | Mapping[str, Any] | None = None,
+    parameters: str | Mapping[str, Any] | None = None,
+    start: str | Mapping[str, Any] | None = None,
+    name: str | None = None,
+) -> Scene:
+    """A scene from its Hamiltonian.
+
+    Args:
+        text: The formula, as ``p^2/2 - cos(q)``.
+        blocks: The momenta and the positions, as ``"p=x,u; q=y,v"`` or as a mapping. Without it they are the names p, q
+            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); what has only one of a pair gets the
+            other.
+        parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
+        start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
+        name: What messages call the scene.
+
+    Returns:
+        The scene.
+
+    Raises:
+        IntegratorError: The text is no formula, or a name is neither a variable nor a parameter.
+
+    Example:
+        >>> parse_hamiltonian("p^2/2 - cos(q)") == Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
+        True
+        >>> parse_hamiltonian("(px^2 + py^2)/2 - k/sqrt(qx^2 + qy^2)", parameters="k=1").variables
+        ('px', 'py', 'qx', 'qy')
+    """
+    if not isinstance(text, str):
+        raise IntegratorError(f"hamiltonian must be text, but was {shorten(repr(text))}")
+    values = _read_values(parameters, "parameters")
+    used = [word for word in _symbols(text) if word not in _value_names(values)]
+    variables = _find_canonical(used) if blocks is None else _read_blocks(blocks)
+    names = [variable for block in variables.values() for variable in block]
+    _check_known(text, [*names, *_value_names(values)], "a place in blocks")
+    return Scene(variables, hamiltonian=text, parameters=values, start=_read_start(start, variables), name=name)
+
+
+def _read_equations(text: Any) -> dict[str, str]:
+    """The right-hand sides by variable, in the order of the equations."""
+    if not isinstance(text, str):
+        raise IntegratorError(f"equations must be text, but was {shorten(repr(text))}")
+    field: dict[str, str] = {}
+    for line in filter(str.strip, re.split(r"[;\n]", text)):
+        match = _EQUATION.fullmatch(line)
+        if match is None:
+            _refuse_equation(line)
+        name, primes, other, formula = match.groups()
+        name = name or other
+        if len(primes or "") > 1:
+            raise IntegratorError(
+                f"equations must be of first order, but one was {shorten(line.strip())!r}: "
+                f"write {name}' = v; v{primes[1:]} = {shorten(formula.strip())} with a name v of your own"
+            )
+        if name in field:
+            raise IntegratorError(f"equations must be one for each variable, but {shorten(name)} had two")
+        field[name] = formula.strip()
+    if not field:
+        raise IntegratorError("equations must be as in \"p' = -sin(q); q' = p\", but there were none")
+    return field
+
+
+def _refuse_equation(line: str) -> NoReturn:
+    raise IntegratorError(f"equations must have the form x' = … or dx/dt = …, but one was {shorten(line.strip())!r}")
+
+
+def _symbols(text: str) -> list[str]:
+    """The names in a formula that are no numbers, and no functions, known or not."""
+    names = [word for word in words(text) if word not in FUNCTIONS and word.lower() not in NOT_FINITE]
+    return [name for name in names if not re.search(rf"\b{name}\s*\(", text)]
+
+
+def _value_names(values: Mapping[str, Any]) -> list[str]:
+    """What formulas may call the values of parameters: m, or m1, m2, … if there is one for each site."""
+    names = []
+    for name, value in values.items():
+        several = isinstance(value, list | tuple) or getattr(value, "ndim", 0)
+        names += [f"{name}{k}" for k in range(1, len(value) + 1)] if several else [name]
+    return names
+
+
+def _check_known(text: str, known: Iterable[str], what: str) -> None:
+    for name in _symbols(text):
+        if name not in known and name != TIME:
+            raise IntegratorError(
+                f"names must be known, but {shorten(name)} has neither {what} nor a value in parameters"
+            )
+
+
+def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
+    """The blocks that variables form by their names; the time is a block of its own."""
+    others = [name for name in names if name != TIME]
+    canonical = all(name[0] in "pq" for name in others)
+    alone = others[0] if len(others) == 1 else "y"
+    blocks: dict[str, list[str]] = {}
+    for name in names:
+        blocks.setdefault(TIME if name == TIME else name[0] if canonical else alone, []).append(name)
+    return blocks
+
+
+def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
+    """Momenta and positions in pairs, site by site as they are numbered."""
+    matches = [match for match in map(_CANONICAL.fullmatch, names) if match is not None]
+    if not matches:
+        raise IntegratorError("hamiltonian must have names such as p, q, p1, qx, or blocks must be given, but had none")
+    suffixes = sorted({(int(match["site"] or 0), match["axis"] or "", match[1]) for match in matches})
+    return {name: [name + suffix for _, _, suffix in suffixes] for name in "pq"}
+
+
+def _read_blocks(blocks: Any) -> dict[str, list[str]]:
+    """The names of variables by block, as a user gives them."""
+    values = _read_values(blocks, "blocks")
+    if isinstance(blocks, str):
+        values = {name: value if isinstance(value, list) else [value] for name, value in values.items()}
+    return {block.name: list(block.variables) for block in read_blocks(values, "blocks")}
+
+
+def _read_values(values: Any, argument: str) -> dict[str, Any]:
+    """A mapping as it is, or that which a text describes: name=value; name=value,value."""
+    if values is None or isinstance(values, Mapping):
+        return dict(values or {})
+    if not isinstance(values, str):
+        raise IntegratorError(f"{argument} must be a mapping or text, but was {shorten(repr(values))}")
+    read: dict[str, Any] = {}
+    for item in filter(str.strip, re.split(r"[;\n]", values)):
+        name, sign, value = (part.strip() for part in item.partition("="))
+        if not (sign and name and value) or name in read:
+            raise IntegratorError(f'{argument} must be as in "a=1; b=2", but had {shorten(item.strip())!r}')
+        entries = [entry.strip() for entry in _COMMA.split(value)]
+        read[name] = entries if len(entries) > 1 else value
+    return read
+
+
+def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Start values by block; they may be given by variable."""
+    values, found = _read_values(start, "start"), {}
+    for block, variables in blocks.items():
+        if all(variable in values for variable in variables):
+            found[block] = [values.pop(variable) for variable in variables]
+        elif any(variable in values for variable in variables if variable != block):
+            missing = next(variable for variable in variables if variable not in values)
+            raise IntegratorError(
+                f"start must have values for {shorten(', '.join(variables))}, but has none for {missing}"
+            )
+    known = [*blocks, *(variable for variables in blocks.values() for variable in variables), TIME]
+    for name in values:
+        if name not in known:
+            raise IntegratorError(
+                f"start must have values for {shorten(', '.join(known[:-1]))}, but has some for {name!r:.60}"
+            )
+    return {**found, **values}

@@ -1,0 +1,180 @@
+"""Sums over sites as lines of Python: loops around formulas in local variables, without arrays of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, Protocol
+
+from .printer import source_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import sympy
+
+    from .scenes.base import Scene
+    from .scenes.local_terms import Argument, Data, LocalTerm, Place
+    from .scenes.terms import Sites
+
+INDICES = ("i", "j", "k", "l")
+"""The loop variables for the sites of a row, by role."""
+
+
+class Context(Protocol):
+    """What lines need from the text around them."""
+
+    number: str | None
+    zero: str
+
+    def numbers(self, values: Sequence[sympy.Expr]) -> str:
+        """The name of a constant array of exact numbers."""
+        ...
+
+    def sites(self, values: Sequence[int]) -> str:
+        """The name of a constant array of integers."""
+        ...
+
+
+class SiteSum:
+    """Formulas summed over the same rows of sites.
+
+    Attributes:
+        sites: The rows.
+        outputs: A formula for each place it is added at; what else a key can be is up to the user of the class.
+    """
+
+    def __init__(self, sites: Sites):
+        self.sites = sites
+        self.outputs: dict[Any, Any] = {}
+        self._arguments: dict[Argument, sympy.Symbol] = {}
+        self._data: dict[Data, Any] = {}
+
+    @classmethod
+    def flat(cls, scene: Scene, outputs: Mapping[Any, Any]) -> SiteSum:
+        """Formulas in the variables of a scene, summed over nothing."""
+        from .scenes.local_terms import Argument, Place
+        from .scenes.terms import Sites
+
+        total = cls(Sites("single"))
+        names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}
+        total.outputs = {key: formula.xreplace(names) for key, formula in outputs.items()}
+        return total
+
+    def add(self, term: LocalTerm, outputs: Iterable[tuple[Any, sympy.Expr]]) -> None:
+        """Add formulas in the local variables and data of a term."""
+        import sympy
+
+        names: dict[Any, Any] = {sympy.Symbol(f"x{k}"): self._argument(x) for k, x in enumerate(term.arguments)}
+        names |= {sympy.Symbol(f"d{k}"): self._datum(data) for k, data in enumerate(term.data)}
+        for key, formula in outputs:
+            self.outputs[key] = self.outputs.get(key, sympy.Integer(0)) + formula.xreplace(names)
+
+    def _argument(self, argument: Argument) -> sympy.Symbol:
+        import sympy
+
+        plus, minus = argument
+        name = f"y{plus.offset}" if minus is None and plus.stride == 0 else f"x{len(self._arguments)}"
+        return self._arguments.setdefault(argument, sympy.Symbol(name))
+
+    def _datum(self, data: Data) -> sympy.Expr:
+        """The symbol of a parameter with a value for each site; the value itself where all sites have the same."""
+        import sympy
+
+        if len(set(data.values)) == 1:
+            return data.values[0]
+        return self._data.setdefault(data, sympy.Symbol(f"d{len(self._data)}"))
+
+    def covered(self, place: Place) -> set[int]:
+        """The entries that one pass over the rows writes once each at a place; none if it may write one twice."""
+        if self.sites.kind == "single":
+            return {place.offset}
+        if self.sites.kind == "each" and place.stride:
+            return set(range(place.offset, place.offset + place.stride * self.sites.count, place.stride))
+        return set()
+
+    def lines(self, targets: Mapping[Any, str], context: Context) -> list[str]:
+        """The statements.
+
+        Args:
+            targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``, in the order wanted.
+            context: How numbers are written.
+
+        Returns:
+            The lines, indented from 0. Over pairs, what belongs to the first site is read before the inner loop and
+            written after it.
+        """
+        if not self.outputs:
+            return []
+        first = 0 if self.sites.kind == "pairs" else None
+        before: list[str] = []
+        body: list[str] = []
+        after: list[str] = []
+        names, targets = self._names(), dict(targets)
+        read: dict[Place | None, str] = {}
+        for argument, symbol in self._arguments.items():
+            if symbol in names:
+                for place in argument:
+                    if place is not None and place.role == first and place not in read:
+                        read[place] = f"u{len(read)}"
+                        before.append(f"{read[place]} = {entry('y', place)}")
+                values = [read.get(place) or entry("y", place) for place in argument if place is not None]
+                body.append(f"{symbol} = {' - '.join(values)}")
+        for data, symbol in self._data.items():
+            if symbol in names:
+                line = f"{symbol} = {context.numbers(data.values)}[{INDICES[data.role]}]"
+                (before if data.role == first else body).append(line)
+        for key in targets:
+            if first is not None and getattr(key, "role", None) == first:
+                name = f"a{len(after)}"
+                before.append(f"{name} = {context.zero}")
+                after.append(f"{targets[key]} {name}")
+                targets[key] = f"{name} +="
+        assignments = [(target, self.outputs[key]) for key, target in targets.items()]
+        body += source_lines(assignments, names, number=context.number)
+        return self._loop(before, body, after, context)
+
+    def _names(self) -> dict[Any, str]:
+        """What the formulas use."""
+        free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
+        return {symbol: str(symbol) for symbol in (*self._arguments.values(), *self._data.values()) if symbol in free}
+
+    def _loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
+        kind, n = self.sites.kind, self.sites.count
+        if kind == "single":
+            return body
+        if kind == "pairs":
+            inner = [f"for j in range(i + 1, {n}):", *indented(body)]
+            return [f"for i in range({n - 1}):", *indented([*before, *inner, *after])]
+        if kind == "table":
+            columns = [context.sites(column) for column in zip(*self.sites.table, strict=True)]
+            rows = [f"{index} = {column}[row]" for index, column in zip(INDICES, columns, strict=False)]
+            return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
+        second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
+        return [f"for i in range({self.sites.size}):", *indented([*second, *body])]
+
+
+def entry(array: str, place: Place) -> str:
+    """The entry of an array at a place."""
+    if place.stride == 0:
+        return f"{array}[{place.offset}]"
+    index = INDICES[place.role] if place.stride == 1 else f"{place.stride}*{INDICES[place.role]}"
+    return f"{array}[{place.offset} + {index}]" if place.offset else f"{array}[{index}]"
+
+
+def zeros(entries: Iterable[int], zero: str) -> list[str]:
+    """Statements that set entries of `out` to zero: consecutive ones by a loop."""
+    lines: list[str] = []
+    for _, run in groupby(enumerate(sorted(entries)), key=lambda pair: pair[1] - pair[0]):
+        places = [place for _, place in run]
+        if len(places) > 3:
+            start = f"{places[0]}, " if places[0] else ""
+            lines += [f"for i in range({start}{places[-1] + 1}):", f"    out[i] = {zero}"]
+        else:
+            lines += [f"out[{place}] = {zero}" for place in places]
+    return lines
+
+
+def indented(lines: Iterable[str]) -> list[str]:
+    """The lines as the body of a block."""
+    return [f"    {line}" for line in lines]

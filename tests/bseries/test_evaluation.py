@@ -1,0 +1,179 @@
+"""Series on scenes: the routes agree, only what is called for is computed, and bad input is refused."""
+
+import numpy as np
+import pytest
+import sympy
+from numba import njit
+
+import bseries as bs
+from bseries.precise import PreciseSeries
+from bseries.scene_trees import trees_of_method
+
+SMALL = [entry.name for entry in bs.scene_catalogue() if bs.scene(entry.name).dimension <= 3]
+
+
+def field(name="pendulum", method="rk4", order=6, **options):
+    return bs.modified_field(bs.method(method), bs.scene(name), order, **options)
+
+
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("make", [bs.modified_field, bs.modifying_field, bs.series_map])
+def test_towers_formulas_and_high_precision_agree(name, make):
+    scene = bs.scene(name)
+    towers, formulas = (make(bs.method("explicit-midpoint"), scene, 5, route=r) for r in ("towers", "symbolic"))
+    precise = PreciseSeries(towers, 30)
+    generator = np.random.default_rng(5)
+    for _ in range(3):
+        y, h = scene.y0 + 0.05 * generator.random(scene.dimension), 0.0625 * generator.random()
+        expected = np.array(precise(list(y), h), float)
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(towers(y, h), expected, rtol=1e-13, atol=1e-14 * scale)
+        np.testing.assert_allclose(formulas(y, h), expected, rtol=1e-13, atol=1e-13 * scale)
+        values = dict(zip(scene.symbols, map(sympy.Rational, y), strict=True))
+        powers = range(5 if towers.is_field else 6)
+        exact = [sum(sympy.Rational(h) ** k * towers.symbolic(k)[i] for k in powers) for i in range(scene.dimension)]
+        np.testing.assert_allclose([float(x.subs(values).evalf(30)) for x in exact], expected, rtol=1e-14, atol=1e-15)
+
+
+def test_a_wrong_coefficient_is_seen():
+    f = field()
+    tree = bs.Tree("[τ,[[τ]],τ]")
+    wrong = bs.modified_equation(bs.method("rk4"), 6) + bs.BSeries.from_rule(lambda t: int(t == tree), 6, empty=0)
+    y = np.array([0.4, 1.1])
+    assert np.abs(bs.modified_field(wrong, bs.scene("pendulum"))(y, 0.5) - f(y, 0.5)).max() > 1e-4
+
+
+def test_only_the_trees_that_a_scene_calls_for():
+    assert field(order=8).report() == "123 of 24,314 trees"
+    assert field(method="stormer-verlet-kdk", order=8).report() == "123 of 24,314 trees"
+    assert field("lorenz", order=8).report() == "93 of 200 trees"  # two children at most: 1, 1, 2, 3, 6, 11, 23, 46
+    assert field("linear", order=8).report() == "8 of 200 trees"
+
+
+@pytest.mark.parametrize("method", ["rk4", "implicit-midpoint", "gauss2"])
+def test_blocks_as_colours_change_nothing(method):
+    scene = bs.scene("pendulum")
+    chosen = trees_of_method(bs.method(method), 7, scene)
+    assert chosen.table.colors == 2
+    assert chosen.shapes.colors == 1
+    y = np.array([0.3, -1.2])
+    whole = bs.modified_field(bs.modified_equation(bs.method(method), 7), scene, route="towers")
+    np.testing.assert_allclose(
+        field(method=method, order=7, route="towers").terms(y), whole.terms(y), rtol=1e-14, atol=1e-16
+    )
+
+
+@pytest.mark.parametrize("route", ["towers", "symbolic"])
+def test_many_points(route):
+    f = field(route=route)
+    points = np.random.default_rng(0).normal(size=(2, 37))
+    together = f(points, 0.1)
+    assert together.shape == (2, 37)
+    for k in range(37):
+        np.testing.assert_array_equal(together[:, k], f(points[:, k], 0.1))
+    np.testing.assert_array_equal(f(points, 0.1, workers=2), together)
+    assert f.terms(points).shape == (6, 2, 37)
+
+
+@pytest.mark.parametrize("route", ["towers", "symbolic"])
+def test_compiled_in_other_compiled_code(route):
+    compiled = field(route=route).compiled
+
+    @njit
+    def two_euler_steps(y, h):
+        slope = np.empty_like(y)
+        for _ in range(2):
+            compiled(y, h, slope)
+            y = y + h * slope
+        return y
+
+    f, y = field(route=route), np.array([0.2, 1.0])
+    once = y + 0.1 * f(y, 0.1)
+    np.testing.assert_allclose(two_euler_steps(y, 0.1), once + 0.1 * f(once, 0.1), rtol=1e-15)
+
+
+def test_route_is_chosen_by_cost():
+    assert field().evaluator.route == "symbolic"
+    assert field("lennard-jones", method="stormer-verlet-kdk", order=3).evaluator.route == "towers"
+    with pytest.raises(bs.SeriesError, match="route must be one of auto, towers, symbolic, but was 'fast'"):
+        field(route="fast")
+
+
+def with_ten_effects(**options):
+    effects = {f"wind{k}": bs.Effect(field={"p": f"-c{k}*p^{k}"}, parameters={f"c{k}": k}) for k in range(1, 10)}
+    effects["spin"] = bs.Effect(field={"q": "w", "w": "-w"}, variables={"w": 1}, start={"w": [1]})
+    start = {"p": [0], "q": [1]}
+    return bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start=start, effects=effects, **options)
+
+
+@pytest.mark.parametrize("route", ["towers", "symbolic"])
+def test_effects_that_are_off_leave_no_trace(route):
+    from integrators.codegen import scene_source
+
+    one = with_ten_effects().with_effects("wind3")
+    start = {"p": [0], "q": [1]}
+    plain = bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", field={"p": "-3*p^3"}, start=start)
+    sources = [bs.modified_field(bs.method("rk4"), s, 4, route=route).evaluator.source for s in (one, plain)]
+    other = bs.modified_field(bs.method("rk4"), with_ten_effects().with_effects("wind2"), 4, route=route)
+    assert other.evaluator.source not in sources
+    assert sources[0] == sources[1]
+    assert scene_source(one) == scene_source(plain)
+    base = bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start=start)
+    for build in (scene_source, lambda s: bs.modified_field(bs.method("rk4"), s, 4, route=route).evaluator.source):
+        assert build(with_ten_effects()) == build(base)
+
+
+def test_effects_change_the_numbers():
+    y = np.array([0.3, 1.0, 0.5])
+    f = bs.modified_field(bs.method("rk4"), with_ten_effects().with_effects("spin"), 5)
+    assert f.variables == ("p", "q", "w")
+    assert f(y, 0.1)[1] != field(order=5)(y[:2], 0.1)[1]
+
+
+def test_parts_of_methods():
+    abc, split = bs.scene("abc-flow"), bs.lie_trotter(["a", "b", "c"])
+    f = bs.modified_field(split, abc, 4)
+    assert [str(piece.part) for piece in f.trees.pieces] == ["a", "b", "c"]
+    strang = bs.method("strang")
+    pendulum = bs.scene("pendulum")
+    kdk = bs.modified_field(strang, pendulum, 6, parts={"a": "p", "b": "q"})
+    y = np.array([0.3, 0.8])
+    verlet = bs.modified_field(bs.method("stormer-verlet-kdk"), pendulum, 6)
+    np.testing.assert_allclose(kdk(y, 0.1), verlet(y, 0.1), rtol=1e-14)
+    dkd = bs.modified_field(strang, pendulum, 6, parts={"a": "q", "b": "p"})
+    assert np.abs(dkd(y, 0.1) - verlet(y, 0.1)).max() > 1e-5
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: field("riccati", "stormer-verlet-kdk"),
+            "scene must have blocks or parts for p, q, .* but riccati has the block y only",
+        ),
+        (lambda: field(method="strang"), "parts must say what the method's parts a, b are"),
+        (lambda: field(method="strang", parts={"a": "p"}), "parts must map a, b to blocks"),
+        (lambda: field(method="strang", parts={"a": "p", "b": "p"}), "parts must take each block of p, q once"),
+        (
+            lambda: field(method="strang", parts={"a": "p", "b": "z"}),
+            "parts.b must be of the scene's p, q, but was 'z'",
+        ),
+        (lambda: field(order=None), "order must be given for a method"),
+        (lambda: field()([1.0], 0.1), r"y must have the shape \(2,\) or \(2, n\), but had \(1,\)"),
+        (lambda: field()("ab", 0.1), "y must be numbers, but was 'ab'"),
+        (lambda: field()([1, 2], "0.1"), "h must be a number, but was '0.1'"),
+        (lambda: field()([1, 2], 0.1, workers=0), "workers must be a whole number ≥ 1, but was 0"),
+        (lambda: field().symbolic(6), "k must be a power of h from 0 to 5, but was 6"),
+        (lambda: field().precise([1], 1), "y must have 2 values, but had 1"),
+        (lambda: field().precise([1, 2], 1, digits=0), "digits must be a whole number from 1 to 10000, but was 0"),
+        (
+            lambda: bs.modified_field(bs.method("rkn-nystrom4"), bs.scene("lotka-volterra"), 4),
+            "scene must be of the kind",
+        ),
+        (lambda: bs.modified_field("rk4", bs.scene("pendulum"), 4), "method must be"),
+        (lambda: bs.modified_field(bs.method("rk4"), "pendulum", 4), "scene must be a Scene, but was 'pendulum'"),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(bs.errors, match=message):
+        call()
