@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from integrators import IntegratorError
+
 from . import tower_kernels, tower_layout
 from .domains import to_float
 from .exceptions import SeriesError
+from .states import read_states, read_step
 from .tower_plans import PlanBuilder
 from .towers import find_needs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from types import ModuleType
 
     from .evaluation import SceneSeries
@@ -49,6 +52,8 @@ numbers = np.array({numbers})
 @njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 def compiled(y, h, out):
     """Write the value at y to out; both are contiguous."""
+    if y.size != {dimension} or out.size != {dimension}:
+        raise ValueError("y and out must have {dimension} entries")
     terms = np.empty(({order}, y.size))
     evaluate(
         y.ctypes, terms.ctypes, 1, y.size, {order}, 1, {lanes}, ints.ctypes, ints.size, numbers.ctypes, numbers.size
@@ -80,6 +85,8 @@ def value({arguments}, h):
 @compiled_with
 def compiled(y, h, out):
     """Write the value at y to out."""
+    if y.size != {dimension} or out.size != {dimension}:
+        raise ValueError("y and out must have {dimension} entries")
     {targets} = value({entries}, h)
 
 
@@ -110,11 +117,16 @@ class CompiledSeries:
         self.series = series
         self._wanted = route
         _ = series.scene.numeric_terms  # refuses symbols
+        symbols = sorted({str(x) for weight in series.weights for x in getattr(weight, "free_symbols", ())})
+        if symbols:
+            raise SeriesError(
+                f"method must have numbers for its parameters in compiled code, but has {', '.join(symbols)}"
+            )
 
     @cached_property
     def tables(self) -> tuple[Any, Any]:
         """What the tower kernels read."""
-        ints, numbers = build_tables(self.series, to_float)
+        ints, numbers = build_tables(self.series, self.series.weights, to_float)
         return ints, np.array(numbers, float)
 
     @cached_property
@@ -139,7 +151,7 @@ class CompiledSeries:
             return self._written_lines()
         try:
             return self._written_lines(limit=MOST_MONOMIALS)
-        except SeriesError:
+        except (SeriesError, IntegratorError):
             return None
 
     def _written_lines(self, **limits: int) -> list[str]:
@@ -147,9 +159,10 @@ class CompiledSeries:
 
         from integrators.printer import source_lines
 
-        series, h = self.series, sympy.Symbol("h_")
+        series, h = self.series, sympy.Dummy("h")
         written = series.written(**limits)
         terms = [written.term(n, simplify=False) for n in range(1, series.order + 1)]
+        series.__dict__.setdefault("formulas", written)  # all terms are there: nobody need compute them again
         shift = 0 if series.is_field else 1
         sums = [
             sympy.Add(*(h ** (k + shift) * formula for k, formula in enumerate(column)), series.empty * symbol)
@@ -161,17 +174,18 @@ class CompiledSeries:
     @cached_property
     def source(self) -> str:
         """The source of the compiled functions."""
+        size = self.series.dimension
         if self.route == "towers":
             ints, numbers = self.tables
             result = "value" if self.series.is_field else f"value * h + {to_float(self.series.empty)!r} * y[i]"
             tables = {"ints": _listed(ints.tolist()), "numbers": _listed(numbers.tolist())}
-            return TOWERS.format(**tables, order=self.series.order, lanes=self._lanes(1), result=result)
-        size = self.series.dimension
+            return TOWERS.format(**tables, order=self.series.order, lanes=self._lanes(1), result=result, dimension=size)
 
         def row(form: str) -> str:
             return ", ".join(form.format(i) for i in range(size)) + ("," if size == 1 and "=" not in form else "")
 
         return FORMULAS.format(
+            dimension=size,
             arguments=", ".join(f"y{i}" for i in range(size)),
             lines="\n".join(f"    {line}" for line in self._lines or ()),
             results=row("f{}"),
@@ -185,12 +199,8 @@ class CompiledSeries:
     def module(self) -> ModuleType:
         """The compiled functions."""
         from integrators.modules import load_module
-        from trees import compiled
 
-        from . import jets
-
-        helpers = [tower_kernels, jets, compiled] if self.route == "towers" else []
-        return load_module(self.source, helpers=helpers)
+        return load_module(self.source, keep=self.route == "symbolic")  # numba keeps no code that calls pointers
 
     @property
     def compiled(self) -> Callable[..., None]:
@@ -199,8 +209,8 @@ class CompiledSeries:
 
     def value(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
         """The value at one point or many."""
-        states, shape = self._states(y)
-        step = _step(h)
+        states, shape = read_states(y, self.series.dimension)
+        step = read_step(h)
         out = np.empty_like(states)
         if self.route == "symbolic":
             _in_threads(lambda k: self.module.many(states[k], step, out[k]), len(states), workers)
@@ -217,7 +227,7 @@ class CompiledSeries:
 
     def terms(self, y: Any, workers: int = 1) -> np.ndarray:
         """The terms by order."""
-        states, shape = self._states(y)
+        states, shape = read_states(y, self.series.dimension)
         return self._terms(states, workers).transpose(0, 2, 1).reshape(self.series.order, *shape)
 
     def _terms(self, states: np.ndarray, workers: int) -> np.ndarray:
@@ -247,28 +257,11 @@ class CompiledSeries:
         rows = points * self._rows
         return math.ceil(rows / math.ceil(rows / MOST_LANES))
 
-    def _states(self, y: Any) -> tuple[np.ndarray, tuple[int, ...]]:
-        """The points as rows, and the shape of the answer."""
-        try:
-            array = np.asarray(y, float)
-        except (TypeError, ValueError):
-            raise SeriesError(f"y must be numbers, but was {y!r:.60}") from None
-        size = self.series.dimension
-        if array.ndim not in (1, 2) or array.shape[0] != size:
-            raise SeriesError(f"y must have the shape ({size},) or ({size}, n), but had {array.shape}")
-        return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
-
 
 def _pointer(array: np.ndarray) -> Any:
     """Where a contiguous array of doubles or unsigned integers begins."""
     kind = ctypes.c_uint64 if array.dtype == np.uint64 else ctypes.c_double
     return array.ctypes.data_as(ctypes.POINTER(kind))
-
-
-def _step(h: Any) -> float:
-    if isinstance(h, bool) or not isinstance(h, int | float | np.floating | np.integer):
-        raise SeriesError(f"h must be a number, but was {h!r:.60}")
-    return float(h)
 
 
 def _in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
@@ -280,7 +273,7 @@ def _in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    share = math.ceil(size / workers)
+    share = max(1, math.ceil(size / workers))
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
 
@@ -288,11 +281,11 @@ def _in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
 def _listed(values: list[Any]) -> str:
     """A list as text, some entries to a line."""
     rows = [", ".join(map(repr, values[k : k + 16])) for k in range(0, len(values), 16)]
-    return "[\n    " + ",\n    ".join(rows) + ",\n]"
+    return "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
 
 
-def build_tables(series: SceneSeries, convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
+def build_tables(series: SceneSeries, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
     """The tables of the tower kernels, with numbers of a kind."""
     trees, scene = series.trees, series.scene
-    needs = find_needs(trees.table, [weight != 0 for weight in series.weights], scene, trees.pieces)
-    return PlanBuilder(trees.table, needs, series.weights, scene.dimension, convert).plan()
+    needs = find_needs(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
+    return PlanBuilder(trees.table, needs, weights, scene.dimension, convert).plan()

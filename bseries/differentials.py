@@ -87,7 +87,7 @@ class SymbolicSeries:
             SeriesError: `n` exceeds the order of the series, or a formula the limit.
         """
         elements = self.elements(n)
-        with _refusing(self._limit):
+        with refusing_large(self._limit):
             return tuple(self.ring.to_expression(element, simplify=simplify) for element in elements)
 
     def elements(self, n: int) -> tuple[Element, ...]:
@@ -101,7 +101,7 @@ class SymbolicSeries:
             raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
         if n not in self._elements:
             weights = {series.table[at]: self._weight(at) for at in series.table.ids(n) if not series._is_zero(at)}
-            with _refusing(self._limit):
+            with refusing_large(self._limit):
                 self._elements[n] = self._towers.sum(weights)
         return self._elements[n]
 
@@ -186,7 +186,7 @@ def elementary_differentials(
     towers = _towers(fields, variables, limit, colors=len(fields), digits=None, others=())
     found = []
     for tree in chosen:
-        with _refusing(limit):
+        with refusing_large(limit):
             elements = towers.sum({tree: Fraction(1)})
             found.append(tuple(towers.ring.to_expression(element, simplify=simplify) for element in elements))
     return found
@@ -250,7 +250,7 @@ def _towers(
     formulas = [formula for row in rows for formula in row]
     if digits is None and any(formula.has(sympy.Float) for formula in formulas):
         digits = FLOAT_DIGITS
-    with _refusing(limit):
+    with refusing_large(limit):
         ring = DifferentialRing.of([*formulas, *others], symbols, limit=limit, digits=digits)
         return DerivativeTowers(ring, [[ring.element(formula) for formula in row] for row in rows])
 
@@ -269,7 +269,7 @@ def _formula(value: object) -> Any:
 
 
 @contextmanager
-def _refusing(limit: int) -> Iterator[None]:
+def refusing_large(limit: int) -> Iterator[None]:
     """Refuse formulas that grow too large."""
     try:
         yield

@@ -256,9 +256,11 @@ def to_float(number: Any) -> float:
     Raises:
         SeriesError: It holds symbols without a value.
     """
+    from integrators.number_text import nearest_double
+
     try:
-        return float(number)
-    except OverflowError:
+        return nearest_double(number)
+    except ArithmeticError:
         raise SeriesError(f"coefficient must stay within the range of floats, but was {number!s:.30}…") from None
     except TypeError as error:
         raise SeriesError(f"coefficient must be a number to become a float, but was {number!s:.60}") from error

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .compiled_series import CompiledSeries
     from .differentials import SymbolicSeries
 
+FLOAT_DIGITS = 15
+"""Significant digits that every float is good for."""
 ROUTES = ("auto", "towers", "symbolic")
 
 
@@ -56,7 +58,7 @@ class SceneSeries:
             raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
         if series.table != trees.table:
             raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
-        self.scene, self.trees, self.series, self._route = scene, trees, series, route
+        self.scene, self.trees, self.series, self._wanted = scene, trees, series, route
 
     @property
     def label(self) -> str:
@@ -71,8 +73,7 @@ class SceneSeries:
     @cached_property
     def weights(self) -> list[Any]:
         """The factors of the elementary differentials: coefficient/σ."""
-        symmetry = self.trees.table.symmetry.tolist()
-        return [value / sigma for value, sigma in zip(self.series.coefficients(), symmetry, strict=True)]
+        return self.series.weights()
 
     @property
     def order(self) -> int:
@@ -117,20 +118,32 @@ class SceneSeries:
         """
         return self.evaluator.value(y, h, workers)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (self.scene, self.trees, self.series, self._wanted)
+
+    @property
+    def route(self) -> str:
+        """How it is evaluated: ``"towers"`` or ``"symbolic"``."""
+        return self.evaluator.route
+
     @cached_property
     def evaluator(self) -> CompiledSeries:
         """The compiled form."""
         from .compiled_series import CompiledSeries
 
-        return CompiledSeries(self, self._route)
+        return CompiledSeries(self, self._wanted)
 
-    def terms(self, y: Any) -> np.ndarray:
+    def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
         """The terms by order at one point or many, without powers of h.
+
+        Args:
+            y: As for calls.
+            workers: The number of threads that share the points.
 
         Returns:
             An array (order, variables) or (order, variables, n): its k-th row is Σ_{|τ|=k+1} b(τ)/σ(τ) F(τ)(y).
         """
-        return self.evaluator.terms(y)
+        return self.evaluator.terms(y, workers)
 
     @property
     def compiled(self) -> Any:
@@ -138,10 +151,29 @@ class SceneSeries:
         return self.evaluator.compiled
 
     def precise(self, y: Any, h: Any, digits: int = 50) -> list[Any]:
-        """The value at one point in so many digits, by the same program on numbers of mpmath."""
+        """The value at one point in so many digits, by the same program on numbers of mpmath.
+
+        Args:
+            y: One point: numbers, fractions, text or numbers of mpmath.
+            h: The step size.
+            digits: The number of decimal digits.
+
+        Raises:
+            SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
+            IntegratorError: An argument is not of its kind.
+        """
         from .precise import PreciseSeries
 
-        return PreciseSeries(self, digits)(y, h)
+        known = self.series.digits if self.series.is_exact else FLOAT_DIGITS
+        if known is not None and isinstance(digits, int) and digits > known:
+            raise SeriesError(f"digits must be at most {known}, as coefficients have, but was {digits}")
+        if digits not in self._precise:
+            self._precise[digits] = PreciseSeries(self, digits)
+        return self._precise[digits](y, h)
+
+    @cached_property
+    def _precise(self) -> dict[int, Any]:
+        return {}
 
     @cached_property
     def formulas(self) -> SymbolicSeries:
@@ -258,6 +290,11 @@ def _made(method: Any, scene: Scene, order: int | None, parts: Any, route: str, 
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
     if isinstance(method, BSeries):
+        if (method.empty == 0) != (make is not series):
+            kind = "flow, with a(∅) other than 0" if make is series else "field, with b(∅) = 0"
+            raise SeriesError(
+                f"method must be a method or the series of a {kind}, but its empty tree has {method.empty}"
+            )
         given = method if order is None else method.truncate(order)
         return SceneSeries(scene, trees_of_series(given, scene, parts), given, route=route)
     check_method(method)
@@ -272,6 +309,10 @@ def _made(method: Any, scene: Scene, order: int | None, parts: Any, route: str, 
         uncertainty = plain.uncertainty and partial(_uncertainty_of_shape, plain.uncertainty, plain_id)
         plain = BSeries(trees.table, chosen, plain.empty, digits=plain.digits, uncertainty=uncertainty)
     return SceneSeries(scene, trees, plain.with_label(f"{what} of {method.name}"), route=route)
+
+
+def _rebuilt(scene: Scene, trees: SceneTrees, series: BSeries, route: str) -> SceneSeries:
+    return SceneSeries(scene, trees, series, route=route)
 
 
 def _uncertainty_of_shape(uncertainty: Callable[[int], float], plain_id: list[int], at: int) -> float:

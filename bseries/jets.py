@@ -84,7 +84,7 @@ Support = frozenset[int]
 """The monomials that a jet may hold, by number; polynomials have few."""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=32)
 def products(
     variables: int, degree: int, first: Support, second: Support, proper: bool
 ) -> tuple[tuple[int, int, int], ...]:
@@ -106,8 +106,9 @@ def products(
     found = [
         (place[tuple(map(sum, zip(exponents[b], exponents[c], strict=True)))], b, c)
         for b in first
+        if b or not proper
         for c in second
-        if (b or not proper) and sum(exponents[b]) + sum(exponents[c]) <= degree
+        if c < jet_size(variables, degree - sum(exponents[b]))
     ]
     return tuple(sorted(found, key=lambda triple: (sum(exponents[triple[0]]), triple[1:])))
 

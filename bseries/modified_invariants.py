@@ -6,7 +6,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .differential_rings import MOST_MONOMIALS
-from .differentials import _refusing
+from .differentials import refusing_large
 from .exceptions import SeriesError
 from .potentials import potential
 from .term_sizes import check_field
@@ -98,7 +98,7 @@ def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
     label = f"{check_field(f).label} on {f.scene.name}"
     if not f.series.is_exact or f.series.digits is not None:
         raise SeriesError(f"f must be exact, but the coefficients of {f.label} are decimals")
-    with _refusing(MOST_MONOMIALS):
+    with refusing_large(MOST_MONOMIALS):
         inverse = _inverse_structure(f)
         terms = tuple(_integral(f, inverse, k, label) for k in range(f.order))
     return ModifiedInvariant(label, f.scene.symbols, terms)
@@ -109,7 +109,9 @@ def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) 
     ring, field = f.formulas.ring, f.formulas.elements(k + 1)
     gradient = [ring.dot(zip(row, field, strict=True)) for row in inverse]
     if not _is_gradient(ring, gradient):
-        raise SeriesError(f"f must have an integral, but {label} has none: at h^{k}, B^(-1) f_{k + 1} is no gradient")
+        raise SeriesError(
+            f"f must be a Hamiltonian or Poisson field, but {label} is none: at h^{k}, B^(-1) f_{k + 1} is no gradient"
+        )
     found = potential(ring, gradient)
     if found is None:
         raise SeriesError(f"f must be simple enough to integrate, but {label} is not: at h^{k} no rule applies")
@@ -142,7 +144,7 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
     if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k < check_field(f).order:
         raise SeriesError(f"k must be a power of h from 0 to {f.order - 1}, but was {k!r:.60}")
     ring, field = f.formulas.ring, f.formulas.elements(k + 1)
-    with _refusing(MOST_MONOMIALS):
+    with refusing_large(MOST_MONOMIALS):
         total = ring.sum((1, ring.derivative(component, i)) for i, component in enumerate(field))
         return sympy.Integer(0) if ring.is_zero(total) else ring.to_expression(total)
 

@@ -1,12 +1,16 @@
-"""Series on scenes in any precision: the tower kernels run by the interpreter on numbers of mpmath."""
+"""Series on scenes in any precision: the tower kernels run by the interpreter on numbers of mpmath.
+
+mpmath's precision is one setting for the whole process: threads must not compute in different precisions at once.
+"""
 
 from __future__ import annotations
 
-from fractions import Fraction
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from integrators.plain_arithmetic import Arithmetic
 
 from . import tower_kernels
 from . import tower_layout as layout
@@ -14,20 +18,17 @@ from .compiled_series import build_tables
 from .exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from .evaluation import SceneSeries
 
-GUARD_DIGITS = 15
-"""Digits more than asked for, which sums of many terms of either sign use up."""
 FUNCTIONS = (
     *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
     *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
 )
+CONSTANTS = ("TERM_ROW", "TAPE_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
 
 
 class PreciseSeries:
-    """A `SceneSeries` with all constants in so many digits.
+    """A `SceneSeries` with all constants in so many digits; printed decimals of a method are taken for exact.
 
     Example:
         >>> import bseries as bs
@@ -37,63 +38,55 @@ class PreciseSeries:
     """
 
     def __init__(self, series: SceneSeries, digits: int):
-        if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= 10_000:
-            raise SeriesError(f"digits must be a whole number from 1 to 10000, but was {digits!r:.60}")
         import mpmath
 
-        self.series, self.digits = series, digits
-        with mpmath.workdps(digits + GUARD_DIGITS):
-            ints, numbers = build_tables(series, _convert)
-            self._empty = _convert(series.empty)
+        self.series, self.arithmetic = series, Arithmetic(digits)
+        with self.arithmetic.working():
+            values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)
+            ints, numbers = build_tables(series, [value / sigma for value, sigma in values], self._number)
+            self._empty = self._number(series.empty)
         self._ints = ints.astype(np.int64)
         self._numbers = np.array([*numbers, None], object)[:-1]
         names: dict[str, Any] = {name: getattr(mpmath, name) for name in FUNCTIONS}
-        names |= {"ZERO": 0, "ONE": 1, "TWO": 2, "ROLES": 4, "np": SimpleNamespace(uint64=int)}
-        self._sweep: Callable[..., None] = tower_kernels.sweep.interpreted(**names)
+        names |= {name: int(getattr(tower_kernels, name)) for name in (*CONSTANTS, "ZERO", "ONE", "TWO", "ROLES")}
+        names["np"] = SimpleNamespace(uint64=int)
+        self._sweep = tower_kernels.sweep.interpreted(**names)
+        self._sizes = tower_kernels.workspace.interpreted(**names)(self._ints, 1, 1)
+
+    def _number(self, value: Any) -> Any:
+        return self.arithmetic.number(value, "coefficient")
 
     def terms(self, y: Any) -> list[list[Any]]:
         """The terms by order at one point: a list of vectors."""
+        with self.arithmetic.working():
+            return self._terms(self.arithmetic.read(y, "y"))
+
+    def _terms(self, y: Any) -> list[list[Any]]:
         import mpmath
 
-        size = self.series.dimension
+        size, ints = self.series.dimension, self._ints
         if len(y) != size:
             raise SeriesError(f"y must have {size} values, but had {len(y)}")
-        with mpmath.workdps(self.digits + GUARD_DIGITS):
-            return self._terms([_convert(value) for value in y])
-
-    def _terms(self, y: list[Any]) -> list[list[Any]]:
-        size, ints = self.series.dimension, self._ints
-        lanes, groups, places = layout.sizes(ints)
+        rows, groups, places = map(int, self._sizes)
         out = np.zeros((self.series.order, size), object)
         fields = np.zeros((int(ints[layout.FIELDS]), size), object)
+        indices = (np.zeros(count, np.int64) for count in (tower_kernels.ROLES * rows, rows, places))
         work = np.zeros(groups, object)
-        indices = (np.zeros(count, np.int64) for count in (4 * lanes, lanes, places))
-        self._sweep(np.array([y], object), out, fields, work, *indices, 1, ints, self._numbers, 1)
+        try:
+            self._sweep(np.array([y], object), out, fields, work, *indices, 1, ints, self._numbers, 1)
+        except ArithmeticError as error:
+            raise SeriesError(f"y must lie in the domain of the field, but there a formula {error}") from None
+        if any(isinstance(value, mpmath.mpc) for value in out.ravel()):
+            raise SeriesError("y must lie in the domain of the field, but a formula was not real there")
         return out.tolist()
 
     def __call__(self, y: Any, h: Any) -> list[Any]:
         """The value at one point; numbers may be text, fractions or numbers of mpmath."""
-        import mpmath
-
-        terms = self.terms(y)
-        with mpmath.workdps(self.digits + GUARD_DIGITS):
-            step, shift = _convert(h), 0 if self.series.is_field else 1
-            value = [sum(x * step ** (n + shift) for n, x in enumerate(column)) for column in zip(*terms, strict=True)]
+        with self.arithmetic.working():
+            point, step = self.arithmetic.read(y, "y"), self.arithmetic.number(h, "h")
+            shift = 0 if self.series.is_field else 1
+            columns = zip(*self._terms(point), strict=True)
+            value = [sum(x * step ** (n + shift) for n, x in enumerate(column)) for column in columns]
             if shift:
-                value = [v + self._empty * _convert(x) for v, x in zip(value, y, strict=True)]
-        with mpmath.workdps(self.digits):
-            return [+v for v in value]
-
-
-def _convert(value: Any) -> Any:
-    """An exact number, or a number of mpmath or text, in the current precision."""
-    import mpmath
-    import sympy
-
-    if isinstance(value, str):
-        value = Fraction(value)
-    if isinstance(value, Fraction):
-        return mpmath.mpf(value.numerator) / value.denominator
-    if isinstance(value, sympy.Basic):
-        value = sympy.N(value, mpmath.mp.dps + GUARD_DIGITS)
-    return mpmath.mpf(value)
+                value = [v + self._empty * x for v, x in zip(value, point, strict=True)]
+        return list(self.arithmetic.rounded(np.array([*value, None], object)[:-1]))

@@ -100,6 +100,8 @@ def pieces_of(names: Sequence[str], scene: Scene, parts: Any = None) -> tuple[Pi
     """
     blocks = [block.name for block in scene.blocks]
     if len(names) == 1:
+        if parts is not None:
+            raise SeriesError(f"parts must be None where the whole field is one part, but was {parts!r:.60}")
         return (Piece(),)
     if parts is None and set(names) <= set(blocks) and set(blocks) - set(names) <= {"t"}:
         rest = [name for name in blocks if name not in names]
@@ -128,7 +130,8 @@ def _named_pieces(names: Sequence[str], scene: Scene, parts: Any) -> tuple[Piece
     blocks = [block.name for block in scene.blocks]
     pieces = []
     for name in names:
-        chosen = [parts[name]] if isinstance(parts[name], str) else list(parts[name])
+        given = parts[name]
+        chosen = [given] if isinstance(given, str) else list(given) if isinstance(given, Sequence) else []
         if len(chosen) == 1 and chosen[0] in scene.parts and chosen[0] not in blocks:
             pieces.append(Piece(part=chosen[0]))
         elif chosen and all(block in blocks for block in chosen):
@@ -139,6 +142,8 @@ def _named_pieces(names: Sequence[str], scene: Scene, parts: Any) -> tuple[Piece
     covered = [block for piece in pieces for block in piece.blocks or ()]
     if all(piece.part for piece in pieces):
         _check_complete(scene, {piece.part for piece in pieces})
+        if len(pieces) > len({piece.part for piece in pieces}):
+            raise SeriesError(f"parts must take each part of {', '.join(scene.parts)} once, but took one twice")
     elif sorted(covered) != sorted(blocks) or any(piece.part for piece in pieces):
         raise SeriesError(f"parts must take each block of {', '.join(blocks)} once, but took {', '.join(covered)}")
     return tuple(pieces)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .convergence import convergence_radius
 from .exceptions import SeriesError
+from .states import read_states, read_step
 
 if TYPE_CHECKING:
     from integrators import RungeKutta
@@ -246,11 +247,8 @@ def _warning(found: Reach) -> str:
 
 
 def _checked_step(h: Any) -> float:
-    try:
-        step = float(h)
-    except (TypeError, ValueError, OverflowError):
-        step = math.nan
-    if isinstance(h, bool | str) or not math.isfinite(step) or step == 0:
+    step = read_step(h)
+    if not math.isfinite(step) or step == 0:
         raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
     return step
 
@@ -263,12 +261,10 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
     """
     import numpy as np
 
-    try:
-        point = np.asarray(y, float)
-    except (TypeError, ValueError):
-        raise SeriesError(f"y must be numbers, but was {y!r:.60}") from None
-    if point.shape != (f.dimension,):
-        raise SeriesError(f"y must have the shape ({f.dimension},), but had {point.shape}")
+    states, shape = read_states(y, f.dimension)
+    if shape != (f.dimension,):
+        raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
+    point = states[0]
     shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (f.dimension, NEARBY_POINTS))
     nearby = point[:, None] + (np.abs(point).max() or 1.0) * shifts
     values = f.terms(np.column_stack([point, nearby]))

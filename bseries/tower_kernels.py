@@ -8,21 +8,31 @@ functions in place of those of `math`, the same source computes in any precision
 
 from __future__ import annotations
 
+from functools import partial
 from math import acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, log, sin, sinh, sqrt
 
 import numpy as np
 from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
-from trees.compiled import float_kernel, inline_float_kernel
+from trees.compiled import float_kernel
 
+from . import jets
 from . import tower_layout as layout
 from .jets import ADD, ARGUMENT, CIRCULAR, CONSTANT, DATUM, EXP, HYPERBOLIC, INTEGRAL, MULTIPLY, POWER, SCALE, SHIFT
 
+outer = partial(float_kernel, sources=(layout, jets))
+inner = partial(float_kernel, inline=True, sources=(layout, jets))
+
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)
+# Widths of rows, and where the second half of a difference begins.
+TERM_ROW, TAPE_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
+    np.uint64(layout.TABLES[name]) for name in ("term", "tape", "argument", "output", "contraction")
+)
+SECOND_HALF = np.uint64(4)
 
 
-@inline_float_kernel
+@inner
 def list_sites(ints, term, points, lane, sites, point, lanes):
     """Write the sites and the point of every row of a term: points one after the other, rows within them."""
     kind, count, rows = ints[term + layout.T_KIND], ints[term + layout.T_COUNT], ints[term + layout.T_ROWS]
@@ -54,7 +64,7 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
         lane += ONE
 
 
-@inline_float_kernel
+@inner
 def multiply(A, ints, result, a, b, first, last, lanes):
     """Add the product of two jets to a third."""
     product = ints[layout.PRODUCT]
@@ -65,7 +75,7 @@ def multiply(A, ints, result, a, b, first, last, lanes):
             A[i + w] += A[x + w] * A[y + w]
 
 
-@inline_float_kernel
+@inner
 def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
     """Add the products of two jets, each times its factor; b may be the result itself, whose lower degrees are done."""
     product = ints[layout.PRODUCT]
@@ -77,7 +87,7 @@ def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
             A[i + w] += scale * A[x + w] * A[y + w]
 
 
-@inline_float_kernel
+@inner
 def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes):
     """sin and cos, or sinh and cosh: each one's derivative is the other, up to a sign."""
     product = ints[layout.PRODUCT]
@@ -93,7 +103,7 @@ def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, s
             A[j + w] += sign * scale * A[x + w] * A[y + w]
 
 
-@float_kernel
+@outer
 def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
     """The functions at the centre of a jet; a power is of `halves` roots where the exponent is so many halves."""
     for w in range(lanes):
@@ -131,7 +141,7 @@ def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
             A[at] = atanh(x)
 
 
-@inline_float_kernel
+@inner
 def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b, size, first, last, factor, lanes):
     """A function of a jet, one degree after the other, from its differential equation; see `bseries.jets`."""
     pair = result + size
@@ -152,14 +162,14 @@ def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b,
         multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes)
 
 
-@inline_float_kernel
+@inner
 def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
     """All steps of a term's formula; the local variables are at `x`, followed by the data."""
     size, degree = ints[term + layout.T_SIZE], ints[term + layout.T_DEGREE]
     variables = ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]
     cells = size * lanes
     for s in range(ints[term + layout.T_TAPE], ints[term + layout.T_TAPE_END]):
-        row = ints[layout.TAPE] + s * np.uint64(7)
+        row = ints[layout.TAPE] + s * TAPE_ROW
         operation, first, number = ints[row], ints[row + TWO], numbers[ints[layout.NUMBER] + s]
         result, a, b = jets + ints[row + ONE] * size, jets + first * size, jets + ints[row + 3] * size
         begin, end = ints[row + 4], ints[row + 5]
@@ -198,32 +208,32 @@ def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
                 )
 
 
-@inline_float_kernel
+@inner
 def list_places(ints, term, place, lane, sites, point, places, lanes):
     """Write where in a vector of all points a group of rows has its local variables and its outputs."""
     dimension = ints[layout.DIMENSION]
     at = place * lanes
     for k in range(ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]):
         for half in range(TWO):
-            row = ints[layout.ARGUMENT_ROWS] + k * np.uint64(7) + half * np.uint64(4)
+            row = ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + half * SECOND_HALF
             for w in range(lanes):
                 site = sites[(lane + w) * ROLES + ints[row]]
                 places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
                 at += ONE
     for output in range(ints[term + layout.T_OUTPUT], ints[term + layout.T_OUTPUT_END]):
-        row = ints[layout.OUTPUT] + np.uint64(5) * output + ONE
+        row = ints[layout.OUTPUT] + OUTPUT_ROW * output + ONE
         for w in range(lanes):
             site = sites[(lane + w) * ROLES + ints[row]]
             places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
             at += ONE
 
 
-@inline_float_kernel
+@inner
 def gather(A, ints, values, vector, to, first, last, places, place, lanes):
     """Write the local variables of a group of rows, taken from one vector."""
     for k in range(first, last):
         at, plus = (to + k - first) * lanes, (place + TWO * (k - first)) * lanes
-        if ints[ints[layout.ARGUMENT_ROWS] + k * np.uint64(7) + 3] == ZERO:
+        if ints[ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
             for w in range(lanes):
                 A[at + w] = values[vector, places[plus + w]]
         else:
@@ -231,7 +241,7 @@ def gather(A, ints, values, vector, to, first, last, places, place, lanes):
                 A[at + w] = values[vector, places[plus + w]] - values[vector, places[plus + lanes + w]]
 
 
-@inline_float_kernel
+@inner
 def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
     """Write the data of the sites of a group of rows."""
     begin = ints[term + layout.T_DATUM]
@@ -242,7 +252,7 @@ def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
             A[(to + k - begin) * lanes + w] = numbers[first + sites[(lane + w) * ROLES + ints[row]]]
 
 
-@inline_float_kernel
+@inner
 def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
     """Add one output of a tower, or of a sum of towers, to one vector."""
     if positive != ZERO:
@@ -253,7 +263,7 @@ def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
             values[vector, places[place * lanes + w]] -= A[tower * lanes + w]
 
 
-@inline_float_kernel
+@inner
 def contract(A, ints, left, own, size, child, variables, shape, first, last, lanes):
     """T_r(u ∘ v) = T_{r+1}(u) · F(v) for all ranks r that are kept, along the local variables that F(v) moves."""
     directions = ints[layout.DIRECTION]
@@ -268,7 +278,7 @@ def contract(A, ints, left, own, size, child, variables, shape, first, last, lan
                 A[i + w] += A[x + w] * A[y + w]
 
 
-@inline_float_kernel
+@inner
 def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
     """The towers of the single node: all derivatives of the term's formula."""
     x, jets, size = ints[layout.LOCALS], ints[layout.JETS], ints[term + layout.T_SIZE]
@@ -284,7 +294,7 @@ def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, pla
             A[(base + k) * lanes + w] = scale * A[(result + k) * lanes + w]
 
 
-@inline_float_kernel
+@inner
 def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, place, lanes):
     """Everything that the trees with n nodes need of one group of rows of one term."""
     begin, end = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
@@ -299,7 +309,7 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
         A[i] = 0  # the workspace begins with the sums of towers, one for each output
     level = ints[layout.LEVEL] + ints[term + layout.T_LEVEL] + n
     for s in range(ints[level - ONE], ints[level]):
-        row = ints[layout.CONTRACTION] + np.uint64(8) * s
+        row = ints[layout.CONTRACTION] + CONTRACTION_ROW * s
         left, own, size = base + ints[row], base + ints[row + ONE], ints[row + TWO]
         child = children + ints[row + 3] * variables
         contract(A, ints, left, own, size, child, variables, shape, ints[row + 4], ints[row + 5], lanes)
@@ -307,7 +317,7 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
             at = ints[layout.USE] + use + TWO * use
             target, weight = ints[at], numbers[ints[layout.WEIGHT] + use]
             for output in range(ints[at + ONE], ints[at + TWO]):
-                traits = ints[layout.OUTPUT] + np.uint64(5) * output
+                traits = ints[layout.OUTPUT] + OUTPUT_ROW * output
                 tower = own + ints[traits]
                 if target != ZERO:
                     scatter(A, tower, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
@@ -316,11 +326,11 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
                     for w in range(lanes):
                         A[i + w] += weight * A[x + w]
     for output in range(first, stop):
-        positive = ints[ints[layout.OUTPUT] + np.uint64(5) * output + 4]
+        positive = ints[ints[layout.OUTPUT] + OUTPUT_ROW * output + 4]
         scatter(A, output - first, positive, out, n - ONE, rows, places, goal + output, lanes)
 
 
-@float_kernel
+@outer
 def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
     """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
 
@@ -330,7 +340,7 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
     for n in range(ONE, ints[layout.ORDER] + ONE):
         lane, base, place = ZERO, ints[layout.TOWERS], ZERO
         for t in range(ints[layout.TERMS]):
-            term = ints[layout.TERM] + np.uint64(21) * t
+            term = ints[layout.TERM] + TERM_ROW * t
             if n == ONE:
                 list_sites(ints, term, points, lane, sites, point, lanes)
             last = lane + points * ints[term + layout.T_ROWS]
@@ -344,18 +354,25 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
                 place += ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT]
 
 
-@float_kernel
-def evaluate_many(y, out, chunk, ints, numbers, lanes):
-    """The terms at many points: `y` has a row for each, `out` one for each order and point; some points at a time."""
-    dimension, points = y.shape[1], np.uint64(chunk)
+@outer
+def workspace(ints, points, lanes):
+    """What so many points need: rows of sites, groups of numbers, groups of places."""
     rows, groups, entries = ZERO, ints[layout.TOWERS], ZERO
     for t in range(ints[layout.TERMS]):
-        term = ints[layout.TERM] + np.uint64(21) * t
+        term = ints[layout.TERM] + TERM_ROW * t
         count = (points * ints[term + layout.T_ROWS] + lanes - ONE) // lanes
         rows += count * lanes
         groups += count * ints[term + layout.T_GROUPS]
         entries += count * (TWO * (ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]))
         entries += count * (ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT])
+    return rows, groups, entries
+
+
+@outer
+def evaluate_many(y, out, chunk, ints, numbers, lanes):
+    """The terms at many points: `y` has a row for each, `out` one for each order and point; some points at a time."""
+    dimension, points = y.shape[1], np.uint64(chunk)
+    rows, groups, entries = workspace(ints, points, lanes)
     A, places = np.empty(groups * lanes), np.empty(entries * lanes, np.uint64)
     sites, point = np.empty(rows * ROLES, np.uint64), np.empty(rows, np.uint64)
     fields = np.empty((ints[layout.FIELDS], chunk * dimension))
@@ -371,7 +388,7 @@ def evaluate_many(y, out, chunk, ints, numbers, lanes):
                 out[n, first + k // dimension, k % dimension] = terms[n, k]
 
 
-@float_kernel
+@outer
 def evaluate_pointers(y, out, points, dimension, order, chunk, lanes, ints, size, numbers, length):
     """`evaluate_many` on pointers to contiguous arrays."""
     states, terms = carray(y, (points, dimension)), carray(out, (order, points, dimension))

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 EACH, CHAIN, RING, PAIRS, TABLE = range(5)
 
 COUNTS = ("order", "terms", "locals", "jets", "towers", "fields", "dimension")
@@ -52,14 +50,3 @@ DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(
     T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_TAPE, T_TAPE_END, T_RESULT,
     T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
 ) = range(TABLES["term"])  # fmt: skip
-
-
-def sizes(ints: Any) -> tuple[int, int, int]:
-    """For one point and one row at a time: rows of sites, groups of numbers, and places."""
-    lanes, groups, places = 0, int(ints[TOWERS]), 0
-    for t in range(int(ints[TERMS])):
-        term = ints[int(ints[TERM]) + TABLES["term"] * t :]
-        rows = int(term[T_ROWS])
-        width = 2 * (term[T_ARGUMENT_END] - term[T_ARGUMENT]) + term[T_OUTPUT_END] - term[T_OUTPUT]
-        lanes, groups, places = lanes + rows, groups + rows * int(term[T_GROUPS]), places + rows * int(width)
-    return lanes, groups, places

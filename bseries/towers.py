@@ -36,19 +36,21 @@ class Forests(NamedTuple):
         left: Each forest without its largest tree.
         right: The id of that tree.
         order: The number of nodes of a tree with these children.
+        children: The number of trees in it.
     """
 
     of_tree: list[Forest]
     left: list[Forest]
     right: list[int]
     order: list[int]
+    children: list[int]
 
 
 def find_forests(table: TreeTable) -> Forests:
     """The forests of a table's trees, smaller ones first."""
     order, _, left, right = table.lists
     known: dict[tuple[Forest, int], Forest] = {}
-    forests = Forests([], [0], [-1], [1])
+    forests = Forests([], [0], [-1], [1], [0])
     for n, u, v in zip(order, left, right, strict=True):
         if u < 0:
             forests.of_tree.append(0)
@@ -59,6 +61,7 @@ def find_forests(table: TreeTable) -> Forests:
             forests.left.append(key[0])
             forests.right.append(v)
             forests.order.append(n)
+            forests.children.append(forests.children[key[0]] + 1)
         forests.of_tree.append(known[key])
     return forests
 
@@ -82,14 +85,14 @@ class TermNeeds:
 
     def alive(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
         """Whether the tower of a forest can be other than zero."""
-        children = 0
+        if self.degree is not None and forests.children[forest] + self.lowest > self.degree:
+            return False
         while forest:
             v = forests.right[forest]
             if vanishes[v] or not self.directions[colors[v]]:
                 return False
-            children += 1
             forest = forests.left[forest]
-        return self.degree is None or children + self.lowest <= self.degree
+        return True
 
     def need(self, forest: Forest, rank: int) -> None:
         """Ask for the ranks of a tower up to one."""
@@ -99,10 +102,7 @@ class TermNeeds:
         """The numbers of the tower of a forest; ranks that vanish for a polynomial are left out."""
         rank = self.ranks[forest]
         if self.degree is not None:
-            children, f = 0, forest
-            while f:
-                children, f = children + 1, forests.left[f]
-            rank = min(rank, self.degree - children)
+            rank = min(rank, self.degree - forests.children[forest])
         return jet_size(len(self.term.arguments), rank)
 
 

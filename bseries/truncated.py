@@ -179,6 +179,11 @@ class BSeries(Mapping[Tree, Any]):
         """Pairs (tree, coefficient) whose coefficient is not zero (see `is_zero`)."""
         return [(self.table[at], value) for at, value in enumerate(self.coefficients()) if not self._is_zero(at)]
 
+    def weights(self) -> list[Any]:
+        """Coefficient/σ of every tree, what multiplies its elementary differential; 0 where `is_zero` says so."""
+        pairs = enumerate(zip(self.coefficients(), self.table.symmetry.tolist(), strict=True))
+        return [0 if self._is_zero(at) else value / sigma for at, (value, sigma) in pairs]
+
     def truncate(self, order: int) -> BSeries:
         """The same series with trees of at most `order` nodes.
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 MAX_KEPT_DATA = 100_000
 """Numbers in one constant array above which numba does not keep machine code on disk (a megabyte)."""
+KEPT = "njit(cache=True"
 MAX_WIDTH = 100
 
 DOUBLE = '''\
@@ -80,7 +81,8 @@ def compiled_scene(scene: Scene) -> ModuleType:
         >>> out, pendulum.energy(np.array([0.5, 0.0]))
         (array([-0. ,  0.5]), -0.875)
     """
-    return load_module(scene_source(scene))
+    source = scene_source(scene)
+    return load_module(source, keep=KEPT in source)
 
 
 def precise_scene(scene: Scene) -> ModuleType:
@@ -96,7 +98,7 @@ def precise_scene(scene: Scene) -> ModuleType:
         >>> mpmath.nstr(out[0], 30)
         '0.333333333333333333333333333333'
     """
-    return load_module(scene_source(scene, precise=True))
+    return load_module(scene_source(scene, precise=True), keep=False)
 
 
 def scene_source(scene: Scene, *, precise: bool = False) -> str:

@@ -10,6 +10,7 @@ the helpers that it calls (numba does not notice edits of those) and the version
 - a temporary directory that goes when the process ends.
 
 It may be deleted at any time; what is needed is made again. Nothing else removes old files from it.
+Modules without machine code to keep need no file: they go when nothing uses them any more.
 """
 
 from __future__ import annotations
@@ -20,28 +21,33 @@ import sys
 import threading
 from collections.abc import Sequence
 from functools import cache
-from importlib.machinery import SourceFileLoader
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from weakref import WeakValueDictionary
 
 from .errors import IntegratorError
 from .text_files import atomic_write
 
 PACKAGE = "bseries-engine"
 _LOCK = threading.RLock()
+_PASSING: WeakValueDictionary[str, ModuleType] = WeakValueDictionary()
 
 
-def load_module(source: str, *, helpers: Sequence[ModuleType | str | os.PathLike[str]] = ()) -> ModuleType:
+def load_module(
+    source: str, *, helpers: Sequence[ModuleType | str | os.PathLike[str]] = (), keep: bool = True
+) -> ModuleType:
     """The module with this source; the same source gives the same module.
 
     Args:
         source: The text of the module.
         helpers: Modules that it imports, or their files, whose edits must not go unnoticed.
+        keep: Whether the module gets a file, so that functions in it may be compiled with ``cache=True``, and stays
+            for as long as the process.
 
     Returns:
-        The module, executed once in this process. It has a file, and functions in it may be compiled with
-        ``cache=True``.
+        The module, executed once: in this process, or, if it is not kept, for as long as anything holds it.
 
     Raises:
         IntegratorError: There is no directory to write to, not even a temporary one.
@@ -57,9 +63,10 @@ def load_module(source: str, *, helpers: Sequence[ModuleType | str | os.PathLike
     key = _key(data, [Path(getattr(helper, "__file__", None) or helper) for helper in helpers])  # type: ignore[arg-type]
     name = f"bseries_generated_{key}"
     with _LOCK:
-        if name not in sys.modules:
-            _execute(name, _stored(f"{key}.py", data), data)
-        return sys.modules[name]
+        module = (sys.modules if keep else _PASSING).get(name)
+        if module is None:
+            module = _kept(name, _stored(f"{key}.py", data), data) if keep else _passing(name, data)
+        return module
 
 
 def cache_directory() -> Path:
@@ -133,7 +140,10 @@ def _temporary_directory() -> Path:
 
 
 class _Loader(SourceFileLoader):
-    """Executes the text in memory: neither the file nor Python's own bytecode beside it can have been changed."""
+    """Executes the text in memory: neither a file nor Python's own bytecode beside it can have been changed.
+
+    Tracebacks ask the loader for the text, too, where there is no file.
+    """
 
     def __init__(self, name: str, path: Path, data: bytes):
         super().__init__(name, str(path))
@@ -146,15 +156,24 @@ class _Loader(SourceFileLoader):
         raise OSError  # no bytecode: nothing is read or written under __pycache__
 
 
-def _execute(name: str, path: Path, data: bytes) -> None:
-    """Run the module; numba needs to find it in `sys.modules` while it runs."""
-    spec = spec_from_file_location(name, path, loader=_Loader(name, path, data))
+def _kept(name: str, path: Path, data: bytes) -> ModuleType:
+    """The module of a file; numba needs to find it in `sys.modules` while it runs."""
+    loader = _Loader(name, path, data)
+    spec = spec_from_file_location(name, path, loader=loader)
     assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[name] = module
+    module = sys.modules[name] = module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise
+    return module
+
+
+def _passing(name: str, data: bytes) -> ModuleType:
+    """A module without a file, which nothing but its users holds."""
+    loader = _Loader(name, Path(f"{name}.py"), data)
+    module = module_from_spec(ModuleSpec(name, loader))
+    loader.exec_module(module)
+    _PASSING[name] = module
+    return module

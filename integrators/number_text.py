@@ -9,8 +9,6 @@ from .errors import IntegratorError
 from .expressions import ELEMENTARY, shorten
 
 if TYPE_CHECKING:
-    import sympy
-
     from .operation_graph import Coefficient
 
 SUM, PRODUCT, ATOM = range(3)
@@ -29,21 +27,37 @@ def literal(value: Coefficient) -> str:
         ('0.3333333333333333', '1.4142135623730951', '4.0')
     """
     try:
-        return repr(float(value if isinstance(value, Fraction) else _to_many_digits(value)))
+        return repr(nearest_double(value))
     except ArithmeticError:
         raise IntegratorError(
             f"formula must have numbers that doubles can stand for, but has {shorten(str(value))}"
         ) from None
 
 
-def _to_many_digits(value: sympy.Expr) -> Fraction:
-    """An irrational number to 40 digits, as a fraction: Python rounds these to the nearest double, SymPy does not."""
+def nearest_double(value: Any) -> float:
+    """The double nearest to an exact number; where two are, the even one.
+
+    Python rounds fractions so, SymPy does not. Irrational numbers are rounded to 40 digits first, which only a number
+    as close to the middle of two doubles would notice.
+
+    Args:
+        value: A rational number of Python, or a real number of SymPy.
+
+    Raises:
+        ArithmeticError: It is beyond the range of doubles, or cannot be told from zero.
+        TypeError: It is no real number.
+
+    Example:
+        >>> import sympy
+        >>> nearest_double(Fraction(1, 3)), nearest_double(1 - sympy.sqrt(2))
+        (0.3333333333333333, -0.41421356237309503)
+    """
+    if not hasattr(value, "evalf"):
+        return float(value)
     import sympy
 
-    digits: Any = sympy.Rational(value.evalf(40, strict=True))
-    if not digits.is_finite:
-        raise ZeroDivisionError
-    return Fraction(int(digits.p), int(digits.q))
+    digits: Any = sympy.Rational(value if value.is_Rational else value.evalf(40, strict=True))
+    return int(digits.p) / int(digits.q)
 
 
 def exact_text(value: Coefficient, number: str) -> str:

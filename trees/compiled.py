@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, update_wrapper
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 
@@ -18,11 +20,13 @@ class Kernel:
     """A pure function of arrays with two executions: ``py_func`` (any sequences, any numbers) and ``compiled``.
 
     Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
-    live in the same file, because numba's cache on disk notices edits of that file only.
+    live in the same file, because numba's cache on disk notices edits of that file only; modules whose constants go
+    into machine code are named as `sources`, and their text becomes part of the cache's key.
     """
 
-    def __init__(self, function: Callable[..., Any], **options: Any):
-        self._options = options
+    def __init__(self, function: Callable[..., Any], *, sources: Iterable[types.ModuleType] = (), **options: Any):
+        self._options, self._sources = options, tuple(sources)
+        self._c_functions: dict[Any, Any] = {}
         self.__name__ = function.__name__
         self.__doc__ = function.__doc__
         self.__wrapped__ = function
@@ -42,7 +46,7 @@ class Kernel:
         """The kernel compiled by numba (machine code is kept on disk; the GIL is released while it runs)."""
         import numba
 
-        function = self._bind(lambda kernel: kernel.compiled)
+        function = self._keyed(self._bind(lambda kernel: kernel.compiled))
         try:
             return numba.njit(cache=True, nogil=True, **self._options)(function)
         except RuntimeError:  # no writable place for the cache: compile in memory
@@ -53,13 +57,25 @@ class Kernel:
 
         A callee that numba links is compiled again with each of its callers; a C function is compiled once.
         """
-        import numba
+        if signature not in self._c_functions:
+            import numba
 
-        function = self._bind(lambda kernel: kernel.compiled)
-        try:
-            return numba.cfunc(signature, cache=True, **self._options)(function).ctypes
-        except RuntimeError:  # no writable place for the cache: compile in memory
-            return numba.cfunc(signature, **self._options)(function).ctypes
+            function = self._keyed(self._bind(lambda kernel: kernel.compiled))
+            try:
+                made = numba.cfunc(signature, cache=True, **self._options)(function)
+            except RuntimeError:  # no writable place for the cache: compile in memory
+                made = numba.cfunc(signature, **self._options)(function)
+            self._c_functions[signature] = made  # holds the code that ctypes only points to
+        return self._c_functions[signature].ctypes
+
+    def _keyed(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function under a name that tells its sources, since numba's cache goes by names."""
+        if not self._sources:
+            return function
+        text = b"".join(Path(str(module.__file__)).read_bytes() for module in self._sources)
+        keyed = types.FunctionType(function.__code__, function.__globals__, function.__name__)
+        keyed.__qualname__ = f"{function.__name__}_{sha256(text).hexdigest()[:16]}"
+        return keyed
 
     def interpreted(self, **names: Any) -> Callable[..., Any]:
         """The kernel run by the interpreter, here and in its callees with other things behind some global names.
@@ -85,14 +101,20 @@ def kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function)
 
 
-def float_kernel(function: Callable[..., Any]) -> Kernel:
-    """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C."""
-    return Kernel(function, error_model="numpy", fastmath={"contract"})
+def float_kernel(
+    function: Callable[..., Any], *, inline: bool = False, sources: Iterable[types.ModuleType] = ()
+) -> Kernel:
+    """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C.
 
-
-def inline_float_kernel(function: Callable[..., Any]) -> Kernel:
-    """Mark a function as a kernel of floating-point numbers so small that calling it would cost more than its work."""
-    return Kernel(function, error_model="numpy", fastmath={"contract"}, forceinline=True)
+    Args:
+        function: The function.
+        inline: Whether calling it would cost more than its work.
+        sources: Modules whose constants it uses.
+    """
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+    if inline:
+        options["forceinline"] = True
+    return Kernel(function, sources=sources, **options)
 
 
 def compiling_pays(work: float) -> bool:

@@ -164,6 +164,11 @@ class Scene(System):
             >>> oscillator.with_effects("drag", c="1/5").field
             (-p/5 - q, p)
         """
+        unknown = [name for name in names if isinstance(name, str) and name not in self.effects]
+        if unknown:
+            from .registry import refuse_built_in
+
+            refuse_built_in(self.name, unknown)
         active = check_active(names, self.effects)
         return self._changed(with_values(self._declaration, active, parameters), active)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import IntegratorError
 from ..expressions import shorten
+from ..number_text import nearest_double
 from .blocks import ROLES, canonical_blocks, component_places
 from .terms import Summand
 
@@ -18,9 +19,16 @@ if TYPE_CHECKING:
 
 def filled(formula: sympy.Expr, scene: System) -> sympy.Expr:
     """The formula with numbers for parameters; those with a value for each site stay where a term names the site."""
+    import sympy
+
     values = scene.parameter_values
     symbols = cast("set[sympy.Symbol]", formula.free_symbols)
-    return cast("sympy.Expr", formula.xreplace({s: values[s.name] for s in symbols if s.name in values}))
+    used = {s: values[s.name] for s in symbols if s.name in values}
+    result = cast("sympy.Expr", formula.xreplace(used))
+    if used and result.has(sympy.I):
+        given = ", ".join(sorted(f"{symbol} = {value}" for symbol, value in used.items()))
+        raise IntegratorError(f"parameters must make {shorten(str(formula))} real, but were {given}")
+    return result
 
 
 def written_out(summand: Summand, scene: System) -> Iterator[tuple[str | None, sympy.Expr]]:
@@ -97,10 +105,10 @@ def as_float(value: sympy.Expr) -> float:
     """The double nearest to an exact number.
 
     Raises:
-        IntegratorError: It is beyond all doubles.
+        IntegratorError: It is beyond all doubles, or cannot be told from zero.
     """
-    number = cast(Any, value)
     try:
-        return int(number.p) / int(number.q) if number.is_Rational else float(number.evalf(30))
-    except OverflowError:
-        raise IntegratorError(f"numbers must be in the range of doubles, but one was {shorten(str(value))}") from None
+        return nearest_double(value)
+    except ArithmeticError as error:
+        what = "in the range of doubles" if isinstance(error, OverflowError) else "told from zero"
+        raise IntegratorError(f"numbers must be {what}, but one was {shorten(str(value))}") from None

@@ -112,6 +112,8 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
         ...     load_scene(path) == scene("pendulum")
         True
     """
+    if not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
     atomic_write(path, dumps_scene(scene))
 
 

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import IntegratorError
 from .expansion import filled
-from .local_terms import VALUE, LocalTerm
 
 if TYPE_CHECKING:
+    from .base import Scene
     from .system import System
-
-    Field = Callable[[Sequence[Any]], list[Any]]
 
 DIGITS = 40
 POINTS = 3
@@ -62,45 +60,28 @@ def defects(scene: System) -> dict[str, float]:
     return found
 
 
-def _function(symbols: Sequence[Any], formulas: Any) -> Callable[..., Any]:
-    """A function of mpmath numbers."""
-    import sympy
-
-    # A variable may have the name of a function of mpmath, so symbols are replaced.
-    return sympy.lambdify(symbols, formulas, "mpmath", cse=True, dummify=True)
-
-
-def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
-    """The terms of the derivative of an integral along the field, as a function of y and f(y)."""
-    formula = filled(scene.invariants[name], scene)
-    symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
-    places = [scene.places[symbol.name] for symbol in symbols]
-    gradient = _function(symbols, [formula.diff(symbol) for symbol in symbols])
-    return lambda y, f: [g * f[k] for g, k in zip(gradient(*(y[k] for k in places)), places, strict=True)]
-
-
-def _field(scene: System) -> Field:
+def _field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
     """f as a function of y."""
-    terms = [(term, _outputs(term), [_function((), data.values)() for data in term.data]) for term in scene.local_terms]
+    from ..codegen import precise_scene
+
+    module = precise_scene(cast("Scene", scene))
 
     def field(y: Sequence[Any]) -> list[Any]:
-        total: list[Any] = [0] * len(y)
-        for term, outputs, data in terms:
-            for row in term.sites.rows():
-                x = [y[a.plus.at(row)] - (y[a.minus.at(row)] if a.minus else 0) for a in term.arguments]
-                d = [values[row[source.role]] for values, source in zip(data, term.data, strict=True)]
-                for output, value in zip(term.outputs, outputs(*x, *d), strict=True):
-                    total[output.place.at(row)] += output.sign * value
-        return total
+        out: list[Any] = [None] * len(y)
+        module.field(y, out)
+        return out
 
     return field
 
 
-def _outputs(term: LocalTerm) -> Callable[..., list[Any]]:
-    """What a term adds at its places, but for the signs, as a function of local variables and data."""
+def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
+    """The terms of the derivative of an integral along the field, as a function of y and f(y)."""
     import sympy
 
-    x = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
-    d = [sympy.Symbol(f"d{k}") for k in range(len(term.data))]
-    formulas = [term.formula if o.derivative == VALUE else term.formula.diff(x[o.derivative]) for o in term.outputs]
-    return _function([*x, *d], formulas)
+    formula = filled(scene.invariants[name], scene)
+    symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
+    places = [scene.places[symbol.name] for symbol in symbols]
+    # A variable may have the name of a function of mpmath, so symbols are replaced.
+    partial = [formula.diff(symbol) for symbol in symbols]
+    gradient = sympy.lambdify(symbols, partial, "mpmath", cse=True, dummify=True)
+    return lambda y, f: [g * f[k] for g, k in zip(gradient(*(y[k] for k in places)), places, strict=True)]

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FUNCTIONS = frozenset((*ELEMENTARY, *ROOTS, "pi"))
 MAX_FORMS = 10
 """How often a formula is written and read again until it stays the same; twice is what has been seen."""
+FORMULA = "formula"
+"""What messages call a formula whose place is not known yet."""
 _WORD = re.compile(r"(?<![\w.])[^\W\d]\w*")
 
 
@@ -106,17 +108,24 @@ def as_sympy(value: Fraction) -> sympy.Expr:
     return sympy.Rational(value.numerator, value.denominator)
 
 
-@lru_cache(maxsize=2000)
 def stable_form(formula: sympy.Expr, argument: str) -> sympy.Expr:
     """The form of a formula that comes back from its text: of q/(3*x + 3) and (q/3)/(x + 1) only the first does."""
-    import sympy
-
     if formula.is_Rational or formula.is_Symbol:
         return formula
+    try:
+        return _stable_form(formula)
+    except IntegratorError as error:
+        raise IntegratorError(str(error).replace(FORMULA, argument, 1)) from None
+
+
+@lru_cache(maxsize=2000)
+def _stable_form(formula: sympy.Expr) -> sympy.Expr:
+    import sympy
+
     names = {str(symbol) for symbol in formula.free_symbols}
     for _ in range(MAX_FORMS):
         # Term by term: the text of a long sum may exceed what the parser takes.
-        form = sympy.Add(*(_parse(formula_text(term), names, argument) for term in sympy.Add.make_args(formula)))
+        form = sympy.Add(*(_parse(formula_text(term), names, FORMULA) for term in sympy.Add.make_args(formula)))
         if form == formula:
             break
         formula = form

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import product
+from math import ceil, gamma, pi
 from typing import TYPE_CHECKING, Any
 
 from .base import Scene
@@ -15,6 +15,8 @@ from .particles import kinetic_energy, momentum_names, squared_distance, squared
 from .terms import Term
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import numpy as np
 
 SUMMARY = "atoms with the Lennard-Jones potential, a cluster at a given temperature"
@@ -65,12 +67,6 @@ def lennard_jones(
     sigma, m = read_positive(sigma, "sigma"), read_positive(m, "m")
     temperature = read_positive(temperature, "temperature", or_zero=True)
     square, integrals = squared_distance(dimension), symmetry_integrals(particles, dimension)
-    confinement = Effect(
-        terms=[Term(over="each", hamiltonian=f"k*({squared_norm('q', dimension)})/2")],
-        parameters={"k": "1/100"},
-        breaks=[name for name in momentum_names(dimension) if name in integrals],
-        summary="a spring k|q|²/2 that holds every atom to the origin",
-    )
     return Scene(
         {"p": [particles, dimension], "q": [particles, dimension]},
         terms=[
@@ -83,10 +79,19 @@ def lennard_jones(
             "p": _balanced(thermal_momenta(particles, dimension, as_float(m * temperature), seed)),
             "q": _balanced(2 ** (1 / 6) * as_float(sigma) * cluster(particles, dimension)),
         },
-        effects={"confinement": confinement},
+        effects={"confinement": _confinement(dimension, [n for n in momentum_names(dimension) if n in integrals])},
         name="lennard-jones",
         summary=SUMMARY,
         reference=REFERENCE,
+    )
+
+
+def _confinement(dimension: int, breaks: Iterable[str]) -> Effect:
+    return Effect(
+        terms=[Term(over="each", hamiltonian=f"k*({squared_norm('q', dimension)})/2")],
+        parameters={"k": "1/100"},
+        breaks=breaks,
+        summary="a spring k|q|²/2 that holds every atom to the origin",
     )
 
 
@@ -97,20 +102,19 @@ def cluster(particles: int, dimension: int) -> np.ndarray:
     its norm is Σ x_k² + (Σ x_k)², so no |x_k| exceeds the root of that. Points of equal norm are taken in falling
     lexicographic order, which puts neighbours next to each other.
 
+    Every place is within 1/√2 of the lattice, whose cells have the volume √((d + 1)/2^d): so a ball around a point
+    holds N points if a ball whose radius is less by 1/√2 has the volume of N cells.
+
     Returns:
         An array with a row for each particle.
     """
     import numpy as np
 
-    def norm(point: tuple[int, ...]) -> int:  # twice its square
-        return sum(x * x for x in point) + sum(point) ** 2
-
-    reach, points = 0, []
-    while len(points) < particles:
-        reach += 1
-        box = product(range(reach, -reach - 1, -1), repeat=dimension)
-        points = [point for point in box if norm(point) <= reach**2]
-    chosen = np.array(sorted(points, key=norm)[:particles])
+    unit_ball = pi ** (dimension / 2) / gamma(dimension / 2 + 1)
+    reach = ceil((particles * (dimension + 1) ** 0.5 / unit_ball) ** (1 / dimension) + 1)  # √2 times the radius
+    box = reach - np.indices((2 * reach + 1,) * dimension).reshape(dimension, -1).T
+    norms = (box**2).sum(axis=1) + box.sum(axis=1) ** 2
+    chosen = box[np.argsort(norms, kind="stable")[:particles]]
     basis = np.linalg.cholesky((np.ones((dimension, dimension)) + np.eye(dimension)) / 2)
     return (chosen - chosen.mean(axis=0)) @ basis
 

@@ -193,10 +193,11 @@ def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[
     variables = _variables_in(formula, sites, scene)
     names = {symbol.name for symbol in variables}
     arguments: list[Argument] = []
+    locals_: list[sympy.Dummy] = []  # a variable of the scene may be called x0 itself
     for symbol in variables:
         if symbol not in formula.free_symbols:  # it has gone into the difference that its partner has become
             continue
-        local, minus = sympy.Symbol(f"x{len(arguments)}"), None
+        local, minus = sympy.Dummy(), None
         partner = symbol.name[:-1] + "j"
         if sites.roles == 2 and partner in names - {symbol.name}:
             difference = _replaced(formula, {symbol: local + sympy.Symbol(partner)})
@@ -204,8 +205,9 @@ def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[
                 formula, minus = difference, _place(partner, sites, scene)
         if minus is None:
             formula = _replaced(formula, {symbol: local})
+        locals_.append(local)
         arguments.append(Argument(cast(Place, _place(symbol.name, sites, scene)), minus))
-    return formula, arguments
+    return _replaced(formula, {local: sympy.Symbol(f"x{k}") for k, local in enumerate(locals_)}), arguments
 
 
 def _replaced(formula: sympy.Expr, rule: Mapping[Any, sympy.Expr]) -> sympy.Expr:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -67,6 +67,11 @@ class SceneEntry(NamedTuple):
         if self.built_in_effects is not None:
             return dict(self.built_in_effects)
         return {name: effect.summary or "" for name, effect in self.build().effects.items()}
+
+    @property
+    def default_effects(self) -> tuple[str, ...]:
+        """The names of the effects that are on by default."""
+        return tuple((self.build.__kwdefaults__ or {}).get("effects", ()))
 
 
 def _entries(*declared: tuple[Any, ...]) -> tuple[SceneEntry, ...]:
@@ -139,10 +144,27 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
     return entry.build(**options).with_effects(*_names(effects), **parameters)
 
 
+def refuse_built_in(name: str, effects: Collection[str]) -> None:
+    """Refuse to switch on effects that are chosen when the scene of this name is built.
+
+    Raises:
+        IntegratorError: One of the effects is such.
+    """
+    known = next((entry.built_in_effects or {} for entry in ENTRIES if entry.name == name), {})
+    chosen = [effect for effect in effects if effect in known]
+    if chosen:
+        call = f"scene({name!r}, effects={chosen!r})"
+        raise IntegratorError(f"effects must be chosen when {name} is built, {call}, but were switched on later")
+
+
 def _names(effects: Any) -> tuple[str, ...]:
     if effects is None:
         return ()
-    return (effects,) if isinstance(effects, str) else tuple(effects)
+    if isinstance(effects, str):
+        return (effects,)
+    if not isinstance(effects, Iterable):
+        raise IntegratorError(f"effects must be names, but was {shorten(repr(effects))}")
+    return tuple(effects)
 
 
 def _checked(names: tuple[str, ...], known: Iterable[str]) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ from bseries.sparse_polynomials import exponents
 from integrators.expressions import parse_expression
 from trees import Tree, TreeTable
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
 p, q, x, y, z, gamma = sympy.symbols("p q x y z gamma")
 sin, cos, sqrt = sympy.sin, sympy.cos, sympy.sqrt

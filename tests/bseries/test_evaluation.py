@@ -1,5 +1,8 @@
 """Series on scenes: the routes agree, only what is called for is computed, and bad input is refused."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import sympy
@@ -40,7 +43,8 @@ def test_a_wrong_coefficient_is_seen():
     tree = bs.Tree("[τ,[[τ]],τ]")
     wrong = bs.modified_equation(bs.method("rk4"), 6) + bs.BSeries.from_rule(lambda t: int(t == tree), 6, empty=0)
     y = np.array([0.4, 1.1])
-    assert np.abs(bs.modified_field(wrong, bs.scene("pendulum"))(y, 0.5) - f(y, 0.5)).max() > 1e-4
+    for route in ("towers", "symbolic"):
+        assert np.abs(bs.modified_field(wrong, bs.scene("pendulum"), route=route)(y, 0.5) - f(y, 0.5)).max() > 1e-4
 
 
 def test_only_the_trees_that_a_scene_calls_for():
@@ -144,6 +148,55 @@ def test_parts_of_methods():
     assert np.abs(dkd(y, 0.1) - verlet(y, 0.1)).max() > 1e-5
 
 
+def abc(names, **options):
+    return bs.modified_field(bs.lie_trotter(list(names)), bs.scene("abc-flow"), 3, **options)
+
+
+def test_fields_that_vanish_and_no_points():
+    zero = bs.Scene({"y": 1}, field={"y": 0})
+    for route in ("towers", "symbolic", "auto"):
+        f = bs.modified_field(bs.method("rk4"), zero, 3, route=route)
+        out = np.ones(1)
+        f.compiled(np.array([2.0]), 0.1, out)
+        assert (f([2.0], 0.1).tolist(), out.tolist()) == ([0.0], [0.0])
+        assert f(np.empty((1, 0)), 0.1, workers=2).shape == (1, 0)
+
+
+@pytest.mark.parametrize("route", ["towers", "symbolic"])
+def test_compiled_code_refuses_other_sizes(route):
+    with pytest.raises(ValueError, match="y and out must have 2 entries"):
+        field(order=3, route=route).compiled(np.zeros(3), 0.1, np.zeros(3))
+
+
+@pytest.mark.parametrize("route", ["towers", "symbolic"])
+def test_copies_by_pickling(route):
+    f = field(order=4, route=route)
+    y = np.array([0.3, 0.4])
+    value = f(y, 0.1)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(f))(y, 0.1), value)
+
+
+def test_threads_do_not_disturb_each_other():
+    f = field("lennard-jones", "stormer-verlet-kdk", 5)
+    points = f.scene.y0[:, None] + 0.01 * np.random.default_rng(0).random((36, 40))
+    alone = [f(column, 0.01) for column in points.T]
+    with ThreadPoolExecutor(4) as pool:
+        np.testing.assert_array_equal(list(pool.map(lambda column: f(column, 0.01), points.T)), alone)
+
+
+def test_coefficients_that_are_zero_within_their_digits_are_zero_on_both_routes():
+    values = [field(method="tsit5", order=7, route=route).terms([0.3, 0.4]) for route in ("towers", "symbolic")]
+    assert not values[0][1:5].any()
+    np.testing.assert_array_equal(*values)
+
+
+def test_printed_text_too_large_for_formulas_is_no_obstacle():
+    huge = bs.Scene({"y": 1}, field={"y": "10^300*y^2"})
+    f = bs.modified_field(bs.method("explicit-euler"), huge, 4)
+    assert f.route == "towers"
+    np.testing.assert_allclose(f.terms([1e-100])[0], 1e100, rtol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -160,12 +213,27 @@ def test_parts_of_methods():
         ),
         (lambda: field(order=None), "order must be given for a method"),
         (lambda: field()([1.0], 0.1), r"y must have the shape \(2,\) or \(2, n\), but had \(1,\)"),
-        (lambda: field()("ab", 0.1), "y must be numbers, but was 'ab'"),
-        (lambda: field()([1, 2], "0.1"), "h must be a number, but was '0.1'"),
+        (lambda: field()("ab", 0.1), "y must be real numbers, but was 'ab'"),
+        (lambda: field()([1, 2j], 0.1), "y must be real numbers, but was "),
+        (lambda: field()([1, 2], "0.1"), "h must be a real number, but was '0.1'"),
+        (lambda: field()([None, 1], 0.1), "y must be real numbers, but was "),
+        (lambda: field()([True, False], 0.1), "y must be real numbers, but was "),
+        (lambda: field("field-nijhoff").precise([-1, 0], 0.1), "y must lie in the domain of the field"),
+        (lambda: field(parts={"x": "p"}), "parts must be None where the whole field is one part"),
+        (lambda: field(method="strang", parts={"a": "p", "b": 5}), "parts.b must be of the scene's p, q, but was 5"),
+        (lambda: field("fermi-pasta-ulam", "strang", parts={"a": "linear", "b": "linear"}), "parts must be the whole"),
+        (lambda: abc(parts={"a": "a", "b": "b", "c": "c", "d": "a"}, names="abcd"), "parts must take each part"),
+        (lambda: bs.modified_field(bs.exact_flow(3), bs.scene("riccati")), "the series of a field, with b"),
+        (lambda: bs.series_map(bs.exact_flow(3).log(), bs.scene("riccati")), "the series of a flow, with a"),
+        (lambda: field(method="tsit5", order=3).precise([1, 2], 1, digits=40), "digits must be at most 16, as coeff"),
+        (
+            lambda: bs.modified_field(bs.method("sdirk2"), bs.scene("riccati"), 3)([1], 0.1),
+            "numbers for its parameters",
+        ),
         (lambda: field()([1, 2], 0.1, workers=0), "workers must be a whole number ≥ 1, but was 0"),
         (lambda: field().symbolic(6), "k must be a power of h from 0 to 5, but was 6"),
         (lambda: field().precise([1], 1), "y must have 2 values, but had 1"),
-        (lambda: field().precise([1, 2], 1, digits=0), "digits must be a whole number from 1 to 10000, but was 0"),
+        (lambda: field().precise([1, 2], 1, digits=0), "digits must be from 1 to 1000, but was 0"),
         (
             lambda: bs.modified_field(bs.method("rkn-nystrom4"), bs.scene("lotka-volterra"), 4),
             "scene must be of the kind",

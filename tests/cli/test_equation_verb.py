@@ -263,7 +263,7 @@ MISTAKES = {
     "value is code": ("rk4 --scene kepler --parameter mu=open('x')", "parameters.mu must"),
     "splitting": ("strang --scene pendulum", 'parts must say what a, b .* as in --parts "a=p;b=q", but were not given'),
     "parts of the field": ("strang --scene fpu", '--parts "a=linear;b=nonlinear", but were not given'),
-    "no blocks": ("stormer-verlet --ode u'=v;v'=-u", 'blocks must say what p, q .* --blocks "p=u;q=v"'),
+    "no blocks": ("stormer-verlet --ode u'=v;v'=-u", 'blocks must say which of u, v the parts p, q .* "p=…;q=…"'),
     "one variable": ("stormer-verlet --scene riccati", "scene must have blocks or parts for p, q of stormer-verlet"),
     "parts of one": ("rk4 --scene pendulum --parts a=p", "parts must be left out for rk4"),
     "misspelt part": ("strang --scene pendulum --parts a=p;c=q", "parts must map a, b to blocks or parts"),

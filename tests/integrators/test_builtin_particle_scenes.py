@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators import IntegratorError, Scene, method, scene, scene_catalogue
+from integrators import Effect, IntegratorError, Scene, method, scene, scene_catalogue
 from integrators.scenes import particles
 from integrators.scenes.lennard_jones import cluster, thermal_momenta
 
@@ -323,6 +323,24 @@ def test_shells_are_those_of_the_hexagonal_and_the_face_centred_cubic_lattice(d,
     assert np.unique(norms, return_counts=True)[1].tolist() == shells
 
 
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_clusters_are_the_nearest_points_of_the_lattice(d):
+    """All that a box holds completely."""
+
+    def norm(point):
+        return sum(x * x for x in point) + sum(point) ** 2
+
+    points = sorted(product(range(6, -7, -1), repeat=d), key=norm)
+    basis = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2)
+    for n in range(2, sum(norm(point) <= 36 for point in points) + 1):
+        expected = np.array(points[:n])
+        np.testing.assert_array_equal(cluster(n, d), (expected - expected.mean(axis=0)) @ basis)
+
+
+def test_many_atoms_in_a_line():
+    np.testing.assert_allclose(np.sort(cluster(4001, 1)[:, 0]), np.arange(-2000, 2001), atol=1e-9)
+
+
 @pytest.mark.parametrize("options", [{}, {"particles": 13, "dimension": 3}, {"particles": 2, "dimension": 1}])
 def test_clusters_start_at_rest_as_a_whole(options):
     built = scene("lennard-jones", **options)
@@ -553,3 +571,35 @@ def test_the_order_of_effects_does_not_matter():
 def test_wrong_options_are_refused(name, options, message):
     with pytest.raises(IntegratorError, match=message):
         scene(name, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "message"),
+    [
+        (
+            "n-body",
+            ["softening"],
+            r"effects must be chosen when n-body is built, scene\('n-body', effects=\['softening'\]\), but were",
+        ),
+        ("outer-solar-system", ["mars", "pluto"], r"scene\('outer-solar-system', effects=\['pluto'\]\)"),
+        ("outer-solar-system", ["mars"], "effects must be of none, but one was 'mars'"),
+        ("n-body", [["softening"]], r"effects must be of none, but one was \['softening'\]"),
+        ("lennard-jones", ["softening"], "effects must be of confinement, but one was 'softening'"),
+    ],
+)
+def test_effects_that_are_chosen_when_a_scene_is_built(name, effects, message):
+    built = scene(name)
+    assert built.with_effects() == built
+    with pytest.raises(IntegratorError, match=message):
+        built.with_effects(*effects)
+
+
+def test_scenes_of_such_a_name_may_have_such_effects_of_their_own():
+    effects = {"softening": Effect(hamiltonian="q^2/2")}
+    own = Scene({"p": 1, "q": 1}, hamiltonian="p^2/2", effects=effects, name="n-body")
+    assert own.with_effects("softening").active == ("softening",)
+
+
+def test_effects_that_are_on_by_default():
+    found = {entry.name: entry.default_effects for entry in scene_catalogue() if entry.default_effects}
+    assert found == {"outer-solar-system": ("jupiter", "saturn", "uranus", "neptune", "pluto")}

@@ -237,6 +237,13 @@ def test_large_constant_arrays_are_compiled_without_cache(monkeypatch):
     assert "njit(cache=True" in scene_source(SCENES["chain"])
     monkeypatch.setattr(codegen, "MAX_KEPT_DATA", 4)
     assert "njit(cache=False" in scene_source(SCENES["chain"])
+    module = compiled_scene(SCENES["chain"])
+    assert (compiled_scene(SCENES["chain"]) is module, hasattr(module, "__file__")) == (True, False)
+
+
+def test_exact_code_has_no_file():
+    assert not hasattr(precise_scene(SCENES["chain"]), "__file__")
+    assert Path(compiled_scene(SCENES["chain"]).__file__).is_file()
 
 
 PROGRAM = """

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -107,6 +109,52 @@ def test_a_failing_module_leaves_nothing_behind(directory):
         with pytest.raises(ZeroDivisionError):
             load_module("answer = 1/0\n")
     assert set(sys.modules) == before
+
+
+FLEETING = """
+from numba import njit
+
+@njit
+def double(x):
+    return x + x
+
+@njit(nogil=True)
+def answer(x):
+    return double(x) + 1
+
+def fail():
+    return 1/0  # this line
+"""
+
+
+def test_what_is_not_kept_leaves_no_trace(directory):
+    before = set(sys.modules)
+    module = load_module(FLEETING, keep=False)
+    assert module.answer(20.5) == 42
+    assert load_module(FLEETING, keep=False) is module
+    assert load_module(FLEETING, keep=False, helpers=[modules]) is not module
+    with pytest.raises(ZeroDivisionError) as caught:
+        module.fail()
+    assert "return 1/0  # this line" in "".join(traceback.format_exception(caught.value))
+    with pytest.raises(ZeroDivisionError):
+        load_module("answer = 1/0\n", keep=False)
+    assert not {name for name in set(sys.modules) - before if "generated" in name}
+    assert not directory.exists()
+
+
+def test_what_is_not_kept_goes_with_its_last_user(directory):
+    module = load_module(SOURCE.format(6), keep=False)
+    name, answer = module.__name__, module.answer
+    assert name in modules._PASSING
+    del module
+    gc.collect()
+    assert name not in modules._PASSING
+    assert answer() == 6
+    kept = load_module(SOURCE.format(6))
+    assert kept.__name__ == name in sys.modules
+    assert load_module(SOURCE.format(6), keep=False) is not kept
+    assert [path.stem in name for path in directory.glob("*.py")] == [True]
+    forget(kept)
 
 
 def test_the_directory(monkeypatch):

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from integrators import IntegratorError
 from integrators.expressions import ELEMENTARY, parse_expression
 from integrators.modules import load_module
-from integrators.number_text import exact_text, literal
+from integrators.number_text import exact_text, literal, nearest_double
 from integrators.printer import FUNCTIONS, count_operations, operation_cost, source_lines
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
@@ -223,6 +223,60 @@ def test_literals_are_the_nearest_doubles(number):
         found = float(literal(number))
         below, above = math.nextafter(found, -math.inf), math.nextafter(found, math.inf)
         assert abs(exact - found) < min(abs(exact - below), abs(exact - above))
+
+
+def test_square_roots_are_rounded_to_the_nearest_double():
+    with mpmath.workdps(60):
+        roots = {k: mpmath.sqrt(k) for k in range(2, 400) if math.isqrt(k) ** 2 != k}
+        expected = {k: nearest(root) for k, root in roots.items()}
+    assert len(roots) == 380
+    assert {k: nearest_double(sympy.sqrt(k)) for k in roots} == expected
+
+
+def nearest(number):
+    """That of three neighbouring doubles which is nearest."""
+    near = float(number)
+    candidates = math.nextafter(near, -math.inf), near, math.nextafter(near, math.inf)
+    return min(candidates, key=lambda double: abs(double - number))
+
+
+HALFWAY = Fraction(2**53 + 1)
+
+
+@pytest.mark.parametrize(
+    ("number", "expected"),
+    [
+        (Fraction(1, 3), 1 / 3),
+        (HALFWAY, 2.0**53),
+        (HALFWAY + Fraction(1, 10**50), 2.0**53 + 2),  # rounding to 40 digits first would lose this
+        (-3, -3.0),
+        (0, 0.0),
+        (Fraction(1, 10**400), 0.0),
+        (Fraction(3, 2**1076), 2.0**-1074),
+    ],
+)
+def test_rational_numbers_are_rounded_once(number, expected):
+    assert nearest_double(number) == expected
+    assert nearest_double(sympy.Rational(number)) == expected
+
+
+@pytest.mark.parametrize(
+    ("number", "error"),
+    [
+        (10**400, OverflowError),
+        (sympy.Integer(10) ** 400, OverflowError),
+        (sympy.exp(2000), OverflowError),
+        (sympy.sin(1) ** 2 + sympy.cos(1) ** 2 - 1, ArithmeticError),
+        (x, TypeError),
+        (sympy.I * sympy.sqrt(2), TypeError),
+        (sympy.oo, TypeError),
+        (None, TypeError),
+    ],
+    ids=str,
+)
+def test_what_is_near_no_double(number, error):
+    with pytest.raises(error):
+        nearest_double(number)
 
 
 @pytest.mark.parametrize(

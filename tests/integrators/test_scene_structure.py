@@ -221,3 +221,15 @@ def test_degrees_know_separable_and_quadratic_systems():
     assert degrees(RIGID_BODY, [Piece()]) == [[2, 2]]
     parts = [Term(field={"p": "-q", "q": "p"}, part="linear"), Term(field={"p": "q^3"}, part="cubic")]
     assert degrees(Scene(PQ, terms=parts), [Piece(part="linear"), Piece(part="cubic")]) == [[1, 1, 1], [3, 0, 3]]
+
+
+@pytest.mark.parametrize("names", [["x0", "w"], ["w", "x0"], ["d0", "x0"], ["x1", "x0"]])
+def test_variables_may_be_called_as_local_ones_are(names):
+    first, second = names
+    scene = Scene({"z": names}, field={first: f"sin({first})*{second}", second: f"{first}^2 + exp({second})"})
+    point = dict(zip(scene.symbols, (sympy.Rational(1, 2), sympy.Rational(3, 4)), strict=True))
+    found = [0, 0]
+    for term in scene.local_terms:
+        values = {sympy.Symbol(f"x{k}"): point[scene.symbols[a.plus.offset]] for k, a in enumerate(term.arguments)}
+        found[term.outputs[0].place.offset] += term.formula.xreplace(values)
+    assert [sympy.simplify(x - f.xreplace(point)) for x, f in zip(found, scene.field, strict=True)] == [0, 0]

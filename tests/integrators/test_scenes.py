@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import Effect, IntegratorError, Scene, Term
+from integrators.scenes import formulas
 from integrators.scenes.domain import guards
 from integrators.scenes.formulas import formula_text, read_formula
 
@@ -122,6 +123,17 @@ def test_sums_that_are_longer_than_the_parser_takes_are_read_from_sympy():
     total = sympy.Add(*(sympy.Symbol(name) ** 2 / 3 for name in names))
     assert len(formula_text(total)) > 10_000
     assert read_formula(total, names, "formula") == total
+
+
+def test_equal_formulas_are_read_again_once_and_refused_under_their_own_names():
+    formula = sympy.sin(sympy.Symbol("q") / 7) / 11
+    before = formulas._stable_form.cache_info()
+    assert read_formula(formula, ["q"], "hamiltonian") == read_formula(formula, ["q"], "field.p") == formula
+    after = formulas._stable_form.cache_info()
+    assert (after.misses - before.misses, after.hits - before.hits) == (1, 1)
+    for name in ("hamiltonian", "field.p"):
+        with pytest.raises(IntegratorError, match=f"^{name} must have functions of .* only, but has 'Abs'$"):
+            read_formula(sympy.Abs(sympy.Symbol("q")), ["q"], name)
 
 
 # What is refused
@@ -554,3 +566,10 @@ def test_many_sites_take_no_work_for_each_pair():
     q[17_000] = q[3]
     with pytest.raises(IntegratorError, match="for the sites 4, 17001"):
         scene.with_start(q=q)
+
+
+@pytest.mark.parametrize("formula", ["x*sqrt(k)", "x*log(k)", "x*k^(1/2)"])
+def test_parameters_that_make_formulas_complex(formula):
+    with pytest.raises(IntegratorError, match=r"parameters must make .* real, but were k = -4"):
+        Scene({"x": 1}, field={"x": formula}, parameters={"k": -4}, start={"x": 1})
+    assert Scene({"x": 1}, field={"x": formula}, parameters={"k": 4}, start={"x": 1}).field

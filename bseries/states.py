@@ -1,0 +1,61 @@
+"""States and step sizes as users give them."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from .exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Points as contiguous rows of doubles, and the shape they were given in.
+
+    Args:
+        y: One point of shape (size,), or n points of shape (size, n).
+        size: The number of variables.
+
+    Raises:
+        SeriesError: `y` is not of real numbers, or has another shape.
+
+    Example:
+        >>> read_states([[1, 2, 3], [4, 5, 6]], 2)[0].tolist()
+        [[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]]
+    """
+    import numpy as np
+
+    try:
+        given = np.asarray(y)
+        real = given.dtype.kind in "iuf" or (
+            given.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in given.ravel())
+        )
+        array = given.astype(float) if real else None
+    except (TypeError, ValueError, OverflowError):
+        array = None
+    if array is None:
+        raise SeriesError(f"y must be real numbers, but was {y!r:.60}")
+    if array.ndim not in (1, 2) or array.shape[0] != size:
+        raise SeriesError(f"y must have the shape ({size},) or ({size}, n), but had {array.shape}")
+    return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
+
+
+def read_step(h: Any) -> float:
+    """A step size as a double.
+
+    Raises:
+        SeriesError: `h` is no real number.
+
+    Example:
+        >>> from fractions import Fraction
+        >>> read_step(Fraction(1, 10))
+        0.1
+    """
+    if isinstance(h, bool) or not isinstance(h, Real):
+        raise SeriesError(f"h must be a real number, but was {h!r:.60}")
+    try:
+        return float(h)
+    except OverflowError:
+        raise SeriesError("h must be within the range of floats, but was larger") from None
