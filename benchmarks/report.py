@@ -161,7 +161,12 @@ def show(result: Mapping[str, Any], console: Console) -> None:
 
 def to_markdown(result: Mapping[str, Any]) -> str:
     """The tables as a page."""
-    page = ["# Benchmarks", "", "Written by `python -m benchmarks --full --output docs/benchmarks.md`.", ""]
+    page = [
+        "# Benchmarks",
+        "",
+        "Written by `python -m benchmarks --output docs/benchmarks.md`; rows that take minutes come with `--full`.",
+        "",
+    ]
     page += [f"- {line}" for line in heading(result)]
     for title, headings, cells in tables(result):
         page += ["", f"## {title}", "", _line(headings), _line(["---"] * len(headings)), *map(_line, cells)]
