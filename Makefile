@@ -10,7 +10,7 @@ demo: $(STAMP)
 	$(BIN)/bseries modified stormer-verlet-kdk --order 3
 
 test: $(STAMP)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
