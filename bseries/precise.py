@@ -70,7 +70,7 @@ class PreciseSeries:
         rows, groups, places = map(int, self._sizes)
         out = np.zeros((self.series.order, size), object)
         fields = np.zeros((int(ints[layout.FIELDS]), size), object)
-        indices = (np.zeros(count, np.int64) for count in (tower_kernels.ROLES * rows, rows, places))
+        indices = (np.zeros(count, np.int64) for count in (int(tower_kernels.ROLES) * rows, rows, places))
         work = np.zeros(groups, object)
         try:
             self._sweep(np.array([y], object), out, fields, work, *indices, 1, ints, self._numbers, 1)
