@@ -138,9 +138,8 @@ class CompiledSeries:
             return "towers"
         from integrators.printer import operation_cost
 
-        ints = self.tables[0]
-        first = len(tower_layout.COUNTS) + list(tower_layout.TABLES).index("contraction")
-        contractions = int(ints[first + 1] - ints[first]) // tower_layout.TABLES["contraction"]
+        ints, table = self.tables[0], tower_layout.CONTRACTION
+        contractions = int(ints[table + 1] - ints[table]) // tower_layout.TABLES["contraction"]
         towers = NANOSECONDS_OF_CONTRACTION * contractions
         return "symbolic" if NANOSECONDS_OF_OPERATION * operation_cost(self._lines) < towers else "towers"
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from .compiled_series import CompiledSeries
     from .differentials import SymbolicSeries
 
-FLOAT_DIGITS = 15
-"""Significant digits that every float is good for."""
 ROUTES = ("auto", "towers", "symbolic")
 
 
@@ -162,6 +160,7 @@ class SceneSeries:
             SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
             IntegratorError: An argument is not of its kind.
         """
+        from .differentials import FLOAT_DIGITS
         from .precise import PreciseSeries
 
         known = self.series.digits if self.series.is_exact else FLOAT_DIGITS

@@ -112,7 +112,6 @@ class Needs(NamedTuple):
     terms: list[TermNeeds]
     children: list[int]
     forests: Forests
-    trees: int
 
 
 def find_needs(table: TreeTable, wanted: Sequence[bool], scene: Scene, pieces: Sequence[Piece]) -> Needs:
@@ -140,11 +139,9 @@ def find_needs(table: TreeTable, wanted: Sequence[bool], scene: Scene, pieces: S
             known += 1
         vanishes.append(not any(a and t.outputs[colors[tree]] for a, t in zip(alive[forest], terms, strict=True)))
     is_child = [False] * len(table)
-    used = 0
     for n in range(table.max_order, 0, -1):
         for tree in reversed(table.ids(n)):
             if (wanted[tree] or is_child[tree]) and not vanishes[tree]:
-                used += 1
                 forest = forests.of_tree[tree]
                 for term, a in zip(terms, alive[forest], strict=True):
                     if a and term.outputs[colors[tree]]:
@@ -155,4 +152,4 @@ def find_needs(table: TreeTable, wanted: Sequence[bool], scene: Scene, pieces: S
                     term.need(forests.left[forest], term.ranks[forest] + 1)
                     is_child[forests.right[forest]] = True
     children = [tree for tree, needed in enumerate(is_child) if needed]
-    return Needs([term for term in terms if term.ranks], children, forests, used)
+    return Needs([term for term in terms if term.ranks], children, forests)

@@ -70,11 +70,6 @@ class LocalTerm(NamedTuple):
     sites: Sites
     part: str | None
 
-    @property
-    def is_hamiltonian(self) -> bool:
-        """Whether it is a term of a Hamiltonian, so that its outputs are derivatives."""
-        return all(output.derivative != VALUE for output in self.outputs)
-
 
 def lower(scene: System) -> tuple[LocalTerm, ...]:
     """The terms of a scene; parameters that are symbols stay in the formulas.
