@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     import sympy
 
-    from .scenes.base import Scene
-    from .scenes.local_terms import LocalTerm
+    from .scenes.local_terms import LocalTerm, Output
+    from .scenes.system import System
 
 MAX_KEPT_DATA = 100_000
 """Numbers in one constant array above which numba does not keep machine code on disk (a megabyte)."""
@@ -58,7 +58,7 @@ def number(p, q):
 '''
 
 
-def compiled_scene(scene: Scene) -> ModuleType:
+def compiled_scene(scene: System) -> ModuleType:
     """The compiled functions of a scene, from numba's cache on disk if they are known.
 
     Args:
@@ -85,7 +85,7 @@ def compiled_scene(scene: Scene) -> ModuleType:
     return load_module(source, keep=KEPT in source)
 
 
-def precise_scene(scene: Scene) -> ModuleType:
+def precise_scene(scene: System) -> ModuleType:
     """The same functions for lists of mpmath numbers, in the precision that mpmath has when they are called.
 
     Example:
@@ -101,7 +101,7 @@ def precise_scene(scene: Scene) -> ModuleType:
     return load_module(scene_source(scene, precise=True), keep=False)
 
 
-def scene_source(scene: Scene, *, precise: bool = False) -> str:
+def scene_source(scene: System, *, precise: bool = False) -> str:
     """The source of the functions of a scene.
 
     Args:
@@ -124,7 +124,7 @@ def scene_source(scene: Scene, *, precise: bool = False) -> str:
             out[1] = y0
         ...
     """
-    writer = _Writer(precise)
+    writer = ModuleText(precise)
     writer.function("field(y, out)", "Put f(y) in out.", _field(scene, writer))
     if scene.is_hamiltonian:
         writer.function("energy(y)", "The Hamiltonian at y.", _energy(scene, writer))
@@ -133,8 +133,12 @@ def scene_source(scene: Scene, *, precise: bool = False) -> str:
     return writer.source(scene)
 
 
-class _Writer:
-    """Collects functions and the constant arrays that they use."""
+class ModuleText:
+    """The functions of a module, and the constant arrays that they use.
+
+    Args:
+        precise: Whether it is for mpmath instead of numba.
+    """
 
     def __init__(self, precise: bool):
         self.number, self.zero = ("number", "0") if precise else (None, "0.0")
@@ -160,25 +164,30 @@ class _Writer:
             lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
         return lines
 
-    def function(self, signature: str, summary: str, body: Sequence[str]) -> None:
+    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str = "@compiled") -> None:
         """Add a function. Exact numbers are made when it is called, since their precision may change."""
-        decorator = "@compiled\n"
+        decorator += "\n"
         if self.number is not None:
             body, decorator = [*self._definitions("(", ")"), *body], ""
             self._arrays.clear()
         lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
         self._functions.append("\n".join(lines))
 
-    def source(self, scene: Scene) -> str:
-        """The text of the module."""
+    def source(self, scene: System, template: str | None = None) -> str:
+        """The text of the module.
+
+        Args:
+            scene: The scene.
+            template: What comes before the functions; as a rule that of a scene's functions.
+        """
         bodies = "\n\n\n".join(self._functions)
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
         if self.number is None:
             imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-            imports.append("from numba import njit")
+            imports += ["from numba import njit"] * (template is None)
         else:
             imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
-        head = (DOUBLE if self.number is None else EXACT).format(
+        head = (template or (DOUBLE if self.number is None else EXACT)).format(
             state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
             imports="\n".join(imports),
             cache=all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays),
@@ -191,20 +200,31 @@ def _shown(names: Sequence[str]) -> str:
     return ", ".join(names if len(names) < 8 else (*names[:4], "…", names[-1]))
 
 
-def _field(scene: Scene, writer: _Writer) -> list[str]:
-    """Statements for the field: what is written first is assigned, everything else added."""
-    import sympy
+def _field(scene: System, writer: ModuleText) -> list[str]:
+    """Statements for the field."""
+    return field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
 
-    from .scenes.local_terms import VALUE
 
-    def outputs(term: LocalTerm) -> Iterable[tuple[Any, sympy.Expr]]:
-        for k, place, sign in term.outputs:
-            yield place, sign * (term.formula if k == VALUE else term.formula.diff(sympy.Symbol(f"x{k}")))
+def field_lines(
+    terms: Iterable[LocalTerm],
+    outputs: Callable[[LocalTerm], Iterable[Output]],
+    entries: Iterable[int],
+    writer: ModuleText,
+) -> list[str]:
+    """Statements for a field, or a piece of it: what is written first is assigned, everything else added.
+
+    Args:
+        terms: The terms of the field.
+        outputs: Which outputs of a term belong to the piece.
+        entries: The entries of ``out`` that the piece is responsible for.
+        writer: The module that the lines are for.
+    """
+    from .scenes.local_terms import output_formula
 
     lines: list[str] = []
     assigned: set[int] = set()
     touched: set[int] = set()
-    for total in _gathered(scene.numeric_terms, outputs):
+    for total in gathered(terms, lambda term: ((x.place, output_formula(term, x)) for x in outputs(term))):
         targets = {}
         for place in sorted(total.outputs):
             covered = total.covered(place)
@@ -213,22 +233,22 @@ def _field(scene: Scene, writer: _Writer) -> list[str]:
             touched |= covered
             assigned |= covered if assigns else set()
         lines += total.lines(targets, writer)
-    return [*zeros(set(range(scene.dimension)) - assigned, writer.zero), *lines]
+    return [*zeros(set(entries) - assigned, writer.zero), *lines]
 
 
-def _energy(scene: Scene, writer: _Writer) -> list[str]:
+def _energy(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the Hamiltonian."""
     if scene.poisson is not None:
         sums = [SiteSum.flat(scene, {"energy": scene.hamiltonian})]  # its terms are those of the field
     else:
         constant = SiteSum.flat(scene, {"energy": _constant(scene)})
-        sums = _gathered(scene.numeric_terms, lambda term: [("energy", term.formula)], constant)
+        sums = gathered(scene.numeric_terms, lambda term: [("energy", term.formula)], constant)
     targets = ({"energy": f"total {sign}"} for sign in ("=", *("+=" for _ in sums[1:])))
     lines = [line for total, target in zip(sums, targets, strict=True) for line in total.lines(target, writer)]
     return [*lines, "return total"]
 
 
-def _invariants(scene: Scene, writer: _Writer) -> list[str]:
+def _invariants(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the first integrals."""
     from .scenes.expansion import filled
 
@@ -236,7 +256,7 @@ def _invariants(scene: Scene, writer: _Writer) -> list[str]:
     return total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
 
 
-def _constant(scene: Scene) -> sympy.Expr:
+def _constant(scene: System) -> sympy.Expr:
     """What the Hamiltonian has besides its local terms, which make up its field."""
     import sympy
 
@@ -255,7 +275,7 @@ def _constant(scene: Scene) -> sympy.Expr:
     return sympy.Add(*constants)
 
 
-def _gathered(
+def gathered(
     terms: Iterable[LocalTerm], outputs: Callable[[LocalTerm], Iterable[Any]], first: SiteSum | None = None
 ) -> list[SiteSum]:
     """The sums of terms over the same sites: over single variables, then over each site, then over several sites."""

@@ -37,7 +37,7 @@ class Stepper:
         digits: int | None,
     ) -> None:
         self.arithmetic = arithmetic = Arithmetic(digits)
-        program = _rational_program(method, arithmetic.decimals)
+        program = rational_program(method, arithmetic.decimals)
         if program.parameters:
             raise IntegratorError(f"parameters must have values before a step, but {program.parameters[0]} had none")
         self.name = program.name
@@ -212,7 +212,7 @@ def _components(program: Program) -> list[list[int]]:
     return [sorted(condensed.nodes[c]["members"]) for c in nx.topological_sort(condensed)]
 
 
-def _rational_program(method: Any, decimals: int) -> Program:
+def rational_program(method: Any, decimals: int) -> Program:
     """The program of a method; stages on roots of polynomials are replaced by rational numbers near them.
 
     The exact roots of a stage algebra are slow to write down, and only so many decimals of them are used.

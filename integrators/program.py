@@ -168,12 +168,12 @@ class Program(Frozen):
     def weight_sums(self) -> tuple[Entry, ...]:
         """For each part what a constant field would be multiplied with."""
         return tuple(
-            entries.sum_entries([x * self._total(e, part) for e, x in self.result.terms.items()])
+            entries.sum_entries([x * self.total(e, part) for e, x in self.result.terms.items()])
             for part in range(len(self.names))
         )
 
-    def _total(self, e: int, part: int) -> Any:
-        """k_e for the constant field 1 of one part."""
+    def total(self, e: int, part: int) -> Any:
+        """What k_e / h is for a field that is the constant 1 in one part, and zero in the others."""
         evaluation = self.evaluations[e]
         if isinstance(evaluation, Derivative):
             return 0
@@ -183,7 +183,7 @@ class Program(Frozen):
         if isinstance(evaluation, Flow):
             own = own * evaluation.time
             for j, form in enumerate(evaluation.forcing):
-                own += sum(x * self._total(other, part) for other, x in form.terms.items()) / (j + 1)
+                own += sum(x * self.total(other, part) for other, x in form.terms.items()) / (j + 1)
         return own
 
     @cached_property

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     import sympy
 
-    from .scenes.base import Scene
+    from .scenes.system import System
     from .scenes.local_terms import Argument, Data, LocalTerm, Place
     from .scenes.terms import Sites
 
@@ -51,7 +51,7 @@ class SiteSum:
         self._data: dict[Data, Any] = {}
 
     @classmethod
-    def flat(cls, scene: Scene, outputs: Mapping[Any, Any]) -> SiteSum:
+    def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
         """Formulas in the variables of a scene, summed over nothing."""
         from .scenes.local_terms import Argument, Place
         from .scenes.terms import Sites

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned")
 PROGRAM_KINDS = (
-    *("additive", "continuous stage", "exponential", "force gradient", "nystrom", "rosenbrock", "splitting"),
-    *("two-derivative", "w-method"),
+    *("additive", "continuous stage", "exponential", "force gradient", "nystrom", "nystrom splitting", "rosenbrock"),
+    *("splitting", "two-derivative", "w-method"),
 )
 
 

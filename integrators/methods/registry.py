@@ -13,11 +13,14 @@ from . import (
     diagonally_implicit,
     embedded,
     explicit,
+    force_gradients,
     further_kinds,
+    nystrom_splittings,
     partitioned,
     rosenbrock,
     second_order,
     splitting,
+    symmetric_compositions,
 )
 from .entry import MethodEntry
 
@@ -33,7 +36,10 @@ ENTRIES: tuple[MethodEntry, ...] = (
     *averaging.METHODS,
     *partitioned.METHODS,
     *second_order.METHODS,
+    *force_gradients.METHODS,
+    *nystrom_splittings.METHODS,
     *splitting.METHODS,
+    *symmetric_compositions.METHODS,
     *further_kinds.METHODS,
     *rosenbrock.METHODS,
 )

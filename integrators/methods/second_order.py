@@ -1,4 +1,4 @@
-"""Methods for q'' = g(q) as a system p' = g(q), q' = p: Runge–Kutta–Nyström, and Verlet with a better force."""
+"""Runge–Kutta–Nyström methods for q'' = g(q), as a system p' = g(q), q' = p."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..nystrom import RungeKuttaNystrom
-    from ..takahashi_imada import TakahashiImada
 
 NYSTROM = (
     "E. J. Nyström, Acta Soc. Sci. Fennicae 50 (1925) 1–55; Hairer, Nørsett, Wanner, Solving Ordinary Differential "
     "Equations I (1993), §II.14, doi:10.1007/978-3-540-78862-1"
 )
 VERLET = "L. Verlet, Phys. Rev. 159 (1967) 98–103, doi:10.1103/PhysRev.159.98"
-TAKAHASHI_IMADA = "M. Takahashi, M. Imada, J. Phys. Soc. Japan 53 (1984) 3765–3769, doi:10.1143/JPSJ.53.3765"
-SIMPLIFIED = "E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019"
 
 
 def _nystrom(
@@ -35,15 +32,6 @@ def _nystrom(
         )
         rows = A_bar, b_bar.split(), b.split(), c.split()
         return RungeKuttaNystrom(*rows, A=A or None, name=name, reference=reference)
-
-    return build
-
-
-def _takahashi_imada(*, simplified: bool) -> Callable[..., TakahashiImada]:
-    def build(*, name: str, reference: str) -> TakahashiImada:
-        from ..takahashi_imada import TakahashiImada
-
-        return TakahashiImada(simplified=simplified, name=name, reference=reference)
 
     return build
 
@@ -96,23 +84,5 @@ METHODS = (
             "0 1/2 1/2 1",
             ("", "1/2", "0 1/2", "0 0 1"),
         ),
-    ),
-    MethodEntry(
-        "takahashi-imada",
-        "force gradient",
-        2,
-        2,
-        "Störmer-Verlet with the force f + h^2/12 f' f; symplectic, and conjugate to a method of order 4",
-        TAKAHASHI_IMADA,
-        _takahashi_imada(simplified=False),
-    ),
-    MethodEntry(
-        "simplified-takahashi-imada",
-        "force gradient",
-        2,
-        2,
-        "Störmer-Verlet with the force f(q + h^2/12 f(q)); volume preserving, not symplectic",
-        SIMPLIFIED,
-        _takahashi_imada(simplified=True),
     ),
 )

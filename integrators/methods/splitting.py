@@ -1,4 +1,4 @@
-"""Splitting methods for y' = f^a(y) + f^b(y)."""
+"""Splitting methods for y' = f^a(y) + f^b(y); compositions of Strang's are in `symmetric_compositions`."""
 
 from __future__ import annotations
 
@@ -8,58 +8,64 @@ from .entry import MethodEntry
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from fractions import Fraction
 
     from ..splitting import Splitting
 
-SUZUKI = "M. Suzuki, Phys. Lett. A 146 (1990) 319–323, doi:10.1016/0375-9601(90)90962-N"
-YOSHIDA = "H. Yoshida, Phys. Lett. A 150 (1990) 262–268, doi:10.1016/0375-9601(90)90092-3"
 HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), §II.5, doi:10.1007/3-540-30666-8"
 MCLACHLAN = "R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151–168, doi:10.1137/0916010"
+BLANES_MOAN = "S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313–330, doi:10.1016/S0377-0427(01)00492-7"
 
 
-def _lie_trotter(*, name: str, reference: str) -> Splitting:
-    from ..splitting import Splitting
+def symmetric_flows(first: str, second: str, x: str, y: str) -> list[tuple[str, Fraction]]:
+    """x_1, y_1, x_2, y_2, … and back, the last one in the middle of the step, once.
 
-    return Splitting([("a", 1), ("b", 1)], name=name, reference=reference)
+    Args:
+        first: the part that begins, with the coefficients x.
+        second: the other part, with the coefficients y.
+        x: the numbers x_i but the last one, which follows, as their sum over the step is 1.
+        y: likewise the y_i.
+
+    Returns:
+        The flows of the whole step.
+
+    Example:
+        >>> [(part, str(time)) for part, time in symmetric_flows("a", "b", "1/8", "")]
+        [('a', '1/8'), ('b', '1/2'), ('a', '3/4'), ('b', '1/2'), ('a', '1/8')]
+    """
+    from fractions import Fraction
+    from itertools import zip_longest
+
+    outer, inner = ([Fraction(number) for number in text.split()] for text in (x, y))
+    single, paired = (outer, inner) if len(outer) > len(inner) else (inner, outer)
+    single.append(1 - 2 * sum(single, Fraction(0)))
+    paired.append(Fraction(1, 2) - sum(paired))
+    pairs = zip_longest(((first, time) for time in outer), ((second, time) for time in inner))
+    there = [flow for pair in pairs for flow in pair if flow is not None]
+    return [*there, *there[-2::-1]]
 
 
-def _strang(*, name: str, reference: str) -> Splitting:
-    return _alternating(["1/2"], ["1"], name=name, reference=reference)
-
-
-def _alternating(a: list[str], b: list[str], *, name: str, reference: str, digits: int | None = None) -> Splitting:
-    """a_1, b_1, a_2, b_2, … and back: the last one in the middle of the step, once."""
-    from ..splitting import Splitting
-
-    flows = [(part, x) for pair in zip(a, b, strict=False) for part, x in zip("ab", pair, strict=True)]
-    flows += [("a", a[-1])] * (len(a) > len(b))
-    return Splitting([*flows, *flows[-2::-1]], name=name, reference=reference, digits=digits)
-
-
-def _composed(scheme: str) -> Callable[..., Splitting]:
-    """The builder of a composition of Strang's splitting."""
+def _given(*flows: tuple[str, str]) -> Callable[..., Splitting]:
+    """The builder of a method from all its flows."""
 
     def build(*, name: str, reference: str) -> Splitting:
-        from .. import composition_schemes
-        from ..splitting import Splitting, strang
+        from ..splitting import Splitting
 
-        composed = getattr(composition_schemes, scheme)(strang(), 2)
-        assert isinstance(composed, Splitting)
-        return Splitting(composed.flows, name=name, reference=reference)
+        return Splitting(flows, name=name, reference=reference)
 
     return build
 
 
-def _yoshida6(*, name: str, reference: str) -> Splitting:
-    """A symmetric composition of seven Strang steps."""
-    from ..compositions import composition
-    from ..splitting import Splitting, strang
+def _symmetric(first: str, second: str, x: str, y: str, *, digits: int) -> Callable[..., Splitting]:
+    """The builder of a method with palindromic decimals."""
 
-    outer = ["0.78451361047755726381949763", "0.23557321335935813368479318", "-1.17767998417887100694641568"]
-    fractions = [*outer, "1.31518632068391121888424973", *outer[::-1]]
-    composed = composition([(strang(), x) for x in fractions])
-    assert isinstance(composed, Splitting)
-    return Splitting(composed.flows, name=name, reference=reference, digits=26)
+    def build(*, name: str, reference: str) -> Splitting:
+        from ..splitting import Splitting
+
+        flows = symmetric_flows(first, second, x, y)
+        return Splitting(flows, parts=("a", "b"), name=name, reference=reference, digits=digits)
+
+    return build
 
 
 def _mclachlan4(*, name: str, reference: str) -> Splitting:
@@ -71,16 +77,8 @@ def _mclachlan4(*, name: str, reference: str) -> Splitting:
     return Splitting(flows, parts=("a", "b"), name=name, reference=reference)
 
 
-def _blanes_moan4(*, name: str, reference: str) -> Splitting:
-    a = ["0.0792036964311957", "0.353172906049774", "-0.0420650803577195"]
-    b = ["0.209515106613362", "-0.143851773179818"]
-    a.append(f"1-2*({a[0]}+{a[1]}{a[2]})")
-    b.append(f"1/2-({b[0]}{b[1]})")
-    return _alternating(a, b, name=name, reference=reference, digits=15)
-
-
 METHODS = (
-    MethodEntry("lie-trotter", "splitting", 2, 1, "a step of a, then a step of b", HLW, _lie_trotter),
+    MethodEntry("lie-trotter", "splitting", 2, 1, "a step of a, then a step of b", HLW, _given(("a", "1"), ("b", "1"))),
     MethodEntry(
         "strang",
         "splitting",
@@ -88,28 +86,17 @@ METHODS = (
         2,
         "half a step of a, a step of b, half a step of a",
         f"G. Strang, SIAM J. Numer. Anal. 5 (1968) 506–517, doi:10.1137/0705041; {HLW}",
-        _strang,
+        _given(("a", "1/2"), ("b", "1"), ("a", "1/2")),
         ("strang-splitting", "marchuk"),
     ),
     MethodEntry(
-        "triple-jump4",
+        "ruth3",
         "splitting",
-        7,
-        4,
-        "three Strang steps with 1/(2 - 2^(1/3)); Forest and Ruth's method",
-        f"E. Forest, R. D. Ruth, Physica D 43 (1990) 105–117, doi:10.1016/0167-2789(90)90019-L; {SUZUKI}; {YOSHIDA}",
-        _composed("triple_jump"),
-        ("triple-jump", "forest-ruth", "yoshida4"),
-    ),
-    MethodEntry(
-        "suzuki4",
-        "splitting",
-        11,
-        4,
-        "five Strang steps with 1/(4 - 4^(1/3))",
-        SUZUKI,
-        _composed("suzuki_fractal"),
-        ("suzuki-fractal4",),
+        6,
+        3,
+        "three steps of each part, with rational coefficients",
+        "R. D. Ruth, IEEE Trans. Nucl. Sci. 30 (1983) 2669–2671, doi:10.1109/TNS.1983.4332919",
+        _given(("a", "7/24"), ("b", "2/3"), ("a", "3/4"), ("b", "-2/3"), ("a", "-1/24"), ("b", "1")),
     ),
     MethodEntry(
         "mclachlan4",
@@ -121,21 +108,49 @@ METHODS = (
         _mclachlan4,
     ),
     MethodEntry(
+        "pefrl4",
+        "splitting",
+        9,
+        4,
+        "Forest and Ruth's method with one more stage and smaller errors, as 16-digit decimals",
+        "I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 146 (2002) 188–202, "
+        "doi:10.1016/S0010-4655(02)00451-4",
+        _symmetric("b", "a", "0.1786178958448091 -0.06626458266981849", "0.7123418310626054", digits=15),
+        ("pefrl", "omelyan4"),
+    ),
+    MethodEntry(
         "blanes-moan4",
         "splitting",
         13,
         4,
-        "six stages with very small errors, as 15-digit decimals",
-        "S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313–330, doi:10.1016/S0377-0427(01)00492-7",
-        _blanes_moan4,
+        "six stages with very small errors, as 15-digit decimals; recommended for order 4",
+        BLANES_MOAN,
+        _symmetric(
+            "a",
+            "b",
+            "0.0792036964311957 0.353172906049774 -0.0420650803577195",
+            "0.209515106613362 -0.143851773179818",
+            digits=15,
+        ),
     ),
+    # Printed with 15 digits. The order conditions leave one parameter, taken to be the second number as printed; the
+    # others are the solution of the conditions next to the printed ones.
     MethodEntry(
-        "yoshida6",
+        "blanes-moan6",
         "splitting",
-        15,
+        21,
         6,
-        "seven Strang steps, as 26-digit decimals",
-        f"{YOSHIDA}; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), formula (V.3.11)",
-        _yoshida6,
+        "ten stages, as 15-digit decimals refined to 32; recommended for order 6",
+        BLANES_MOAN,
+        _symmetric(
+            "a",
+            "b",
+            "0.0502627644003926658937494455486448 0.413514300428344 0.0450798897943980363898651731542663 "
+            "-0.1880548538195690771124424466686314 0.5419606784507802019155816322331577",
+            "0.1488164479010432053333931406648383 -0.1323858657677835879043958615671915 "
+            "0.0673076046921844904199612816920070 0.4326664025781735350222165239488431",
+            digits=32,
+        ),
+        ("blanes-moan-s10",),
     ),
 )

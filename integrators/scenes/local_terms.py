@@ -71,6 +71,16 @@ class LocalTerm(NamedTuple):
     part: str | None
 
 
+def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
+    """What a term adds at a place."""
+    import sympy
+
+    formula = term.formula
+    if output.derivative != VALUE:
+        formula = formula.diff(sympy.Symbol(f"x{output.derivative}"))
+    return output.sign * formula
+
+
 def lower(scene: System) -> tuple[LocalTerm, ...]:
     """The terms of a scene; parameters that are symbols stay in the formulas.
 

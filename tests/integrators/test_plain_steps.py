@@ -76,7 +76,7 @@ def built(entry, stages):
 def suitable_fields(kind, velocity):
     """Polynomial fields by part that a kind of methods is made for, nonlinear and coupled as far as it allows."""
     whole = random_field(8)
-    if kind in ("nystrom", "force gradient"):
+    if kind in ("nystrom", "nystrom splitting", "force gradient"):
         return second_order_fields(velocity=velocity)
     if kind == "partitioned":
         return {"p": [whole[0], {}], "q": [{}, whole[1]]}

@@ -1,0 +1,116 @@
+"""The two problems on which work is compared with precision, and how both are measured.
+
+Runs in this package's interpreter and in that of the other packages (`rival_worker.py`), so it knows only NumPy.
+Energy is looked at where the first step at or after each of 2,000 equidistant instants ends, by all alike, in a run of
+its own: the run that is timed looks at nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from time import process_time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+
+INSTANTS = 2000
+REPEAT = 0.1
+"""A run is repeated until this many seconds are used, and the fastest counts."""
+
+
+class Problem(NamedTuple):
+    """Bodies that attract each other, or, if there is one mass only, a body about a fixed centre of attraction 1.
+
+    Positions and velocities are flat, body after body; the run ends at `span`, and takes `steps` steps at least.
+    """
+
+    name: str
+    title: str
+    masses: list[float]
+    gravity: float
+    positions: list[float]
+    velocities: list[float]
+    span: float
+    steps: int
+
+    def energy_error(self, positions: Any, velocities: Any) -> float:
+        """The largest relative change of energy over states after the start, one in each row; infinite if not finite."""
+        import numpy as np
+
+        energies = self._energies(np.atleast_2d(positions), np.atleast_2d(velocities))
+        start = self._energies(np.array([self.positions]), np.array([self.velocities]))[0]
+        error = float(np.max(np.abs(energies / start - 1)))
+        return error if np.isfinite(error) else float("inf")
+
+    def _energies(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        import numpy as np
+
+        bodies = len(self.masses)
+        x, m = q.reshape(len(q), bodies, -1), np.array(self.masses)
+        kinetic = (v.reshape(x.shape) ** 2).sum(axis=2) @ m / 2
+        if bodies == 1:
+            return kinetic - 1 / np.sqrt((q**2).sum(axis=1))
+        i, j = np.triu_indices(bodies, 1)
+        distances = np.sqrt(((x[:, i] - x[:, j]) ** 2).sum(axis=2))
+        return kinetic - self.gravity * (m[i] * m[j] / distances).sum(axis=1)
+
+    def looks(self, steps: int) -> Iterator[int]:
+        """How many of `steps` equal steps end at or after each instant, none twice."""
+        last = 0
+        for k in range(1, INSTANTS + 1):
+            n = -(-k * steps // INSTANTS)
+            if n > last:
+                yield n
+                last = n
+
+    def instants(self) -> list[float]:
+        """The instants."""
+        return [self.span * k / INSTANTS for k in range(1, INSTANTS + 1)]
+
+
+class Point(NamedTuple):
+    """One run: the largest relative error of energy, CPU seconds, and its step size or tolerance."""
+
+    error: float
+    seconds: float
+    setting: float
+
+
+def measure(
+    settings: Iterable[float], run: Callable[[float], tuple[float, Callable[[], Any]]], budget: float
+) -> list[Point]:
+    """A curve: a point for each setting, from rough to fine, until a run takes longer than `budget` seconds.
+
+    `run(setting)` gives the error, and a function that makes ready and returns the work to be timed.
+    """
+    points = []
+    for setting in settings:
+        error, prepare = run(setting)
+        seconds = fastest(prepare)
+        points.append(Point(error, seconds, setting))
+        if seconds > budget:
+            break
+    return points
+
+
+def fastest(prepare: Callable[[], Callable[[], Any]]) -> float:
+    """CPU seconds of the fastest of several runs, each made ready before its clock starts."""
+    least, used = float("inf"), 0.0
+    while used < REPEAT:
+        work = prepare()
+        begin = process_time()
+        work()
+        seconds = process_time() - begin
+        least, used = min(least, seconds), used + seconds
+    return least
+
+
+def step_counts(problem: Problem, octaves: int) -> list[int]:
+    """Numbers of steps, each about √2 times the one before."""
+    return [round(problem.steps * 2 ** (k / 2)) for k in range(2 * octaves + 1)]
+
+
+def tolerances(first: int, last: int, per_decade: int = 1) -> list[float]:
+    """10^-first … 10^-last."""
+    return [10.0 ** (-k / per_decade) for k in range(first * per_decade, last * per_decade + 1)]

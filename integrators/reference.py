@@ -1,0 +1,220 @@
+"""The reference solution of a scene: to some 30 digits, with an estimate of its error, for checking everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
+
+from .entries import read_entry, symbol_names
+from .errors import IntegratorError
+from .expressions import shorten
+from .scenes.blocks import TIME
+from .tableau_input import items
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .scenes.base import Scene
+
+MAX_DIGITS = 31
+CERTAIN = 2.0**-50
+"""Relative errors that doubles need not show."""
+NOISE = 2.0**-90
+"""What a variable may be off in parts of the largest in its block: one that vanishes by symmetry is all rounding."""
+FIRST_UNITS = 2.0**-10, 2.0**-16
+"""With what parts of the time the two solutions begin that are compared."""
+
+
+class ReferenceSolution(NamedTuple):
+    """A solution in double-double numbers: high + low, known up to error.
+
+    Attributes:
+        high: The solution as doubles, an array (variables, times).
+        low: What is missing in them.
+        error: How far two solutions of different orders and steps are apart.
+    """
+
+    high: np.ndarray
+    low: np.ndarray
+    error: np.ndarray
+
+    def numbers(self) -> np.ndarray:
+        """The solution as numbers of mpmath, exactly as it is.
+
+        Example:
+            >>> import mpmath
+            >>> from integrators import Scene
+            >>> growth = Scene({"y": 1}, field={"y": "y"}, start={"y": [1]})
+            >>> print(mpmath.nstr(reference_solution(growth, [1], full=True).numbers()[0, 0], 30))
+            2.71828182845904523536028747135
+        """
+        import mpmath
+        import numpy as np
+
+        with mpmath.workprec(2200):  # the difference of two doubles has no more bits
+            pairs = zip(self.high.flat, self.low.flat, strict=True)
+            sums = [mpmath.mpf(float(high)) + mpmath.mpf(float(low)) for high, low in pairs]
+        found = np.empty(len(sums), dtype=object)
+        found[:] = sums
+        return found.reshape(self.high.shape)
+
+
+@overload
+def reference_solution(
+    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[False] = False
+) -> np.ndarray: ...
+@overload
+def reference_solution(
+    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[True]
+) -> ReferenceSolution: ...
+def reference_solution(
+    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: bool = False
+) -> np.ndarray | ReferenceSolution:
+    """The exact solution of a scene, for practical purposes: by Taylor series in double-double arithmetic.
+
+    The Taylor coefficients come from the scene's formulas, in numbers of some 31 digits. Steps are chosen from the
+    last coefficients, and the times wanted are inserted in the series, so that they have no influence on the steps.
+    The problem is solved twice, with other orders and steps; the difference shows the error.
+
+    Args:
+        scene: The scene; its parameters must be numbers.
+        t: The times, in one direction from `t0`; a number counts as one time.
+        y0: The start, a number for each variable: the scene's own by default. Text and fractions are exact, a double
+            is the number that it is, not the decimal that it prints as.
+        t0: The time of the start: by default the scene's variable t if it has one, else 0.
+        digits: A step is exact to so many digits of each variable, up to 31.
+        full: Whether to return all digits, and an estimate of their error.
+
+    Returns:
+        An array (variables, times) of doubles, as good as all digits; or, if `full`, a `ReferenceSolution`.
+
+    Raises:
+        IntegratorError: An argument does not fit, the solution ends before the last time, or (unless `full`) its error
+            has grown so that doubles are no longer certain.
+
+    Example:
+        >>> from integrators import scene
+        >>> print(reference_solution(scene("kepler"), [1, 10]))
+        [[-1.14...
+        >>> from integrators import Scene
+        >>> reference_solution(Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]}), 2)
+        Traceback (most recent call last):
+            ...
+        integrators.errors.IntegratorError: t must end where the solution of scene ends, at 1.0, but reached to 2.0
+
+    References:
+        À. Jorba, M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
+        methods, Experimental Mathematics 14 (2005) 99–117, doi:10.1080/10586458.2005.10128904.
+    """
+    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
+        raise IntegratorError(f"digits must be a whole number from 1 to {MAX_DIGITS}, but was {shorten(repr(digits))}")
+    import numpy as np
+
+    from .taylor import Stuck, solve
+    from .taylor_program import taylor_program
+
+    program = taylor_program(scene)
+    start, origin = _read_start(scene, y0, t0)
+    times = _read_times(t, origin)
+    y, elapsed = _pairs(start, "y0"), _pairs([x - origin for x in times], "t")
+    try:
+        first = solve(program, y, elapsed, digits, FIRST_UNITS[0])
+        second = solve(program, y, elapsed, digits + 2, FIRST_UNITS[1])
+    except Stuck as stuck:
+        end = float(origin) + stuck.args[0]
+        raise IntegratorError(
+            f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
+            f"but reached to {float(times[-1]):.10g}"
+        ) from None
+    error = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
+    solution = ReferenceSolution(second[..., 0], second[..., 1], error)
+    if full:
+        return solution
+    _check_certain(solution, scene, y[:, :1], [float(x) for x in times], digits)
+    return solution.high
+
+
+def _read_number(value: Any, argument: str) -> Fraction:
+    """An exact number; a double is the number that it is."""
+    from .taylor_program import fraction_of
+
+    entry = value if hasattr(value, "_mpf_") else read_entry(value, argument)
+    if names := symbol_names([entry]):
+        raise IntegratorError(f"{argument} must be a number, but has the symbol {shorten(names[0])!r}")
+    if isinstance(entry, float):
+        return Fraction(entry)
+    try:
+        return fraction_of(entry)
+    except ValueError:  # an infinite number of mpmath
+        raise IntegratorError(f"{argument} must be finite, but was {entry}") from None
+
+
+def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+    """The start, and its time."""
+    from .taylor_program import fraction_of
+
+    origin = None if t0 is None else _read_number(t0, "t0")
+    clock = scene.places.get(TIME)
+    if y0 is None:
+        if scene.start is None:
+            raise IntegratorError(f"y0 must be given, as {scene.name} has no start, but was not")
+        start = [fraction_of(value) for value in scene.start]
+        if clock is not None and origin is not None:
+            start[clock] = origin
+    else:
+        entries = items(y0, "y0")
+        if len(entries) != scene.dimension:
+            raise IntegratorError(f"y0 must have a number for each variable, {scene.dimension}, but had {len(entries)}")
+        start = [_read_number(value, f"y0[{k}]") for k, value in enumerate(entries, 1)]
+    if clock is None:
+        return start, origin or Fraction(0)
+    if origin not in (None, start[clock]):
+        raise IntegratorError(f"t0 must be the variable t of y0, {start[clock]}, but was {origin}")
+    return start, start[clock]
+
+
+def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
+    """The times, in one direction from the origin."""
+    single = isinstance(t, str) or not isinstance(t, Iterable)
+    times = [_read_number(x, f"t[{k}]") for k, x in enumerate([t] if single else items(t, "t"), 1)]
+    if not times:
+        raise IntegratorError("t must have at least one time, but had none")
+    direction = 1 if times[-1] >= origin else -1
+    for k, (before, after) in enumerate(pairwise([origin, *times]), 1):
+        if direction * (after - before) < 0:
+            raise IntegratorError(
+                f"t must go in one direction from t0, but t[{k}] is {float(after)} and comes after {float(before)}"
+            )
+    return times
+
+
+def _pairs(numbers: Sequence[Fraction], argument: str) -> np.ndarray:
+    """Numbers as an array of double-double numbers."""
+    import numpy as np
+
+    from .double_double import split
+
+    try:
+        return np.array([split(x) for x in numbers])
+    except OverflowError:
+        raise IntegratorError(f"{argument} must be in the range of doubles, but one number was not") from None
+
+
+def _check_certain(
+    solution: ReferenceSolution, scene: Scene, start: np.ndarray, times: Sequence[float], digits: int
+) -> None:
+    """Refuse a solution whose error doubles would show."""
+    import numpy as np
+
+    sizes = np.abs(np.hstack([start, solution.high])).max(axis=1)
+    blocks = np.concatenate([np.full(b.dimension, sizes[b.offset : b.end].max()) for b in scene.blocks])
+    allowed = np.maximum(max(CERTAIN, 10.0 ** (3 - digits)) * sizes, NOISE * blocks)
+    uncertain = np.argwhere((solution.error > allowed[:, None]).T)
+    if len(uncertain):
+        k, i = uncertain[0]
+        raise IntegratorError(
+            f"t must end before {times[k]:.10g}, where {scene.variables[i]} is only known within "
+            f"{solution.error[i, k]:.1g} (full=True gives it nevertheless), but reached to {times[-1]:.10g}"
+        )

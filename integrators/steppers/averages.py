@@ -1,0 +1,16 @@
+"""Averages of the field along polynomial paths, by quadrature."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..errors import IntegratorError
+
+if TYPE_CHECKING:
+    from .plan import Call
+    from .source import StepperSource
+
+
+def average_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+    """Statements for a call."""
+    raise IntegratorError("method must not need averages yet")

@@ -1,0 +1,105 @@
+"""Fixed-point iteration for slopes that depend on one another, until nothing but rounding is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from ..site_loops import indented
+from .forms import product, tidy
+
+if TYPE_CHECKING:
+    from .plan import Group
+    from .source import StepperSource
+
+MOST_SWEEPS = 100
+
+
+def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
+    """Sweeps over a group until the increments stop falling.
+
+    A sweep computes all slopes from those of the sweep before. Stopping earlier, at a tolerance, would leave errors
+    that all have the same sign, and a drift of the energy.
+
+    References:
+        HLW, section VIII.6 (starting values); Hairer, McLachlan, Razakarivony, BIT 48 (2008) 231–243,
+        doi:10.1007/s10543-008-0170-3 (iteration until stagnation).
+    """
+    forms = writer.forms
+    forms.forget()
+    new = {e: f"n{k}" for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
+    for array in new.values():
+        writer.array(array)
+    sweep = [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
+    forms.forget()
+    cells = sorted({cell for _, cell in group.unknowns})
+    compare = [f"change{cell} = 0" for cell in cells]
+    for e, cell in group.unknowns:
+        lines = [f"x = {new[e]}[i]", f"change{cell} = max(change{cell}, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
+        compare += forms.loop(cell, lines)
+    return [
+        *_start_values(group, writer),
+        *(f"before{cell} = 0" for cell in cells),
+        "settled = False",
+        f"for sweep in range({MOST_SWEEPS}):",
+        *indented(sweep + compare),
+        *indented(_ending(group, cells, writer)),
+        "if not settled:",
+        "    break",
+    ]
+
+
+def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[str]:
+    """Statements that leave the loop over sweeps."""
+    small = [
+        f"negligible(change{cell}, h, y, {a}, {b}, {', '.join(f'k{e}' for e, c in group.unknowns if c == cell)})"
+        for cell in cells
+        for a, b in writer.structure.cells[cell]
+    ]
+    return [
+        f"if {' and '.join(f'change{cell} == 0' for cell in cells)}:",
+        "    settled = True",
+        "    break",
+        f"if {' or '.join(f'failed(change{cell})' for cell in cells)}:",
+        "    break",
+        f"if sweep > 1 and {' and '.join(f'change{cell} >= before{cell}' for cell in cells)}:",
+        f"    settled = {' and '.join(small)}",
+        "    if settled:",
+        "        break",
+        *(f"before{cell} = change{cell}" for cell in cells),
+    ]
+
+
+def _start_values(group: Group, writer: StepperSource) -> list[str]:
+    """The polynomial through the slopes of the last step, at the nodes of this one."""
+    lines: list[str] = []
+    for cell in sorted({cell for _, cell in group.unknowns}):
+        own = [e for e, c in group.unknowns if c == cell]
+        nodes = [writer.nodes.abscissa(e) for e in own]
+        if len(own) > 1 and len(set(nodes)) == len(nodes):
+            body = []
+            for k, node in enumerate(nodes):
+                terms = [(e, _basis(nodes, j, 1 + node)) for j, e in enumerate(own)]
+                body.append(tidy(f"s{k} = {' + '.join(map(product, terms))}"))
+            body += [f"k{e}[i] = s{k}" for k, e in enumerate(own)]
+            lines += writer.forms.loop(cell, body)
+    return lines
+
+
+def _basis(nodes: Sequence[Fraction], j: int, x: Fraction) -> Fraction:
+    """The j-th basis polynomial of interpolation at the nodes, at x."""
+    value = Fraction(1)
+    for k, node in enumerate(nodes):
+        if k != j:
+            value *= (x - node) / (nodes[j] - node)
+    return value
+
+
+def first_values(group: Group, writer: StepperSource) -> list[str]:
+    """Statements for the slopes before the first step: those at y."""
+    lines = []
+    for e, cell in group.unknowns:
+        piece = next(call.node.piece for call in group.calls if call.evaluation == e and cell in call.cells)
+        lines.append(f"{writer.functions.field(piece, (cell,))}(y, k{e})")
+    return lines

@@ -1,0 +1,57 @@
+"""The functions that a generated stepper calls: pieces of the field, written for pointers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..codegen import ModuleText, field_lines
+from .structure import Structure
+
+if TYPE_CHECKING:
+    from ..scenes.local_terms import LocalTerm, Output
+
+MOST_INLINED_LINES = 120
+"""Lines of a function times the places that call it, above which it is called and not inlined."""
+
+
+class Functions:
+    """The functions of a stepper's module, each made when it is first asked for.
+
+    Args:
+        structure: What the pieces of the field are like.
+        module: The module that they go to.
+    """
+
+    def __init__(self, structure: Structure, module: ModuleText):
+        self.structure, self.module = structure, module
+        self._bodies: dict[str, list[str]] = {}
+        self._names: dict[tuple[int, tuple[int, ...]], str] = {}
+        self._calls: dict[str, int] = {}
+
+    def field(self, piece: int, cells: Sequence[int]) -> str:
+        """The name of the function f(y, out) that puts a piece of the field in some cells."""
+        key = piece, tuple(cells)
+        if key not in self._names:
+            name = self._names[key] = f"f{len(self._names)}"
+            self._bodies[name] = self._field_lines(*key)
+        name = self._names[key]
+        self._calls[name] = self._calls.get(name, 0) + 1
+        return name
+
+    def _field_lines(self, piece: int, cells: tuple[int, ...]) -> list[str]:
+        structure = self.structure
+        chosen = structure.pieces[piece]
+
+        def outputs(term: LocalTerm) -> list[Output]:
+            found = chosen.outputs(term, structure.scene)
+            return [x for x in found if structure.cells_at(x.place, term.sites) <= set(cells)]
+
+        indices = [i for cell in cells for first, end in structure.cells[cell] for i in range(first, end)]
+        return field_lines(structure.scene.numeric_terms, outputs, indices, self.module)
+
+    def write(self) -> None:
+        """Add all functions to the module: short ones, or those called once, are inlined."""
+        for name, body in self._bodies.items():
+            short = len(body) * self._calls[name] <= MOST_INLINED_LINES or self._calls[name] == 1
+            self.module.function(f"{name}(y, out)", "A piece of the field.", body, "@inlined" if short else "@compiled")

@@ -1,0 +1,98 @@
+"""What generated steppers need below Python: memory on the stack, raw pointers, and the bits of a double.
+
+Work arrays of literal size on the stack are as good as local variables: LLVM knows that nothing else points to them.
+Functions that take pointers are inlined, or called, without the seven words that a NumPy array is made of.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic as numba_intrinsic
+
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+"""As in C with gcc: products and sums may fuse, 1/0 is infinite; sums are not reordered."""
+
+intrinsic: Any = numba_intrinsic  # its functions are called without the typing context
+
+compiled = njit(**OPTIONS)
+inlined = njit(forceinline=True, **OPTIONS)
+kept = njit(cache=True, **OPTIONS)
+
+STAGNATION = 2.0**-39
+"""The relative size of changes below which an iteration that does not go on has converged (plain steps: ε^(3/4))."""
+
+BITS_OF_INFINITY = 0x7FF0000000000000
+DOUBLES = types.CPointer(types.float64)
+
+
+@intrinsic(prefer_literal=True)
+def stack(typing_context: Any, size: Any) -> Any:
+    """A pointer to `size` doubles, a literal number, that live as long as the function (or who it is inlined into)."""
+    if not isinstance(size, types.IntegerLiteral):
+        return None
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return cgutils.alloca_once(builder, ir.DoubleType(), size=ir.Constant(ir.IntType(64), size.literal_value))
+
+    return DOUBLES(size), codegen
+
+
+@intrinsic
+def pointer(typing_context: Any, array: Any) -> Any:
+    """A pointer to the first of a contiguous array's doubles."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.make_array(array)(context, builder, arguments[0]).data
+
+    return DOUBLES(array), codegen
+
+
+@intrinsic
+def shifted(typing_context: Any, start: Any, offset: Any) -> Any:
+    """The pointer `offset` doubles further."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return DOUBLES(DOUBLES, types.intp), codegen
+
+
+@intrinsic
+def bits(typing_context: Any, number: Any) -> Any:
+    """The 64 bits of a double as an integer.
+
+    Those of absolute values are ordered as the values are, with infinity and nan above all numbers; maxima of integers,
+    unlike those of doubles, can be taken in any order, so that they are computed in vectors.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), codegen
+
+
+@intrinsic
+def value_of(typing_context: Any, number: Any) -> Any:
+    """The double with these bits."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), codegen
+
+
+@intrinsic
+def call_observer(typing_context: Any, address: Any, t: Any, y: Any, out: Any) -> Any:
+    """Call the C function void (double t, double *y, double *out) at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        double, where = ir.DoubleType(), ir.DoubleType().as_pointer()
+        function = ir.FunctionType(ir.VoidType(), [double, where, where]).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float64, DOUBLES, DOUBLES), codegen

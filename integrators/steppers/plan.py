@@ -1,0 +1,229 @@
+"""The order of work in a step: slopes that are known at once, groups of slopes to be solved for, and what is kept.
+
+- Cells that an implicit group only needs linearly (q' = M⁻¹ p) are put into the points of the others: this is the
+  Nyström form of an implicit method, with half the unknowns.
+- A slope at the end of a step that the next step needs at its start is kept (first same as last).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
+
+from .nodes import Form, Key, Node, Point
+
+if TYPE_CHECKING:
+    from .nodes import Nodes
+    from .structure import Structure
+
+
+class Call(NamedTuple):
+    """Slopes of one evaluation, computed together."""
+
+    evaluation: int
+    cells: tuple[int, ...]
+    node: Node
+
+
+class Group(NamedTuple):
+    """Slopes that depend on one another.
+
+    Attributes:
+        calls: What one sweep computes, in order.
+        unknowns: The slopes that a sweep begins and ends with.
+    """
+
+    calls: tuple[Call, ...]
+    unknowns: tuple[Key, ...]
+
+
+class Plan(NamedTuple):
+    """A step.
+
+    Attributes:
+        work: Calls and groups, in order.
+        result: The end of the step, for each cell.
+        carried: Slopes at the end of a step (values) that are slopes at the start of the next one (keys).
+    """
+
+    work: tuple[Call | Group, ...]
+    result: Mapping[int, Form]
+    carried: Mapping[Key, Key]
+
+
+def plan(nodes: Nodes) -> Plan:
+    """The plan of a step.
+
+    Args:
+        nodes: The nodes of a method on a scene.
+    """
+    return _Planner(nodes).plan()
+
+
+class _Planner:
+    def __init__(self, nodes: Nodes):
+        self.structure: Structure = nodes.structure
+        self.nodes, self.result = dict(nodes.nodes), dict(nodes.result)
+        self.next = 1 + max((e for e, _ in self.nodes), default=0)
+        self.work: list[Call | Group] = []
+
+    def plan(self) -> Plan:
+        for component in self._components():
+            if len(component) == 1 and component[0] not in self.nodes[component[0]].reads:
+                e, cell = component[0]
+                self.work.append(Call(e, (cell,), self.nodes[component[0]]))
+            else:
+                self._add_group(component)
+        carried = self._carried()
+        apart = {*carried, *carried.values()}
+        return Plan(tuple(_merged(self.work, apart=apart)), self.result, carried)
+
+    def _components(self) -> list[list[Key]]:
+        """The strongly connected components of the slopes, those that others depend on first."""
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        graph.add_nodes_from(self.nodes)
+        graph.add_edges_from((other, key) for key, node in self.nodes.items() for other in node.reads)
+        condensed = nx.condensation(graph)
+        members = {c: sorted(condensed.nodes[c]["members"]) for c in condensed}
+        return [members[c] for c in nx.lexicographical_topological_sort(condensed, key=members.__getitem__)]
+
+    def _add_group(self, keys: Sequence[Key]) -> None:
+        """Add the group of these slopes; those of linear cells are put into the points of the others."""
+        linear = self._linear_cells(keys)
+        inner = {key for key in keys if key[1] in linear}
+        calls: list[Call] = []
+        unknowns = [key for key in keys if key not in inner]
+        for e, cell in unknowns:
+            node = self._substituted_node(self.nodes[e, cell], inner, calls)
+            self.nodes[e, cell] = node
+            calls.append(Call(e, (cell,), node))
+        self.work.append(Group(tuple(_merged(calls, old=set(unknowns))), tuple(unknowns)))
+        self._substitute_later(keys, inner)
+
+    def _linear_cells(self, keys: Sequence[Key]) -> set[int]:
+        """Cells of a group that depend linearly on other cells only, which stay unknowns."""
+        cells = {cell for _, cell in keys}
+        found: set[int] = set()
+        for cell in sorted(cells, reverse=True):
+            own = [self.nodes[key] for key in keys if key[1] == cell]
+            flows = [self.structure.flow(node.piece, cell) for node in own]
+            needed = frozenset[int]().union(*(flow.cells for flow in flows))
+            if (
+                all(node.kind == "field" and flow.is_linear for node, flow in zip(own, flows, strict=True))
+                and needed.isdisjoint({*found, cell})
+                and len({node.piece for node in own}) == 1
+                and not any(cell in self.structure.flow(self.nodes[e, c].piece, c).cells for e, c in keys if c in found)
+                and len(found) + 1 < len(cells)
+            ):
+                found.add(cell)
+        return found
+
+    def _substitute_later(self, keys: Sequence[Key], inner: set[Key]) -> None:
+        """Put linear slopes of a group into everything that comes after it."""
+        if not inner:
+            return
+        done = {*keys, *(key for work in self.work for key in _written(work))}
+        for key, node in list(self.nodes.items()):
+            if key not in done and node.reads & inner:
+                self.nodes[key] = self._substituted_node(node, inner, self.work)
+        self.result = {cell: self._substituted(form, cell, inner, self.work) for cell, form in self.result.items()}
+
+    def _substituted_node(self, node: Node, inner: set[Key], calls: list[Call | Group] | list[Call]) -> Node:
+        points = tuple(
+            tuple((cell, self._substituted(form, cell, inner, calls)) for cell, form in point) for point in node.points
+        )
+        return node._replace(points=points)
+
+    def _substituted(self, form: Form, cell: int, inner: set[Key], calls: list) -> Form:
+        """The form with one slope, Σ x_e k_e = V(Σ x_e · point of k_e), in place of the linear ones of a group."""
+        replaced = [(e, x) for e, x in form.terms if (e, cell) in inner]
+        if not replaced:
+            return form
+        template = self.nodes[replaced[0][0], cell]
+        point: list[tuple[int, Form]] = []
+        for k, (other, _) in enumerate(template.points[0]):
+            total = Form(Fraction(0), ())
+            for e, x in replaced:
+                total = total.plus(self.nodes[e, cell].points[0][k][1], x)
+            point.append((other, total))
+        node = template._replace(points=(tuple(point),))
+        known = next(
+            (call.evaluation for call in calls if isinstance(call, Call) and call[1:] == ((cell,), node)), None
+        )
+        if known is None:
+            known, self.next = self.next, self.next + 1
+            calls.append(Call(known, (cell,), node))
+        kept = {e: x for e, x in form.terms if (e, cell) not in inner}
+        return Form.of(form.start, kept | {known: Fraction(1)})
+
+    def _carried(self) -> dict[Key, Key]:
+        """Pairs of slopes of the same piece, one at y, the other at the end of the step."""
+        ends: dict[tuple[int, Node], int] = {}
+        for (e, cell), node in self._calls():
+            ends.setdefault((cell, node), e)
+        found: dict[Key, Key] = {}
+        for (e, cell), node in self._calls():
+            if node.kind == "field" and all(form.is_start for point in node.points for _, form in point):
+                moved = node._replace(points=(_moved(node.points[0], self.result),))
+                other = ends.get((cell, moved))
+                if other is not None and other != e:
+                    found[e, cell] = other, cell
+        return found
+
+    def _calls(self) -> Iterable[tuple[Key, Node]]:
+        for work in self.work:
+            if isinstance(work, Call):
+                for cell in work.cells:
+                    yield (work.evaluation, cell), work.node
+
+
+def _moved(point: Point, result: Mapping[int, Form]) -> Point:
+    """The point with the end of the step in place of its start."""
+    return tuple((cell, result[cell]) for cell, _ in point)
+
+
+def _written(work: Call | Group) -> Iterable[Key]:
+    calls = work.calls if isinstance(work, Group) else (work,)
+    return ((call.evaluation, cell) for call in calls for cell in call.cells)
+
+
+def _merged(work: Sequence, *, old: Iterable[Key] = (), apart: Iterable[Key] = ()) -> list:
+    """The work with neighbouring calls of one evaluation and piece made together; what they share is computed once.
+
+    Args:
+        work: Calls and groups.
+        old: Slopes whose values before the sweep are read, so that they may be read and written at once.
+        apart: Slopes that stay by themselves.
+    """
+    merged: list = []
+    for item in work:
+        last = merged[-1] if merged else None
+        if isinstance(item, Call) and isinstance(last, Call) and _fit(last, item, set(old), set(apart)):
+            node = last.node._replace(points=tuple(map(_united, last.node.points, item.node.points)))
+            merged[-1] = Call(last.evaluation, tuple(sorted({*last.cells, *item.cells})), node)
+        else:
+            merged.append(item)
+    return merged
+
+
+def _fit(one: Call, other: Call, old: set[Key], apart: set[Key]) -> bool:
+    """Whether two calls can be made at once: equal forms where both read a cell, and no slope of one in the other."""
+    written = {*_written(one), *_written(other)}
+    return (
+        one.evaluation == other.evaluation
+        and one.node._replace(points=()) == other.node._replace(points=())
+        and not other.node.reads & written - old
+        and not apart & written
+        and all(
+            dict(mine).get(cell, form) == form
+            for mine, theirs in zip(one.node.points, other.node.points, strict=True)
+            for cell, form in theirs
+        )
+    )
+
+
+def _united(one: Point, other: Point) -> Point:
+    return tuple(sorted({**dict(one), **dict(other)}.items()))

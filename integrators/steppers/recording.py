@@ -1,0 +1,57 @@
+"""Many steps, of which some states are stored and observed."""
+
+from __future__ import annotations
+
+from .machine import call_observer, inlined, pointer, shifted
+
+
+@inlined
+def recorded(
+    advance, state, carry, memory, numbers, work, h, t0, first, steps, fresh, y_every, y_rows, o_every, observer, o_rows
+):  # fmt: skip
+    """Make steps; store states after every `y_every`-th one, and what an observer sees after every `o_every`-th.
+
+    Args:
+        advance: The function that makes steps.
+        state: The state, changed in place; so are `carry` and `memory`.
+        numbers: What depends on h only.
+        work: Work arrays.
+        h: The step size.
+        t0: The time at step 0.
+        first: The number of steps before.
+        steps: How many steps.
+        fresh: Whether `memory` is still to be computed.
+        y_every: Steps from one stored state to the next, counted from step 0; 0 stores none.
+        y_rows: Where states go, row by row.
+        o_every: The same for the observer.
+        observer: The address of a C function void (double t, double *y, double *out).
+        o_rows: Where it writes.
+
+    Returns:
+        The number of steps made; fewer if one failed, or a state that is stored or observed was not finite.
+    """
+    y = pointer(state)
+    done, y_row, o_row = 0, 0, 0
+    while done < steps:
+        n = first + done
+        stride = steps - done
+        if y_every:
+            stride = min(stride, y_every - n % y_every)
+        if o_every:
+            stride = min(stride, o_every - n % o_every)
+        made = advance(state, carry, memory, numbers, work, h, stride, fresh)
+        fresh = False
+        done += made
+        finite = True
+        for value in state:
+            finite &= value - value == 0.0
+        if made < stride or not finite:
+            break
+        n = first + done
+        if y_every and n % y_every == 0:
+            y_rows[y_row, :] = state
+            y_row += 1
+        if o_every and n % o_every == 0:
+            call_observer(observer, t0 + n * h, y, shifted(pointer(o_rows), o_row * o_rows.shape[1]))
+            o_row += 1
+    return done

@@ -1,0 +1,74 @@
+"""Taylor series of solutions in double-double arithmetic, at given times."""
+
+from __future__ import annotations
+
+from functools import cache
+from math import ceil, log, log2
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import IntegratorError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    import numpy as np
+
+    from .taylor_program import TaylorProgram
+
+WORK = 3e8
+"""Operations on coefficients in one call of compiled code, so that Python can be interrupted every second."""
+
+
+class Stuck(Exception):
+    """No step is possible; the argument is the time since the start."""
+
+
+def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float) -> np.ndarray:
+    """The solution at some times.
+
+    Args:
+        program: The operations of a scene.
+        y: The start (variables, 2), double-double numbers.
+        times: Times since the start (n, 2), double-double numbers of one sign that grow in size.
+        digits: The error of a step is below 10^−digits of each variable, but for rounding.
+        first_unit: What the first step is tried with, in parts of the last time.
+
+    Returns:
+        An array (variables, n, 2).
+
+    Raises:
+        Stuck: The solution could not be continued.
+    """
+    import numpy as np
+
+    kernels = _kernels()
+    order = order_for(digits)
+    registers = program.dimension + 1 + len(program.operations)
+    series = np.zeros((registers, order + 1, 2))
+    series[: program.dimension, 0] = y
+    values = np.empty((program.dimension, len(times), 2))
+    span = float(times[-1, 0])
+    unit = np.copysign(2.0 ** np.floor(log2(abs(span))) * first_unit, span) if span else first_unit
+    state = np.array([0.0, 0.0, unit])
+    steps = max(1, int(WORK / (registers * order**2)))
+    index, status = 0, kernels.RUNNING
+    while status == kernels.RUNNING:
+        index, status = kernels.advance(program, series, state, order, steps, times, index, values)
+    if status == kernels.STUCK:
+        raise Stuck(float(state[0]))
+    return values
+
+
+def order_for(digits: int) -> int:
+    """The order at which a step of radius/e² leaves an error of 10^−digits (Jorba and Zou, 2005, section 3.2)."""
+    return ceil(1 + digits * log(10) / 2)
+
+
+@cache
+def _kernels() -> ModuleType:
+    from . import double_double, double_double_functions, taylor_operations, taylor_program
+    from .modules import load_module
+
+    source = Path(__file__).with_name("taylor_kernels.py").read_text(encoding="utf-8")
+    return load_module(source, helpers=[double_double, double_double_functions, taylor_operations, taylor_program])
