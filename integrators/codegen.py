@@ -138,10 +138,12 @@ class ModuleText:
 
     Args:
         precise: Whether it is for mpmath instead of numba.
+        lanes: Whether sums over many sites are written for vector instructions, with work arrays on the stack.
     """
 
-    def __init__(self, precise: bool):
+    def __init__(self, precise: bool, *, lanes: bool = False):
         self.number, self.zero = ("number", "0") if precise else (None, "0.0")
+        self.lanes = lanes
         self._functions: list[str] = []
         self._arrays: dict[tuple[str, ...], str] = {}
 

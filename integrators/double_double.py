@@ -19,9 +19,6 @@ from typing import Any
 from numba import float64, njit  # pyright: ignore[reportPrivateImportUsage]
 from numba.extending import intrinsic
 
-EPSILON = 2.0**-104
-"""A bound on the relative error of an operation: of a sum, product, quotient or root."""
-
 DoubleDouble = tuple[float, float]
 
 strict: Any = njit(nogil=True, error_model="numpy", fastmath=False)
@@ -42,14 +39,15 @@ def split(value: Fraction) -> DoubleDouble:
     return high, float(value - Fraction(high))
 
 
-@intrinsic
-def fma(context: Any, x: Any, y: Any, z: Any) -> Any:
-    """X·y + z with one rounding: an instruction, or a function of the C library where there is none."""
-
+def _fma(context: Any, x: Any, y: Any, z: Any) -> Any:
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
 
     return float64(float64, float64, float64), build
+
+
+fma: Any = intrinsic(_fma)
+"""fma(x, y, z): x·y + z with one rounding, an instruction, or a function of the C library where there is none."""
 
 
 @inlined
@@ -82,7 +80,7 @@ def negative(x: DoubleDouble) -> DoubleDouble:
 
 @inlined
 def add(x: DoubleDouble, y: DoubleDouble) -> DoubleDouble:
-    """X + y."""
+    """x + y."""
     high, low = two_sum(x[0], y[0])
     high_of_low, low_of_low = two_sum(x[1], y[1])
     high, low = quick_two_sum(high, low + high_of_low)
@@ -91,20 +89,20 @@ def add(x: DoubleDouble, y: DoubleDouble) -> DoubleDouble:
 
 @inlined
 def subtract(x: DoubleDouble, y: DoubleDouble) -> DoubleDouble:
-    """X − y."""
+    """x − y."""
     return add(x, negative(y))
 
 
 @inlined
 def multiply(x: DoubleDouble, y: DoubleDouble) -> DoubleDouble:
-    """X·y."""
+    """x·y."""
     high, low = two_product(x[0], y[0])
     return quick_two_sum(high, low + fma(x[1], y[0], fma(x[0], y[1], x[1] * y[1])))
 
 
 @inlined
 def scale(x: DoubleDouble, factor: float) -> DoubleDouble:
-    """X times a double."""
+    """x times a double."""
     high, low = two_product(x[0], factor)
     return quick_two_sum(high, fma(x[1], factor, low))
 

@@ -47,7 +47,7 @@ INVERSE_FACTORIALS = np.array([split(Fraction(1, math.factorial(n))) for n in ra
 
 @strict
 def _reduced(x: DoubleDouble, times: float, unit: tuple[float, float, float, float]) -> DoubleDouble:
-    """X − times·unit, precise even where nearly all digits cancel: summed up with three doubles (Muller, section 11)."""
+    """x − times·unit, precise even where nearly all digits cancel: summed up in three doubles."""
     high, middle, low = x[0], x[1], 0.0
     for part in unit:
         for summand in two_product(-times, part):

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any, Protocol
 
 from .printer import source_lines
+from .site_lanes import lane_lines, suits_lanes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +27,7 @@ class Context(Protocol):
 
     number: str | None
     zero: str
+    lanes: bool
 
     def numbers(self, values: Sequence[sympy.Expr]) -> str:
         """The name of a constant array of exact numbers."""
@@ -42,13 +44,15 @@ class SiteSum:
     Attributes:
         sites: The rows.
         outputs: A formula for each place it is added at; what else a key can be is up to the user of the class.
+        arguments: The symbol of each local variable.
+        data: The symbol of each parameter that differs from site to site.
     """
 
     def __init__(self, sites: Sites):
         self.sites = sites
         self.outputs: dict[Any, Any] = {}
-        self._arguments: dict[Argument, sympy.Symbol] = {}
-        self._data: dict[Data, Any] = {}
+        self.arguments: dict[Argument, sympy.Symbol] = {}
+        self.data: dict[Data, Any] = {}
 
     @classmethod
     def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
@@ -74,8 +78,8 @@ class SiteSum:
         import sympy
 
         plus, minus = argument
-        name = f"y{plus.offset}" if minus is None and plus.stride == 0 else f"x{len(self._arguments)}"
-        return self._arguments.setdefault(argument, sympy.Symbol(name))
+        name = f"y{plus.offset}" if minus is None and plus.stride == 0 else f"x{len(self.arguments)}"
+        return self.arguments.setdefault(argument, sympy.Symbol(name))
 
     def _datum(self, data: Data) -> sympy.Expr:
         """The symbol of a parameter with a value for each site; the value itself where all sites have the same."""
@@ -83,7 +87,7 @@ class SiteSum:
 
         if len(set(data.values)) == 1:
             return data.values[0]
-        return self._data.setdefault(data, sympy.Symbol(f"d{len(self._data)}"))
+        return self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}"))
 
     def covered(self, place: Place) -> set[int]:
         """The entries that one pass over the rows writes once each at a place; none if it may write one twice."""
@@ -106,21 +110,22 @@ class SiteSum:
         """
         if not self.outputs:
             return []
+        if context.lanes and suits_lanes(self):
+            return lane_lines(self, targets, context)
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
         after: list[str] = []
-        names, targets = self._names(), dict(targets)
+        names, targets = self.names(), dict(targets)
         read: dict[Place | None, str] = {}
-        for argument, symbol in self._arguments.items():
+        for argument, symbol in self.arguments.items():
             if symbol in names:
                 for place in argument:
                     if place is not None and place.role == first and place not in read:
                         read[place] = f"u{len(read)}"
                         before.append(f"{read[place]} = {entry('y', place)}")
-                values = [read.get(place) or entry("y", place) for place in argument if place is not None]
-                body.append(f"{symbol} = {' - '.join(values)}")
-        for data, symbol in self._data.items():
+                body.append(f"{symbol} = {difference(argument, read)}")
+        for data, symbol in self.data.items():
             if symbol in names:
                 line = f"{symbol} = {context.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
@@ -132,14 +137,15 @@ class SiteSum:
                 targets[key] = f"{name} +="
         assignments = [(target, self.outputs[key]) for key, target in targets.items()]
         body += source_lines(assignments, names, number=context.number)
-        return self._loop(before, body, after, context)
+        return self.loop(before, body, after, context)
 
-    def _names(self) -> dict[Any, str]:
+    def names(self) -> dict[Any, str]:
         """What the formulas use."""
         free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
-        return {symbol: str(symbol) for symbol in (*self._arguments.values(), *self._data.values()) if symbol in free}
+        return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
 
-    def _loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
+    def loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
+        """A loop over the rows, with statements before and after the inner loop over second sites of pairs."""
         kind, n = self.sites.kind, self.sites.count
         if kind == "single":
             return body
@@ -152,6 +158,12 @@ class SiteSum:
             return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
         second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
         return [f"for i in range({self.sites.size}):", *indented([*second, *body])]
+
+
+def difference(argument: Argument, known: Mapping[Any, str] | None = None) -> str:
+    """The text of a local variable: an entry of the state, or the difference of two."""
+    places = [place for place in argument if place is not None]
+    return " - ".join((known or {}).get(place) or entry("y", place) for place in places)
 
 
 def entry(array: str, place: Place) -> str:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from functools import cache
-from math import ceil, log, log2
+from math import ceil, copysign, frexp, ldexp, log
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from .errors import IntegratorError
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -49,8 +47,8 @@ def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int,
     series[: program.dimension, 0] = y
     values = np.empty((program.dimension, len(times), 2))
     span = float(times[-1, 0])
-    unit = np.copysign(2.0 ** np.floor(log2(abs(span))) * first_unit, span) if span else first_unit
-    state = np.array([0.0, 0.0, unit])
+    unit = ldexp(first_unit, frexp(span)[1])
+    state = np.array([0.0, 0.0, copysign(unit, span)])
     steps = max(1, int(WORK / (registers * order**2)))
     index, status = 0, kernels.RUNNING
     while status == kernels.RUNNING:
@@ -67,8 +65,9 @@ def order_for(digits: int) -> int:
 
 @cache
 def _kernels() -> ModuleType:
-    from . import double_double, double_double_functions, taylor_operations, taylor_program
+    from . import double_double, double_double_functions, expressions, taylor_operations, taylor_program
     from .modules import load_module
 
     source = Path(__file__).with_name("taylor_kernels.py").read_text(encoding="utf-8")
-    return load_module(source, helpers=[double_double, double_double_functions, taylor_operations, taylor_program])
+    helpers = [double_double, double_double_functions, expressions, taylor_operations, taylor_program]
+    return load_module(source, helpers=helpers)

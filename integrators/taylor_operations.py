@@ -9,20 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
-from .expressions import ELEMENTARY
+from .errors import IntegratorError
+from .expressions import ELEMENTARY, shorten
 
-if TYPE_CHECKING:
-    from mpmath import mpf
-
-    Term = tuple[mpf, int]
-    """A number times a register."""
+Term: TypeAlias = tuple[Any, int]
+"""A number of mpmath times a register."""
 
 LINEAR, PRODUCT, POWER, FUNCTION = range(4)
 """The kinds of operations; `FUNCTION` + k is the function ELEMENTARY[k]."""
-LARGEST_EXPONENT = 2**40
-"""Of numerators and denominators: the weights in the recurrence of a power must be exact doubles."""
+MAX_OPERATIONS = 1_000_000
+"""Their series take 600 megabytes."""
+PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
 class Operations:
@@ -54,7 +53,7 @@ class Operations:
 
     def merged(self, terms: Iterable[Term]) -> tuple[Term, ...]:
         """The terms of a sum with one for each register."""
-        total: dict[int, mpf] = {}
+        total: dict[int, Any] = {}
         for coefficient, register in terms:
             total[register] = total.get(register, 0) + coefficient
         return tuple((coefficient, register) for register, coefficient in sorted(total.items()) if coefficient)
@@ -78,12 +77,9 @@ class Operations:
             number, register = self.unit, self.register(term)
         number **= exponent.numerator if whole else self.unit * exponent.numerator / exponent.denominator
         if register == self.one:
-            return number, self.one
+            return _real(number), self.one
         if whole and exponent > 0:
             return number, self._integer_power(register, exponent.numerator)
-        if max(abs(exponent.numerator), exponent.denominator) > LARGEST_EXPONENT:
-            ratio = self.unit * exponent.numerator / exponent.denominator
-            return number, self.general_power((self.unit, register), (ratio, self.one))[1]
         return number, self._operation(POWER, register, exponent.numerator, exponent.denominator)
 
     def general_power(self, base: Term, exponent: Term) -> Term:
@@ -95,7 +91,7 @@ class Operations:
         if term[1] == self.one:
             import mpmath
 
-            return getattr(mpmath, name)(term[0]), self.one
+            return _real(getattr(mpmath, name)(term[0])), self.one
         u = self.register(term)
         if (name, u) not in self._known:
             value = self._known[name, u] = self._append(FUNCTION + ELEMENTARY.index(name), u)
@@ -146,8 +142,18 @@ class Operations:
         return self._known[content]
 
     def _append(self, *content: int) -> int:
+        if len(self.rows) == MAX_OPERATIONS:
+            raise IntegratorError(
+                f"scene must take at most {MAX_OPERATIONS:,} operations for its Taylor series, but takes more"
+            )
         self.rows.append([*content, *[0] * (4 - len(content))])
         return self.one + len(self.rows)
 
 
-PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+def _real(number: Any) -> Any:
+    """The number, if it is real and finite."""
+    import mpmath
+
+    if isinstance(number, mpmath.mpf) and mpmath.isfinite(number):
+        return number
+    raise IntegratorError(f"parameters must make the field real and finite, but gave {shorten(str(number))}")

@@ -20,8 +20,6 @@ from .taylor_operations import LINEAR, Operations
 
 if TYPE_CHECKING:
     import numpy as np
-    import sympy
-    from mpmath import mpf
 
     from .scenes.base import Scene
     from .scenes.local_terms import LocalTerm
@@ -83,14 +81,24 @@ def taylor_program(scene: Scene) -> TaylorProgram:
 
 
 def fraction_of(value: Any) -> Fraction:
-    """A real number of Python or mpmath as the fraction that it is, one of SymPy to 60 digits if it is irrational."""
+    """A real number of Python or mpmath as the fraction that it is, one of SymPy to 60 digits if it is irrational.
+
+    Raises:
+        IntegratorError: It is infinite, or cannot be told from zero.
+    """
     if isinstance(value, int | Fraction):
         return Fraction(value)
     if getattr(value, "is_Rational", False):
         return Fraction(int(value.p), int(value.q))
+    from mpmath import isfinite
     from mpmath.libmp import to_rational
 
-    number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
+    try:
+        number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
+    except ArithmeticError:
+        raise IntegratorError(f"numbers must be told from zero, but one was {shorten(str(value))}") from None
+    if not isfinite(number):
+        raise IntegratorError(f"numbers must be finite, but one was {number}")
     return Fraction(*to_rational(number._mpf_))
 
 
@@ -120,7 +128,7 @@ def _add(term: LocalTerm, operations: Operations, slopes: list[list[Term]]) -> N
             slopes[place.at(row)].append((sign * _number(wanted[k][0]) * coefficient, register))
 
 
-def _number(value: Any) -> mpf:
+def _number(value: Any) -> Any:
     """An exact number in working precision."""
     from mpmath import mpf
 
@@ -172,7 +180,7 @@ def _arrays(operations: Operations, slopes: list[tuple[Term, ...]]) -> TaylorPro
 def _weight(number: Any) -> tuple[float, float]:
     try:
         return split(fraction_of(number))
-    except (OverflowError, ValueError, AttributeError):
+    except OverflowError:
         raise IntegratorError(
-            f"formula must have real numbers in the range of doubles, but has {shorten(str(number))}"
+            f"formula must have numbers in the range of doubles, but has {shorten(str(number))}"
         ) from None

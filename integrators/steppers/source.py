@@ -96,7 +96,7 @@ class StepperSource:
         self.solver = solver
         self.numbers: list[Callable[[float], np.ndarray]] = []
         self.nodes, self.structure, self.plan = nodes, nodes.structure, plan(nodes)
-        self.module = ModuleText(precise=False)
+        self.module = ModuleText(precise=False, lanes=True)
         self.functions = Functions(self.structure, self.module)
         implicit = any(isinstance(work, Group) for work in self.plan.work)
         self.forms = FormWriter(self.structure, self._following(), split and implicit)
