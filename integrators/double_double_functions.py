@@ -158,7 +158,7 @@ def tan(x: DoubleDouble) -> DoubleDouble:
 def atan(x: DoubleDouble) -> DoubleDouble:
     """The inverse tangent: guess + atan z with z = (x cos − sin)/(cos + x sin) of the guess."""
     guess = math.atan(x[0])
-    if math.isinf(x[0]) or math.isnan(guess):
+    if math.isinf(x[0]):
         return math.copysign(HALF_PI[0], guess), math.copysign(HALF_PI[1], guess)
     sine, cosine = sin_cos((guess, 0.0))
     z = divide(subtract(multiply(x, cosine), sine), add(cosine, multiply(x, sine)))

@@ -36,8 +36,7 @@ class Workers:
         if not isinstance(executor, Executor) and executor not in KINDS:
             what = f"executor must be {', '.join(map(repr, KINDS))} or a concurrent.futures.Executor"
             raise IntegratorError(f"{what}, but was {shorten(repr(executor))}")
-        if count is not None and (type(count) is not int or count < 1):
-            raise IntegratorError(f"workers must be a positive integer, but was {shorten(repr(count))}")
+        _check_workers(count)
         self._kind = executor if isinstance(executor, str) else "processes"
         self._given = executor if isinstance(executor, Executor) else None
         self._count = count or getattr(executor, "_max_workers", None) or available_cores()
@@ -135,6 +134,11 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+def _check_workers(count: Any) -> None:
+    if count is not None and (type(count) is not int or count < 1):
+        raise IntegratorError(f"workers must be a positive integer, but was {shorten(repr(count))}")
+
+
 def _pool(kind: str, count: int) -> Executor:
     """A pool of threads or processes; the latter begin from nothing, since a fork would copy locks of other threads."""
     from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -180,6 +184,12 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
     Raises:
         IntegratorError: Dask is not installed, there is no scheduler at the address, or both arguments are given.
 
+    Example:
+        >>> from integrators import scene
+        >>> from integrators.ensembles import ensemble
+        >>> with cluster_executor("tcp://10.0.0.1:8786") as cluster:  # doctest: +SKIP
+        ...     result = ensemble(scene("kepler"), "gauss3", h=0.01, steps=10**6, y0=starts, executor=cluster)
+
     References:
         M. Rocklin, Proc. 14th Python in Science Conf. (2015) 126–132, doi:10.25080/Majora-7b98e3ed-013.
     """
@@ -189,6 +199,7 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         raise IntegratorError(
             "distributed must be installed to use a cluster (pip install 'bseries-engine[cluster]'), but was not"
         ) from None
+    _check_workers(workers)
     if address is not None:
         if workers is not None:
             raise IntegratorError("workers must be left out where a scheduler has its own, but was given")
@@ -205,4 +216,6 @@ def _client(kind: type[Any], address: str) -> Any:
         return kind(address, timeout="10s")
     except (OSError, ValueError, TypeError) as error:
         reason = shorten(str(error) or type(error).__name__, 120)
-        raise IntegratorError(f"scheduler must be the address of one that runs, but was {shorten(repr(address))}: {reason}") from None
+        raise IntegratorError(
+            f"scheduler must be the address of one that runs, but was {shorten(repr(address))}: {reason}"
+        ) from None

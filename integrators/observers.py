@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ from .codegen import ModuleText, _energy
 from .errors import IntegratorError
 from .expressions import shorten
 from .modules import load_module
-from .site_loops import SiteSum, indented
+from .site_loops import SiteSum
 
 if TYPE_CHECKING:
     import numpy as np
@@ -88,7 +88,7 @@ class Observers:
 
     @property
     def address(self) -> int:
-        """Where the C function ``void (double t, double *y, double *out)`` is, for as long as this object; 0: nowhere."""
+        """Where the C function ``void (double t, double *y, double *out)`` is while this object lives; 0: nowhere."""
         return 0 if self._function is None else self._function.address
 
     @cached_property
@@ -153,9 +153,7 @@ def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
     """Names and what they stand for."""
     if observe is None:
         return []
-    if isinstance(observe, Mapping):
-        return list(observe.items())
-    given = [observe] if isinstance(observe, str) or not isinstance(observe, Sequence) else observe
+    given = observe if isinstance(observe, Sequence) and not isinstance(observe, str) else [observe]
     pairs: list[tuple[Any, Any]] = []
     for item in given:
         if item == INVARIANTS and item not in _base(scene).invariants:
@@ -166,6 +164,12 @@ def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
             pairs += item.items()
         else:
             pairs.append((getattr(item, "__name__", None), item))
+    for name, quantity in pairs:
+        if not isinstance(quantity, str) and not (callable(quantity) and isinstance(quantity, Hashable)):
+            where = "one" if name is None else f"{shorten(str(name))}"
+            raise IntegratorError(
+                f"observe must be of names and functions of (t, y), but {where} was {shorten(repr(quantity))}"
+            )
     return pairs
 
 
@@ -189,7 +193,7 @@ def _check_quantity(quantity: str, scene: Scene) -> None:
 
 def _base(scene: Scene) -> Scene:
     """The scene without effects, whose variables come first in the state."""
-    return scene.with_effects()
+    return scene.with_effects() if scene.active else scene
 
 
 def _with_energy(scene: Scene) -> Scene | None:
@@ -202,7 +206,7 @@ def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...
     """The C function; numba keeps that of formulas on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
     functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
-    module = _formulas(scene, formulas) if formulas else None
+    module: Any = _formulas(scene, formulas) if formulas else None
     if not functions:
         return module.observe
     arguments = {f"f{k}": function for k, function in functions.items()}
@@ -245,15 +249,13 @@ def _compiled(name: str, function: Any) -> Any:
     Raises:
         IntegratorError: It cannot be compiled, or its value is no number.
     """
-    from numba import jit, types
+    import numba
+    from numba import types
     from numba.core.errors import NumbaError
 
+    jit: Any = numba.jit
     state = types.Array(types.float64, 1, "C", readonly=True)
     options = getattr(function, "targetoptions", {"nopython": True, "error_model": "numpy"})
-    if not callable(function):
-        raise IntegratorError(
-            f"observe must be of names and functions of (t, y), but {name} was {shorten(repr(function))}"
-        )
     try:
         compiled = jit([(types.float64, state)], **{**options, "nogil": True})(getattr(function, "py_func", function))
     except (NumbaError, TypeError, AttributeError, ValueError) as error:

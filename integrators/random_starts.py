@@ -23,6 +23,12 @@ class NormalStart(NamedTuple):
         mean: Their mean, (variables,).
         root: What independent standard normal numbers are multiplied by: a matrix with a row for each variable, or the
             diagonal of one.
+
+    Example:
+        >>> import numpy as np
+        >>> draw = NormalStart(mean=np.array([1.0, 2.0]), root=np.array([[0.5], [0.5]]))
+        >>> print(np.diff(draw(np.random.default_rng())))
+        [1.]
     """
 
     mean: np.ndarray
@@ -79,7 +85,7 @@ def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
         >>> atoms = scene("lennard-jones", particles=4, dimension=1)
         >>> y0 = thermal_momenta(atoms, temperature=0.1)(np.random.default_rng(1))
         >>> print(y0[:4], abs(y0[:4].sum()) < 1e-15, (y0[4:] == atoms.y0[4:]).all())
-        [ 0.01016146  0.16072953  0.00524668 -0.17613767] True True
+        [ 0.09390815 0.2444433 0.08911821 -0.42746967] True True
     """
     import numpy as np
 
@@ -90,7 +96,7 @@ def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
     inverse_masses, drift = _kinetic_energy(scene, momenta)
     masses = np.linalg.inv(inverse_masses)
     free_mean, free_root = -masses @ drift, scale * np.linalg.cholesky(masses)
-    # The conditional distribution, given C p = c, of a normal one with covariance T M: subtract M Cᵀ(C M Cᵀ)⁻¹(C p − c).
+    # A normal distribution with covariance T M, given that C p = c: subtract M Cᵀ (C M Cᵀ)⁻¹ (C p − c).
     conditions = _linear_integrals(scene, momenta)
     correction = masses @ conditions.T @ np.linalg.pinv(conditions @ masses @ conditions.T)
     root = np.zeros((len(mean), momenta.dimension))

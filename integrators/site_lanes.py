@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 FEWEST_LANES = 8
 MOST_FLAT = 128
+VECTOR = 4
+"""Lanes of one loop are filled up to a multiple of the doubles that are computed at once; what idle lanes give is lost."""
 MOST_LANES = 4096
 SLOW = {"call", "power"}
 """Operations that have no vector instructions: they take so long that nothing else matters."""
@@ -56,12 +58,14 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
     gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
-    size = total.sites.size if flat else total.sites.count
+    size = -(-total.sites.size // VECTOR) * VECTOR if flat else total.sites.count
     arrays = [f"{name} = stack({size})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
     if flat:
         following = ["r += 1"]
+        idle = [f"{name}[{r}] = 1.0" for r in range(total.sites.size, size) for name in local.values()]
         return [
             *arrays,
+            *idle,
             "r = 0",
             *total.loop([], gather + following, [], context),
             f"for r in range({size}):",
@@ -122,6 +126,7 @@ def _data(
             continue
         if flat:
             values = [data.values[sites[data.role]] for sites in total.sites.rows()]
+            values += values[-1:] * (-len(values) % VECTOR)
             found[symbol] = f"{context.numbers(values)}[r]"
         elif data.role == 0:
             found[symbol] = names[symbol]

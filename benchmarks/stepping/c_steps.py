@@ -7,7 +7,6 @@ with the same numbers.
 from __future__ import annotations
 
 import ctypes
-import subprocess
 import tempfile
 from collections.abc import Callable, Iterable
 from functools import lru_cache
@@ -16,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import bseries as bs
+
+from ..timing import run as run_process
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +41,7 @@ Run: TypeAlias = Callable[["np.ndarray", float, int], None]
 
 
 class CFailure(RuntimeError):
-    """Iterations that do not converge, or a state that is not finite."""
+    """An iteration that does not end, or a state that is not finite."""
 
 
 def c_steps(scene: str, method: str) -> Run:
@@ -62,7 +63,8 @@ def c_steps(scene: str, method: str) -> Run:
 
 def yoshida6_sizes() -> list[float]:
     """The steps of Störmer–Verlet that make up yoshida6: those of the drifts."""
-    return [float(size) for part, size in bs.method("yoshida6").flows if part == "b"]
+    composed: Any = bs.method("yoshida6")
+    return [float(size) for part, size in composed.flows if part == "b"]
 
 
 @lru_cache(maxsize=1)
@@ -76,12 +78,7 @@ def _library(scene: str) -> ctypes.CDLL:
     folder = Path(_folder().name)
     (folder / "coefficients.h").write_text(_coefficients())
     target = folder / f"{scene}.so"
-    define = f'-DSCENE="{scene}.h"'
-    subprocess.run(
-        [*COMPILE, define, f"-I{folder}", str(SOURCES / "steps.c"), "-o", str(target), "-lm"],
-        check=True,
-        capture_output=True,
-    )
+    run_process([*COMPILE, f'-DSCENE="{scene}.h"', f"-I{folder}", str(SOURCES / "steps.c"), "-o", str(target), "-lm"])
     return ctypes.CDLL(str(target))
 
 
@@ -106,7 +103,7 @@ def _gauss_coefficients(method: str) -> dict[str, list[Any]]:
     import mpmath
 
     with mpmath.workdps(DIGITS):
-        chosen = bs.method(method)
+        chosen: Any = bs.method(method)
         A, b, c = chosen.algebra.tableau_decimal(DIGITS) if chosen.algebra else (chosen.A, chosen.b, chosen.c)
         stages = range(len(b))
         return {

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from math import inf, log, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 
+from .c_steps import CFailure
 from .problems import Point, Problem, measure, step_counts
 
 if TYPE_CHECKING:
@@ -22,17 +23,28 @@ if TYPE_CHECKING:
     from .c_steps import Run
 
 WORKER = Path(__file__).with_name("rival_worker.py")
+OURS = "ours"
 PACKAGES = ("scipy", "rebound", "heyoka")
+RIVALS = {
+    "scipy": ("scipy", ""),
+    "rebound, leapfrog": ("rebound", "leapfrog"),
+    "rebound": ("rebound", ""),
+    "heyoka": ("heyoka", ""),
+}
+"""What ours is compared with: a package, and how the names of its methods begin."""
 ERRORS = tuple(10.0**-k for k in range(3, 14))
-BUDGET = 1.0
+BUDGET = 2.0
 """A curve ends with its first run that takes longer: CPU seconds."""
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+TIMEOUT = 1800.0
+"""Seconds after which a package is given up."""
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Curve(NamedTuple):
     """What one method needs on one problem: a point for every step size or tolerance."""
 
     package: str
+    version: str
     method: str
     problem: str
     points: list[Point]
@@ -43,13 +55,13 @@ class Curve(NamedTuple):
         A point counts if no other is both faster and more precise. For an error larger than all, it is the least time
         measured; for one smaller than all, None.
         """
-        front = _front(self.points)
-        if not front or error < front[-1].error:
+        points = front(self.points)
+        if not points or error < points[-1].error:
             return None
-        if error >= front[0].error:
-            return front[0].seconds
-        after = next(k for k, point in enumerate(front) if point.error <= error)
-        rough, fine = front[after - 1], front[after]
+        if error >= points[0].error:
+            return points[0].seconds
+        after = next(k for k, point in enumerate(points) if point.error <= error)
+        rough, fine = points[after - 1], points[after]
         part = log(rough.error / error) / log(rough.error / fine.error)
         return rough.seconds * (fine.seconds / rough.seconds) ** part
 
@@ -58,13 +70,13 @@ class Curve(NamedTuple):
         return {**self._asdict(), "points": [list(point) for point in self.points]}
 
 
-def _front(points: Iterable[Point]) -> list[Point]:
+def front(points: Iterable[Point]) -> list[Point]:
     """The points that no other beats in both, from the fastest to the most precise."""
-    front: list[Point] = []
+    kept: list[Point] = []
     for point in sorted(points, key=lambda p: (p.seconds, p.error)):
-        if 0 < point.error < (front[-1].error if front else inf):
-            front.append(point)
-    return front
+        if 0 < point.error < (kept[-1].error if kept else inf):
+            kept.append(point)
+    return kept
 
 
 def best(curves: Iterable[Curve], error: float) -> float | None:
@@ -78,7 +90,7 @@ def problems() -> list[Problem]:
     parameters: Any = solar.parameters
     masses = [float(m) for m in parameters["m"]]
     return [
-        Problem("kepler", "Kepler, e = 0.6, 200 periods", [1.0], 1.0, *_start(kepler, [1.0]), 400 * pi, 4000),
+        Problem("kepler", "Kepler, e = 0.6, 200 periods", [1.0], 1.0, *_start(kepler, [1.0]), 400 * pi, 2000),
         Problem(
             "outer-solar-system",
             "outer solar system, 10⁶ days",
@@ -86,7 +98,7 @@ def problems() -> list[Problem]:
             float(parameters["G"]),
             *_start(solar, masses),
             1e6,
-            1000,
+            250,
         ),
     ]
 
@@ -102,10 +114,8 @@ def _velocities(p: np.ndarray, masses: Sequence[float]) -> np.ndarray:
     return p / np.repeat(masses, p.shape[-1] // len(masses))
 
 
-def our_curve(
-    problem: Problem, method: str, run: Run, *, package: str = "ours", octaves: int = 9, budget: float = BUDGET
-) -> Curve:
-    """The curve of a fixed-step method of ours on the scene that bears the problem's name."""
+def our_curve(problem: Problem, method: str, run: Run, *, package: str = OURS, budget: float = BUDGET) -> Curve:
+    """The curve of a method of ours, on the scene that bears the problem's name; `run` makes its steps."""
     import numpy as np
 
     start, size = bs.scene(problem.name).y0, len(problem.positions)
@@ -118,14 +128,17 @@ def our_curve(
             return lambda: run(y, h, n)
 
         y, done, seen = start.copy(), 0, []
-        for look in problem.looks(n):
-            run(y, h, look - done)
-            seen.append(y.copy())
-            done = look
+        try:
+            for look in problem.looks(n):
+                run(y, h, look - done)
+                seen.append(y.copy())
+                done = look
+        except (CFailure, bs.StepError):
+            return inf, work
         states = np.array(seen)
         return problem.energy_error(states[:, size:], _velocities(states[:, :size], problem.masses)), work
 
-    return Curve(package, method, problem.name, measure(step_counts(problem, octaves), at, budget))
+    return Curve(package, "", method, problem.name, measure(step_counts(problem), at, budget))
 
 
 def rival_curves(environment: Path, package: str, problem: Problem, *, budget: float = BUDGET) -> list[Curve]:
@@ -140,26 +153,33 @@ def rival_curves(environment: Path, package: str, problem: Problem, *, budget: f
     if not python.exists() or subprocess.run([python, "-c", look], capture_output=True).returncode:
         return []
     ended = subprocess.run(
-        [python, WORKER], input=task, capture_output=True, text=True, env={**os.environ, **ONE_THREAD}
+        [python, WORKER],
+        input=task,
+        capture_output=True,
+        text=True,
+        env={**os.environ, **ONE_THREAD},
+        timeout=TIMEOUT,
     )
     if ended.returncode:
         raise RuntimeError(f"{package} on {problem.name} failed: {ended.stderr.strip().rpartition(chr(10))[2]}")
     answer = json.loads(ended.stdout)
-    name = f"{package} {answer['version']}"
     return [
-        Curve(name, method, problem.name, [Point(*point) for point in points])
+        Curve(package, answer["version"], method, problem.name, [Point(*point) for point in points])
         for method, points in answer["curves"].items()
     ]
 
 
-def leads(ours: Sequence[Curve], others: Mapping[str, Sequence[Curve]]) -> list[dict[str, Any]]:
-    """How many times faster ours reaches each error than the best method of each of the others; None if either fails."""
+def leads(curves: Sequence[Curve]) -> list[dict[str, Any]]:
+    """For each error the least CPU seconds of ours, and how many times as long the best of each kind of rival takes.
+
+    None where one of the two does not reach the error. The curves are those of one problem.
+    """
     rows = []
     for error in ERRORS:
-        mine = best(ours, error)
-        row: dict[str, Any] = {"error": error, "ours": mine}
-        for name, curves in others.items():
-            theirs = best(curves, error)
-            row[name] = theirs / mine if theirs is not None and mine is not None else None
+        mine = best((curve for curve in curves if curve.package == OURS), error)
+        row: dict[str, Any] = {"error": error, OURS: mine}
+        for kind, (package, method) in RIVALS.items():
+            theirs = best((c for c in curves if c.package == package and c.method.startswith(method)), error)
+            row[kind] = theirs / mine if theirs is not None and mine is not None else None
         rows.append(row)
     return rows

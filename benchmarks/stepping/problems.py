@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     import numpy as np
 
 INSTANTS = 2000
+ROUNDING = 1e-11
+"""Below this, an error that does not fall is one of rounding."""
+OCTAVES = 10
+"""How often the smallest number of steps is doubled at most."""
 REPEAT = 0.1
 """A run is repeated until this many seconds are used, and the fastest counts."""
 
@@ -22,7 +26,7 @@ REPEAT = 0.1
 class Problem(NamedTuple):
     """Bodies that attract each other, or, if there is one mass only, a body about a fixed centre of attraction 1.
 
-    Positions and velocities are flat, body after body; the run ends at `span`, and takes `steps` steps at least.
+    Positions and velocities are flat, body after body; the run ends at `span`, and takes at least `steps` steps.
     """
 
     name: str
@@ -35,12 +39,13 @@ class Problem(NamedTuple):
     steps: int
 
     def energy_error(self, positions: Any, velocities: Any) -> float:
-        """The largest relative change of energy over states after the start, one in each row; infinite if not finite."""
+        """The largest relative change of energy since the start in these states, one a row; infinite if not finite."""
         import numpy as np
 
-        energies = self._energies(np.atleast_2d(positions), np.atleast_2d(velocities))
-        start = self._energies(np.array([self.positions]), np.array([self.velocities]))[0]
-        error = float(np.max(np.abs(energies / start - 1)))
+        with np.errstate(all="ignore"):
+            energies = self._energies(np.atleast_2d(positions), np.atleast_2d(velocities))
+            start = self._energies(np.array([self.positions]), np.array([self.velocities]))[0]
+            error = float(np.max(np.abs(energies / start - 1)))
         return error if np.isfinite(error) else float("inf")
 
     def _energies(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -80,16 +85,20 @@ class Point(NamedTuple):
 def measure(
     settings: Iterable[float], run: Callable[[float], tuple[float, Callable[[], Any]]], budget: float
 ) -> list[Point]:
-    """A curve: a point for each setting, from rough to fine, until a run takes longer than `budget` seconds.
+    """A curve: a point for each setting, from rough to fine.
 
-    `run(setting)` gives the error, and a function that makes ready and returns the work to be timed.
+    It ends where a run takes longer than `budget` seconds, or where rounding errors stop the gain in precision; what
+    is too rough to come to an end is left out. `run(setting)` gives the error, infinite for that, and a function that
+    makes ready and returns the work to be timed.
     """
-    points = []
+    points: list[Point] = []
     for setting in settings:
         error, prepare = run(setting)
-        seconds = fastest(prepare)
-        points.append(Point(error, seconds, setting))
-        if seconds > budget:
+        if error == float("inf"):
+            continue
+        rounding = bool(points) and points[-1].error <= error < ROUNDING
+        points.append(Point(error, fastest(prepare), setting))
+        if rounding or points[-1].seconds > budget:
             break
     return points
 
@@ -97,20 +106,21 @@ def measure(
 def fastest(prepare: Callable[[], Callable[[], Any]]) -> float:
     """CPU seconds of the fastest of several runs, each made ready before its clock starts."""
     least, used = float("inf"), 0.0
-    while used < REPEAT:
+    while True:
         work = prepare()
         begin = process_time()
         work()
         seconds = process_time() - begin
         least, used = min(least, seconds), used + seconds
-    return least
+        if used >= REPEAT:
+            return least
 
 
-def step_counts(problem: Problem, octaves: int) -> list[int]:
-    """Numbers of steps, each about √2 times the one before."""
-    return [round(problem.steps * 2 ** (k / 2)) for k in range(2 * octaves + 1)]
+def step_counts(problem: Problem) -> list[int]:
+    """Numbers of steps for methods of fixed steps, each about √2 times the one before."""
+    return [round(problem.steps * 2 ** (k / 2)) for k in range(2 * OCTAVES + 1)]
 
 
-def tolerances(first: int, last: int, per_decade: int = 1) -> list[float]:
+def tolerances(first: int, last: int) -> list[float]:
     """10^-first … 10^-last."""
-    return [10.0 ** (-k / per_decade) for k in range(first * per_decade, last * per_decade + 1)]
+    return [10.0**-k for k in range(first, last + 1)]

@@ -23,6 +23,7 @@ VERBS = {
     "trees": "tree_verb",
     "methods": "catalogue_verb",
     "scenes": "scenes_verb",
+    "simulate": "simulate_verb",
     "completion": "completion_verb",
 }
 """Every verb and the module that holds it."""

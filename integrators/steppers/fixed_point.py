@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from ..site_loops import indented
-from .forms import product, tidy
+from .forms import scaled, tidy
 
 if TYPE_CHECKING:
     from .plan import Group
@@ -28,18 +28,21 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     """
     forms = writer.forms
     forms.forget()
-    new = {e: f"n{k}" for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
-    for array in new.values():
-        writer.array(array)
-    sweep = [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
+    forms.in_group = True
+    new = {e: writer.array(f"n{k}") for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
+    sweep = _sweep_lines(group, new, writer)
+    forms.in_group = False
     forms.forget()
     cells = sorted({cell for _, cell in group.unknowns})
     compare = [f"change{cell} = 0" for cell in cells]
-    for e, cell in group.unknowns:
-        lines = [f"x = {new[e]}[i]", f"change{cell} = max(change{cell}, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
-        compare += forms.loop(cell, lines)
+    for cell in cells:
+        lines: list[str] = []
+        for e in (e for e, c in group.unknowns if c == cell):
+            change = f"change{cell} = max(change{cell}, bits(abs(x - k{e}[i])))"
+            lines += [f"x = {new[e]}[i]", change, f"k{e}[i] = x"]
+        compare += forms.long_loop(cell, lines)
     return [
-        *_start_values(group, writer),
+        *start_values(group, writer),
         *(f"before{cell} = 0" for cell in cells),
         "settled = False",
         f"for sweep in range({MOST_SWEEPS}):",
@@ -48,6 +51,27 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
         "if not settled:",
         "    break",
     ]
+
+
+def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepperSource) -> list[str]:
+    """Statements that compute all slopes from those of the sweep before.
+
+    Points that depend on nothing else are made in one loop, which reads the slopes once for all of them.
+    """
+    calls = [call for call in group.calls if not writer.is_inlined(call)]
+    if any(call.node.kind != "field" or call.evaluation not in new for call in calls):
+        return [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
+    points: dict[int, list[str]] = {}
+    slopes: list[str] = []
+    for call in group.calls:
+        if writer.is_inlined(call):
+            writer.call_lines(call)
+            continue
+        array = writer.array(f"z{call.evaluation}")
+        for cell, line in writer.forms.assignments(call.node.points[0], array):
+            points.setdefault(cell, []).append(line)
+        slopes.append(f"{writer.functions.field(call.node.piece, call.cells)}({array}, {new[call.evaluation]})")
+    return [*(line for cell, lines in points.items() for line in writer.forms.long_loop(cell, lines)), *slopes]
 
 
 def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[str]:
@@ -71,7 +95,7 @@ def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[s
     ]
 
 
-def _start_values(group: Group, writer: StepperSource) -> list[str]:
+def start_values(group: Group, writer: StepperSource) -> list[str]:
     """The polynomial through the slopes of the last step, at the nodes of this one."""
     lines: list[str] = []
     for cell in sorted({cell for _, cell in group.unknowns}):
@@ -80,8 +104,8 @@ def _start_values(group: Group, writer: StepperSource) -> list[str]:
         if len(own) > 1 and len(set(nodes)) == len(nodes):
             body = []
             for k, node in enumerate(nodes):
-                terms = [(e, _basis(nodes, j, 1 + node)) for j, e in enumerate(own)]
-                body.append(tidy(f"s{k} = {' + '.join(map(product, terms))}"))
+                terms = (scaled(f"k{e}[i]", _basis(nodes, j, 1 + node)) for j, e in enumerate(own))
+                body.append(tidy(f"s{k} = {' + '.join(terms)}"))
             body += [f"k{e}[i] = s{k}" for k, e in enumerate(own)]
             lines += writer.forms.loop(cell, body)
     return lines

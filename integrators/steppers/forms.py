@@ -1,35 +1,56 @@
 """Points and sums of slopes as statements: loops over the entries of cells.
 
-Points of a chain of kicks and drifts are made from the ones before; with split coefficients the tails, whose rounding
-errors are random, are added up apart from the heads, which are exact.
+A point that goes on from the one before, in a chain of kicks and drifts, is made from it: nothing else would be as near
+to the end of the evaluation before. With split coefficients the tails, whose rounding errors are random, are added up
+apart from the heads, which are exact.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from ..site_loops import indented
-from .nodes import Form, Point
+from .nodes import Form, Key, Point
 
 if TYPE_CHECKING:
     from .structure import Structure
 
 HEAD_BITS = 10
+LONG = 16
+"""Entries that a vectorised loop takes at once."""
 
 
 class FormWriter:
     """Writes linear forms, and remembers what the arrays hold.
 
+    Attributes:
+        in_group: Whether slopes are written that depend on one another: each sweep makes all points anew.
+        inlined: Slopes that are written as a text instead of being computed beforehand.
+
     Args:
         structure: The cells.
-        following: For each cell its points in the order in which they will be made, groups left out.
+        result: The end of the step, for each cell.
+        points: How often a step needs a point in each cell; None if a step may fail, so that y must stay to its end.
+        compensated: Whether rounding errors of the sums y + h Σ x_e k_e are carried on.
         split: Whether coefficients are split.
     """
 
-    def __init__(self, structure: Structure, following: Mapping[int, Sequence[Form]], split: bool):
-        self.structure, self.following, self.split = structure, following, split
+    def __init__(
+        self,
+        structure: Structure,
+        result: Mapping[int, Form],
+        points: Mapping[int, int] | None,
+        compensated: bool,
+        split: bool,
+    ):
+        self.structure, self.result, self.compensated, self.split = structure, result, compensated, split
+        self.in_group = False
+        self.inlined: dict[Key, str] = {}
+        self._points = None if points is None else dict(points)
+        self._ended: set[int] = set()
         self._content: dict[tuple[str, int], Form] = {}
         self._sums: dict[int, Form] = {}
 
@@ -43,75 +64,147 @@ class FormWriter:
         body = indented(lines)
         return [line for a, b in self.structure.cells[cell] for line in (f"for i in range({a}, {b}):", *body)]
 
-    def point(self, point: Point, array: str) -> tuple[list[str], str]:
-        """Statements that make a point, and the array where it then is: y itself, if it is the start."""
-        if all(form.is_start for _, form in point):
+    def long_loop(self, cell: int, lines: Iterable[str]) -> list[str]:
+        """A loop over the entries of a cell that is vectorised as a loop where it is long, not unrolled."""
+        body = indented(lines)
+        found: list[str] = []
+        for a, b in self.structure.cells[cell]:
+            middle = a + (b - a) // LONG * LONG
+            if middle > a:
+                found += [f"for i in range({a}, opaque({middle})):", *body]
+            if b > middle:
+                found += [f"for i in range({middle}, {b}):", *body]
+        return found
+
+    def point(self, point: Point, array: str, *, copied: bool = False) -> tuple[list[str], str]:
+        """Statements that make a point, and the array where it then is: y itself, if it is the start.
+
+        Args:
+            point: The point.
+            array: The array for it.
+            copied: Whether the start is copied to the array, too.
+        """
+        is_end = self._is_end(point)
+        if not copied and all(form.is_start for _, form in point):
             return [], "y"
         lines: list[str] = []
+        if is_end and not copied:
+            for cell, form in point:
+                lines += self.update(cell, form)
+                self._ended.add(cell)
+            return lines, "y"
         for cell, form in point:
             if self._content.get((array, cell)) != form:
-                lines += self.loop(cell, self.entry(cell, form, f"{array}[i] = "))
+                lines += self.loop(
+                    cell, [f"{array}[i] = {self._value(array, cell, form)}", *self._sum_so_far(cell, form)]
+                )
                 self._content[array, cell] = form
         return lines, array
 
-    def entry(self, cell: int, form: Form, target: str, after: str = "") -> list[str]:
-        """Statements for an entry of a form; a sum that the next form of the cell begins with is kept in d.
+    def assignments(self, point: Point, array: str) -> list[tuple[int, str]]:
+        """A statement for each cell of a point, made from y and slopes alone, for a loop over the entries of the cell."""
+        return [(cell, f"{array}[i] = {self.entry(cell, form)}") for cell, form in point]
 
-        Args:
-            cell: The cell.
-            form: The form.
-            target: The left-hand side with its ``=``.
-            after: What is added to the form.
+    def _is_end(self, point: Point) -> bool:
+        """Whether a point is the end of the step, and y is not needed any more, so that the end can take its place."""
+        if self._points is None:
+            return False
+        for cell, _ in point:
+            self._points[cell] -= 1
+        return all(form == self.result[cell] and self._points[cell] == 0 for cell, form in point)
+
+    def update(self, cell: int, form: Form) -> list[str]:
+        """Statements that put the end of a step in place of its start.
+
+        With compensation, y + e is the sum so far, rounded to t + e, and the increment is added to t at once, so that
+        nothing of this delays the next evaluation.
+
+        References:
+            N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, section 4.3; HLW, section VIII.5.
         """
+        if form.is_start or cell in self._ended:
+            return []
+        if not self.compensated:
+            return self.loop(cell, [f"y[i] = {self._value('z', cell, form)}"])
+        known = self._sums.get(cell)
+        if known is not None and known.terms == form.terms:
+            total = "d[i]"
+        else:
+            total = self._extended(cell, known, form) or self.sum(cell, form.terms)
+        lines = [f"s = {total}", "t = y[i] + e[i]", "r = e[i] - (t - y[i])", "x = fma(h, s, t)"]
+        return self.long_loop(cell, [*lines, "e[i] = r + fma(h, s, t - x)", "y[i] = x"])
+
+    def entry(self, cell: int, form: Form) -> str:
+        """An entry of a form as a text."""
+        return self._value("", cell, form)
+
+    def _value(self, array: str, cell: int, form: Form) -> str:
+        """An entry of a form, made from what the array holds if the form goes on from there."""
+        known = self._content.get((array, cell))
+        if known == form:
+            return f"{array}[i]"
+        if known is not None and known.start == form.start:
+            extended = self._rest(known, form)
+            if extended:
+                return tidy(f"{array}[i] + {self._scaled(cell, extended)}")
         start = _start(form)
         if not form.terms:
-            return [target + (start or "0.0") + after]
-        known, terms = self._sums.get(cell), dict(form.terms)
-        if known is not None and dict(known.terms).items() <= terms.items():
-            rest = [(e, x) for e, x in form.terms if e not in dict(known.terms)]
-            total = " + ".join(["d[i]", *map(product, rest)])
-        else:
-            total = self.sum(form.terms)
-        lines = []
-        if self._is_beginning(cell, form):
-            lines, total = [f"d[i] = {tidy(total)}"], "d[i]"
-            self._sums[cell] = form
-        scaled = f"h*({total})" if " " in total else f"h*{total}"
-        return [*lines, tidy(f"{target}{start} + {scaled}{after}" if start else f"{target}{scaled}{after}")]
+            return start or "0.0"
+        total = self._scaled(cell, form.terms)
+        return tidy(f"{start} + {total}") if start else total
 
-    def _is_beginning(self, cell: int, form: Form) -> bool:
-        """Whether the next form of the cell goes on where this one ends."""
-        forms = self.following[cell]
-        if form not in forms:
-            return False
-        after = forms[forms.index(form) + 1 :]
-        return bool(after) and dict(form.terms).items() < dict(after[0].terms).items()
+    def _scaled(self, cell: int, terms: Sequence[tuple[int, Fraction]]) -> str:
+        """h Σ x_e k_e; of a single term, h x_e is the same in every step, and rounded once."""
+        if len(terms) == 1 and not self.split:
+            e, x = terms[0]
+            return f"{'h' if x > 0 else '-h'}*{self._product(cell, (e, abs(x)))}"
+        return f"h*({self.sum(cell, terms)})"
 
-    def sum(self, terms: Sequence[tuple[int, Fraction]]) -> str:
+    def _sum_so_far(self, cell: int, form: Form) -> list[str]:
+        """A statement that keeps Σ x_e k_e in d for the end of the step, if that goes on from here."""
+        if not self.compensated or not form.terms or not self._rest(form, self.result[cell]):
+            return []
+        total = self._extended(cell, self._sums.get(cell), form) or self.sum(cell, form.terms)
+        self._sums[cell] = form
+        return [f"d[i] = {tidy(total)}"]
+
+    def _extended(self, cell: int, known: Form | None, form: Form) -> str | None:
+        """A sum that begins with what d holds."""
+        rest = None if known is None else self._rest(known, form)
+        return None if not rest else tidy(f"d[i] + {self.sum(cell, rest)}")
+
+    def _rest(self, known: Form, form: Form) -> tuple[tuple[int, Fraction], ...]:
+        """The terms by which a form goes on from another; none if it does not."""
+        before, terms = dict(known.terms), dict(form.terms)
+        if not before or not before.items() < terms.items():
+            return ()
+        return tuple((e, x) for e, x in form.terms if e not in before)
+
+    def sum(self, cell: int, terms: Sequence[tuple[int, Fraction]]) -> str:
         """Σ x_e k_e."""
         if not self.split:
-            return " + ".join(map(product, terms))
+            return tidy(" + ".join(self._product(cell, term) for term in terms))
         heads = [(e, Fraction(round(x * 2**HEAD_BITS), 2**HEAD_BITS)) for e, x in terms]
         tails = [(e, x - head) for (e, x), (_, head) in zip(terms, heads, strict=True) if x != head]
-        parts = [product(term) for term in heads if term[1]]
+        parts = [self._product(cell, term) for term in heads if term[1]]
         if tails:
-            parts.append(f"({' + '.join(map(product, tails))})")
-        return " + ".join(parts)
+            parts.append(f"({' + '.join(self._product(cell, term) for term in tails)})")
+        return tidy(" + ".join(parts))
 
-    def update(self, cell: int, form: Form, compensated: bool) -> list[str]:
-        """Statements that put the end of a step in place of its start."""
-        if form.is_start:
-            return []
-        if not compensated:
-            return self.loop(cell, self.entry(cell, form, "y[i] = "))
-        lines = self.entry(cell, form._replace(start=form.start - 1), "c = ", " + e[i]")
-        return self.loop(cell, [*lines, "x = y[i] + c", "e[i] = c - (x - y[i])", "y[i] = x"])
+    def _product(self, cell: int, term: tuple[int, Fraction]) -> str:
+        """x_e k_e."""
+        e, x = term
+        return scaled(grouped(self.inlined.get((e, cell), f"k{e}[i]")), x)
 
 
-def product(term: tuple[int, Fraction]) -> str:
-    """x_e k_e."""
-    e, x = term
-    return f"k{e}[i]" if x == 1 else f"-k{e}[i]" if x == -1 else f"{float(x)!r}*k{e}[i]"
+def scaled(text: str, x: Fraction) -> str:
+    """A number times something."""
+    return text if x == 1 else f"-{text}" if x == -1 else f"{float(x)!r}*{text}"
+
+
+def grouped(text: str) -> str:
+    """The text as a factor."""
+    return f"({text})" if " " in re.sub(r"\[.*?\]", "", text) or text.startswith("-") else text
 
 
 def tidy(text: str) -> str:

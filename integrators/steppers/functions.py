@@ -1,4 +1,4 @@
-"""The functions that a generated stepper calls: pieces of the field, written for pointers."""
+"""The functions that a generated stepper calls: pieces of the field and their derivatives, written for pointers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..codegen import ModuleText, field_lines
+from .derivatives import jacobian_lines, tangent_terms
 from .structure import Structure
 
 if TYPE_CHECKING:
@@ -25,33 +26,49 @@ class Functions:
 
     def __init__(self, structure: Structure, module: ModuleText):
         self.structure, self.module = structure, module
-        self._bodies: dict[str, list[str]] = {}
-        self._names: dict[tuple[int, tuple[int, ...]], str] = {}
+        self._names: dict[tuple[str, int, tuple[int, ...]], str] = {}
         self._calls: dict[str, int] = {}
 
     def field(self, piece: int, cells: Sequence[int]) -> str:
         """The name of the function f(y, out) that puts a piece of the field in some cells."""
-        key = piece, tuple(cells)
+        return self._name("f", piece, cells)
+
+    def derivative(self, piece: int, cells: Sequence[int]) -> str:
+        """The name of the function d(y, out) that puts the derivative f'(y)v of a piece in some cells; v follows y."""
+        return self._name("df", piece, cells)
+
+    def jacobian(self, piece: int, cells: Sequence[int]) -> str:
+        """The name of the function j(y, out) for the Jacobian matrix of a piece in some cells, among zeros."""
+        return self._name("jf", piece, cells)
+
+    def _name(self, kind: str, piece: int, cells: Sequence[int]) -> str:
+        key = kind, piece, tuple(cells)
         if key not in self._names:
-            name = self._names[key] = f"f{len(self._names)}"
-            self._bodies[name] = self._field_lines(*key)
+            self._names[key] = f"{kind}{len(self._names)}"
         name = self._names[key]
         self._calls[name] = self._calls.get(name, 0) + 1
         return name
 
-    def _field_lines(self, piece: int, cells: tuple[int, ...]) -> list[str]:
-        structure = self.structure
+    def _lines(self, kind: str, piece: int, cells: tuple[int, ...]) -> list[str]:
+        structure, dimension = self.structure, self.structure.scene.dimension
         chosen = structure.pieces[piece]
 
         def outputs(term: LocalTerm) -> list[Output]:
             found = chosen.outputs(term, structure.scene)
             return [x for x in found if structure.cells_at(x.place, term.sites) <= set(cells)]
 
+        terms = structure.scene.numeric_terms
+        if kind == "jf":
+            return jacobian_lines(terms, outputs, dimension, self.module)
         indices = [i for cell in cells for first, end in structure.cells[cell] for i in range(first, end)]
-        return field_lines(structure.scene.numeric_terms, outputs, indices, self.module)
+        if kind == "df":
+            tangent = tangent_terms(terms, outputs, dimension)
+            return field_lines(tangent, lambda term: term.outputs, indices, self.module)
+        return field_lines(terms, outputs, indices, self.module)
 
     def write(self) -> None:
         """Add all functions to the module: short ones, or those called once, are inlined."""
-        for name, body in self._bodies.items():
+        for key, name in self._names.items():
+            body = self._lines(*key)
             short = len(body) * self._calls[name] <= MOST_INLINED_LINES or self._calls[name] == 1
             self.module.function(f"{name}(y, out)", "A piece of the field.", body, "@inlined" if short else "@compiled")

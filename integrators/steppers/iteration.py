@@ -16,6 +16,12 @@ def failed(change):
 
 
 @inlined
+def falls(change, before, factor):
+    """Whether a change is smaller than the one before by more than a factor."""
+    return factor * value_of(change) < value_of(before)
+
+
+@inlined
 def largest(values, first, end):
     """The bits of the largest absolute value."""
     found = 0

@@ -76,6 +76,16 @@ def bits(typing_context: Any, number: Any) -> Any:
 
 
 @intrinsic
+def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), codegen
+
+
+@intrinsic
 def value_of(typing_context: Any, number: Any) -> Any:
     """The double with these bits."""
 
@@ -83,6 +93,17 @@ def value_of(typing_context: Any, number: Any) -> Any:
         return builder.bitcast(arguments[0], ir.DoubleType())
 
     return types.float64(types.int64), codegen
+
+
+@intrinsic
+def opaque(typing_context: Any, number: Any) -> Any:
+    """The same integer, of which the compiler knows nothing: a loop up to it is not unrolled, but vectorised."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        integer = ir.IntType(64)
+        return builder.asm(ir.FunctionType(integer, [integer]), "", "=r,0", arguments, side_effect=False)
+
+    return types.int64(types.int64), codegen
 
 
 @intrinsic

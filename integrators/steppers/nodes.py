@@ -8,7 +8,7 @@ piece at the same point are one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -33,7 +33,9 @@ class Form(NamedTuple):
 
     @classmethod
     def of(cls, start: Fraction, terms: Mapping[int, Fraction]) -> Form:
-        """The form with its terms in order, zeros left out."""
+        """The form with its terms in order, zeros left out; a start within 10^-30 of a whole number is that."""
+        whole = Fraction(round(start))
+        start = whole if abs(start - whole) < Fraction(1, 10**30) else start
         return cls(start, tuple(sorted((e, x) for e, x in terms.items() if x)))
 
     def plus(self, other: Form, factor: Fraction = Fraction(1)) -> Form:
@@ -58,10 +60,10 @@ class Node(NamedTuple):
 
     Attributes:
         kind: ``field`` at one point, ``derivative`` at a point along a vector, ``average`` along a path of points,
-            ``flow`` from a point with forcing.
+            ``flow`` from a point with forcing, ``resolvent`` (I − hγ F′)⁻¹ at a point, of a vector without h.
         piece: The piece of the field.
         points: What it is evaluated at.
-        detail: The power of an average, the time of a flow.
+        detail: The power of an average, the time of a flow, the number γ of a resolvent.
     """
 
     kind: str
@@ -96,10 +98,12 @@ class Nodes:
         self._program = program
         self._factors: dict[Key, Fraction] = {}
         self._same: dict[Key, int] = {}
+        self._moves: dict[int, frozenset[int]] = {}
+        self._right_sides: dict[int, Form] = {}
         self.nodes: dict[Key, Node] = {}
         for e, evaluation in enumerate(program.evaluations):
-            for cell in structure.writes(self._piece(evaluation)):
-                node, factor = self._lowered(evaluation, cell)
+            for cell in sorted(self._moved(e)):
+                node, factor = self._lowered(e, evaluation, cell)
                 self.nodes[e, cell], self._factors[e, cell] = node, factor
         self._finish(program)
 
@@ -140,6 +144,9 @@ class Nodes:
             if (e, cell) in self._factors:
                 same = self._first_of(e, cell)
                 total[same] = total.get(same, Fraction(0)) + x * self._factors[e, cell]
+                if e in self._right_sides:
+                    for other, y in self._scaled(self._right_sides[e], cell).terms:
+                        total[other] = total.get(other, Fraction(0)) - x * y
         return Form.of(form.start, total)
 
     def _first_of(self, e: int, cell: int) -> int:
@@ -162,7 +169,7 @@ class Nodes:
         """The time of an evaluation, in steps: where the point is that y' = 1 reaches."""
         (at, *_) = operands(self._program.evaluations[e])
         for part in range(len(self._program.names)):
-            total = sum((_fraction(x * self._program.total(other, part)) for other, x in at.terms.items()), Fraction(0))
+            total = sum((fraction(x * self._program.total(other, part)) for other, x in at.terms.items()), Fraction(0))
             if total:
                 return total
         return Fraction(0)
@@ -171,7 +178,39 @@ class Nodes:
         """The number of the piece of an evaluation: the last one is the whole field, if there are several."""
         return len(self.structure.pieces) - 1 if evaluation.part is None else evaluation.part
 
-    def _lowered(self, evaluation: Evaluation, cell: int) -> tuple[Node, Fraction]:
+    def _moved(self, e: int) -> frozenset[int]:
+        """The cells in which an evaluation is not zero; a flow also moves what its forcing moves."""
+        if e not in self._moves:
+            forced = map(self._moved, sorted(self._program.same_order_registers(e)))
+            self._moves[e] = frozenset(self.structure.writes(self._piece(self._program.evaluations[e]))).union(*forced)
+        return self._moves[e]
+
+    def _resolvent(self, e: int, piece: int, at: LinearForm, along: LinearForm) -> Node:
+        """The node of a slope k = h F′(at) Σ x_j k_j with itself in the sum: k = s − r, where r = Σ x_j / γ k_j without
+        k, γ is the factor of k, and s = (I − hγ F′)⁻¹ r. What s needs is small where F′ is large, other than k and r.
+
+        References:
+            E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, formula (IV.7.25).
+        """
+        terms = dict(_rational(along).terms)
+        own = terms.pop(e)
+        self._right_sides[e] = right = Form.of(Fraction(0), {other: x / own for other, x in terms.items()})
+        flows = (self.structure.flow(piece, cell) for cell in self.structure.writes(piece))
+        felt = frozenset[int]().union(*(flow.cells for flow in flows if not flow.is_linear))
+        every = range(len(self.structure.cells))
+        return Node("resolvent", piece, (_point(at, felt), tuple((cell, right) for cell in every)), own)
+
+    def _is_linear_system(self, e: int, at: LinearForm, along: LinearForm) -> bool:
+        """Whether a derivative is taken along itself, at a point that does not depend on it, and nothing else does."""
+        waiting, seen = [*at.terms, *(other for other in along.terms if other != e)], set[int]()
+        while waiting:
+            other = waiting.pop()
+            if other not in seen:
+                seen.add(other)
+                waiting += [f for form in operands(self._program.evaluations[other]) for f in form.terms]
+        return e in along.terms and e not in seen
+
+    def _lowered(self, e: int, evaluation: Evaluation, cell: int) -> tuple[Node, Fraction]:
         """The node of an evaluation in a cell, and the number that its slope is multiplied with."""
         piece, one = self._piece(evaluation), Fraction(1)
         flow = self.structure.flow(piece, cell)
@@ -179,19 +218,23 @@ class Nodes:
             case Field(_, at):
                 return Node("field", piece, (_point(at, flow.cells),)), one
             case Derivative(_, at, along):
+                if self._is_linear_system(e, at, along):
+                    return self._resolvent(e, piece, at, along), one
                 if flow.is_linear:
                     return Node("field", piece, (_point(along, flow.cells),)), one
                 return Node("derivative", piece, (_point(at, flow.cells), _point(along, flow.cells))), one
             case Average(_, path, power):
                 if not flow.cells:
                     return Node("field", piece, ((),)), one / (power + 1)
+                if flow.is_linear:
+                    return Node("field", piece, (_point(_averaged(path, power), flow.cells),)), one
                 return Node("average", piece, tuple(_point(form, flow.cells) for form in path), power), one
             case Flow(_, at, time, forcing):
-                duration = _fraction(time)
+                duration = fraction(time)
                 if not forcing and flow.cells.isdisjoint(self.structure.writes(piece)):
                     return Node("field", piece, (_point(at, flow.cells),)), duration
-                every = frozenset(range(len(self.structure.cells)))
-                return Node("flow", piece, tuple(_point(form, every) for form in (at, *forcing)), duration), one
+                needed = self.structure.reach(piece, cell)
+                return Node("flow", piece, tuple(_point(form, needed) for form in (at, *forcing)), duration), one
         raise AssertionError(evaluation)
 
 
@@ -200,11 +243,17 @@ def _point(form: LinearForm, cells: Iterable[int]) -> Point:
     return tuple((cell, rational) for cell in sorted(cells))
 
 
+def _averaged(path: Sequence[LinearForm], power: int) -> LinearForm:
+    """∫₀¹ θ^power Σ θ^j path_j dθ."""
+    total, *rest = (form.times(Fraction(1, power + 1 + j)) for j, form in enumerate(path))
+    return sum(rest, total)
+
+
 def _rational(form: LinearForm) -> Form:
-    return Form.of(_fraction(form.start), {e: _fraction(x) for e, x in form.terms.items()})
+    return Form.of(fraction(form.start), {e: fraction(x) for e, x in form.terms.items()})
 
 
-def _fraction(number: Any) -> Fraction:
+def fraction(number: Any) -> Fraction:
     """A rational number within 10^-40, relatively, of a coefficient."""
     if hasattr(number, "evalf"):
         import sympy

@@ -3,6 +3,8 @@
 - Cells that an implicit group only needs linearly (q' = M⁻¹ p) are put into the points of the others: this is the
   Nyström form of an implicit method, with half the unknowns.
 - A slope at the end of a step that the next step needs at its start is kept (first same as last).
+- Where such a slope is all that a step begins with, as in kick–drift–kick, steps go from y + h x k, the state after the
+  first kick, to the same in the next step: the last kick of a step and the first one of the next are one.
 """
 
 from __future__ import annotations
@@ -45,20 +47,25 @@ class Plan(NamedTuple):
         work: Calls and groups, in order.
         result: The end of the step, for each cell.
         carried: Slopes at the end of a step (values) that are slopes at the start of the next one (keys).
+        staggered: Cells in which steps begin after the first kick, with its slope and coefficient; `work` and `result`
+            have y + h x k for y there.
     """
 
     work: tuple[Call | Group, ...]
     result: Mapping[int, Form]
     carried: Mapping[Key, Key]
+    staggered: Mapping[int, tuple[int, Fraction]]
 
 
-def plan(nodes: Nodes) -> Plan:
+def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
     """The plan of a step.
 
     Args:
         nodes: The nodes of a method on a scene.
+        stagger: Whether steps may begin after their first kick; all steps must have the same size then.
     """
-    return _Planner(nodes).plan()
+    found = _Planner(nodes).plan()
+    return _staggered(found) if stagger else found
 
 
 class _Planner:
@@ -77,7 +84,7 @@ class _Planner:
                 self._add_group(component)
         carried = self._carried()
         apart = {*carried, *carried.values()}
-        return Plan(tuple(_merged(self.work, apart=apart)), self.result, carried)
+        return Plan(tuple(_merged(self.work, apart=apart)), self.result, carried, {})
 
     def _components(self) -> list[list[Key]]:
         """The strongly connected components of the slopes, those that others depend on first."""
@@ -122,7 +129,10 @@ class _Planner:
         return found
 
     def _substitute_later(self, keys: Sequence[Key], inner: set[Key]) -> None:
-        """Put linear slopes of a group into everything that comes after it."""
+        """Put linear slopes of a group into everything that comes after it; the only one in its cell is computed."""
+        single = sorted(key for key in inner if sum(cell == key[1] for _, cell in inner) == 1)
+        self.work += [Call(e, (cell,), self.nodes[e, cell]) for e, cell in single]
+        inner = inner.difference(single)
         if not inner:
             return
         done = {*keys, *(key for work in self.work for key in _written(work))}
@@ -178,6 +188,40 @@ class _Planner:
             if isinstance(work, Call):
                 for cell in work.cells:
                     yield (work.evaluation, cell), work.node
+
+
+def _staggered(found: Plan) -> Plan:
+    """The plan with its steps beginning after the first kick, where that is possible."""
+    result, staggered = dict(found.result), {}
+    work = list(found.work)
+    for (first, cell), (last, _) in found.carried.items():
+        calls = [item for item in work if not (isinstance(item, Call) and (item.evaluation, cell) == (first, cell))]
+        forms = [form for item in calls for form in _forms(item, cell)] + [result[cell]]
+        factors = {dict(form.terms).get(first) for form in forms}
+        factor = next(iter(factors))
+        if len(factors) > 1 or factor is None or any(form.start != 1 for form in forms):
+            continue
+        kick = Form(Fraction(0), ((first, factor),))
+        work = [_without(item, cell, kick) for item in work]
+        result[cell] = result[cell].plus(kick, Fraction(-1)).plus(Form(Fraction(0), ((last, factor),)))
+        staggered[cell] = first, factor
+    return Plan(tuple(work), result, found.carried, staggered)
+
+
+def _forms(work: Call | Group, cell: int) -> list[Form]:
+    calls = work.calls if isinstance(work, Group) else (work,)
+    return [form for call in calls for point in call.node.points for c, form in point if c == cell]
+
+
+def _without(work: Call | Group, cell: int, kick: Form) -> Call | Group:
+    """The work with the state after a kick in place of y in a cell, which the call that makes the kick does not read."""
+    if isinstance(work, Group):
+        return work._replace(calls=tuple(_without(call, cell, kick) for call in work.calls))
+    points = tuple(
+        tuple((c, form.plus(kick, Fraction(-1)) if c == cell else form) for c, form in point)
+        for point in work.node.points
+    )
+    return work._replace(node=work.node._replace(points=points))
 
 
 def _moved(point: Point, result: Mapping[int, Form]) -> Point:

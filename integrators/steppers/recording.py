@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from .adaptive import TIME
 from .machine import call_observer, inlined, pointer, shifted
 
 
 @inlined
 def recorded(
-    advance, state, carry, memory, numbers, work, h, t0, first, steps, fresh, y_every, y_rows, o_every, observer, o_rows
+    advance, state, carry, memory, control, numbers, work, h, t0, first, steps, fresh,
+    y_every, y_rows, y_times, o_every, observer, o_rows, o_times,
 ):  # fmt: skip
     """Make steps; store states after every `y_every`-th one, and what an observer sees after every `o_every`-th.
 
     Args:
         advance: The function that makes steps.
-        state: The state, changed in place; so are `carry` and `memory`.
+        state: The state, changed in place; so are `carry`, `memory` and `control`.
+        control: What controls step sizes, if they vary.
         numbers: What depends on h only.
         work: Work arrays.
         h: The step size.
@@ -23,9 +26,11 @@ def recorded(
         fresh: Whether `memory` is still to be computed.
         y_every: Steps from one stored state to the next, counted from step 0; 0 stores none.
         y_rows: Where states go, row by row.
+        y_times: Where their times go; may be empty.
         o_every: The same for the observer.
         observer: The address of a C function void (double t, double *y, double *out).
         o_rows: Where it writes.
+        o_times: Where the times of that go; may be empty.
 
     Returns:
         The number of steps made; fewer if one failed, or a state that is stored or observed was not finite.
@@ -39,7 +44,7 @@ def recorded(
             stride = min(stride, y_every - n % y_every)
         if o_every:
             stride = min(stride, o_every - n % o_every)
-        made = advance(state, carry, memory, numbers, work, h, stride, fresh)
+        made = advance(state, carry, memory, control, numbers, work, h, stride, fresh)
         fresh = False
         done += made
         finite = True
@@ -48,10 +53,15 @@ def recorded(
         if made < stride or not finite:
             break
         n = first + done
+        t = control[TIME] if len(control) else t0 + n * h
         if y_every and n % y_every == 0:
             y_rows[y_row, :] = state
+            if len(y_times):
+                y_times[y_row] = t
             y_row += 1
         if o_every and n % o_every == 0:
-            call_observer(observer, t0 + n * h, y, shifted(pointer(o_rows), o_row * o_rows.shape[1]))
+            call_observer(observer, t, y, shifted(pointer(o_rows), o_row * o_rows.shape[1]))
+            if len(o_times):
+                o_times[o_row] = t
             o_row += 1
     return done

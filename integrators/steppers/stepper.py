@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
@@ -12,8 +12,10 @@ from ..program import Program
 from ..scenes.base import Scene
 from ..scenes.degrees import Piece
 from ..scenes.parts import pieces_of
+from .adaptive import TIME, read_control, start_control
+from .averages import MOST_NODES
 from .nodes import Nodes
-from .source import stepper_text
+from .source import Text, stepper_text
 from .structure import Structure
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..program_method import Method
+
+
+SOLVERS = ("auto", "fixed-point", "newton")
 
 
 class StepError(IntegratorError):
@@ -48,24 +53,27 @@ class State:
         y: The state of the system, (variables,).
         carry: Rounding errors of the sums so far that are not yet in y, (variables,).
         memory: Slopes of the last step that the next one uses.
+        control: With variable steps their density, its rate, the time and its rounding errors so far; else empty.
         n: The number of steps so far.
-        h: The step size.
+        h: The step size; with variable steps the factor ε of h = ε σ(y).
         t0: The time at n = 0.
         is_fresh: Whether `memory` is still to be computed.
+        solver: How implicit stages are found from here on: ``fixed-point`` or ``newton``.
     """
 
-    __slots__ = ("carry", "h", "is_fresh", "memory", "n", "t0", "y")
+    __slots__ = ("carry", "control", "h", "is_fresh", "memory", "n", "solver", "t0", "y")
 
-    def __init__(self, y: np.ndarray, h: float, t0: float, memory: int):
+    def __init__(self, y: np.ndarray, h: float, t0: float, memory: int, solver: str):
         import numpy as np
 
         self.y, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
-        self.n, self.h, self.t0, self.is_fresh = 0, h, t0, True
+        self.control = np.zeros(0)
+        self.n, self.h, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver
 
     @property
     def t(self) -> float:
-        """The time t0 + n h."""
-        return self.t0 + self.n * self.h
+        """The time: t0 + n h, or with variable steps the compensated sum of these."""
+        return float(self.control[TIME]) if len(self.control) else self.t0 + self.n * self.h
 
     def copy(self) -> State:
         """A state that does not change when this one does."""
@@ -76,7 +84,8 @@ class State:
     def assign(self, other: State) -> None:
         """Become a copy of another state."""
         self.y, self.carry, self.memory = other.y.copy(), other.carry.copy(), other.memory.copy()
-        self.n, self.h, self.t0, self.is_fresh = other.n, other.h, other.t0, other.is_fresh
+        self.control = other.control.copy()
+        self.n, self.h, self.t0, self.is_fresh, self.solver = other.n, other.h, other.t0, other.is_fresh, other.solver
 
 
 class Stepper:
@@ -85,22 +94,32 @@ class Stepper:
     Attributes:
         scene: The scene.
         method: The method.
-        source: The source of the compiled steps.
+        source: The source of the compiled steps, those that a run begins with.
+        control: The function of step sizes; None if all are the same.
     """
 
-    def __init__(self, scene: Scene, method: Method, parts: Any, compensated: bool, split: bool, solver: str):
+    def __init__(self, scene: Scene, method: Method, parts: Any, control: Any, options: Mapping[str, Any]):
         self.scene, self.method = scene, method
-        nodes = Nodes(method, Structure(scene, _pieces(method, scene, parts)))
-        text = stepper_text(nodes, compensated=compensated, split=split, solver=solver)
-        self.source, self._memory, self._work_size, self._number_makers = text
-        self._known_numbers: dict[float, np.ndarray] = {}
+        self.control = control
+        self._nodes = Nodes(method, Structure(scene, _pieces(method, scene, parts)))
+        self._options = dict(options)
+        solver = self._options.pop("solver")
+        self._is_free = solver == "auto"
+        self._first_solver = "fixed-point" if self._is_free else solver
+        text = self._text(self._first_solver)
+        self.source = text.source
+        self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
-    @property
-    def _compiled(self) -> Any:
+    @cache  # noqa: B019  # steppers are kept by a cache of their own
+    def _text(self, solver: str) -> Text:
+        return stepper_text(self._nodes, solver=solver, control=self.control, **self._options)
+
+    def _compiled(self, solver: str) -> Any:
         """The module with the functions ``advance`` and ``record``."""
-        from . import iteration, machine, recording
+        from . import flow_kernels, iteration, linear_algebra, machine, recording
 
-        return load_module(self.source, helpers=[iteration, machine, recording])
+        helpers = [flow_kernels, iteration, linear_algebra, machine, recording]
+        return load_module(self._text(solver).source, helpers=helpers)
 
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
@@ -110,11 +129,11 @@ class Stepper:
 
         Args:
             y0: The start, (variables,); by default that of the scene.
-            h: The step size, positive or negative.
+            h: The step size, positive or negative; with variable steps the factor ε of h = ε σ(y).
             t0: The time at the start.
 
         Raises:
-            IntegratorError: A number is missing or not finite, or h is zero.
+            IntegratorError: A number is missing or not finite, h is zero, or σ is not positive at y0.
         """
         import numpy as np
 
@@ -122,7 +141,10 @@ class Stepper:
         step, time = _number(h, "h"), _number(t0, "t0")
         if step == 0:
             raise IntegratorError("h must not be zero, but was")
-        return State(np.ascontiguousarray(y), step, time, self._memory)
+        state = State(np.ascontiguousarray(y), step, time, self._text(self._first_solver).memory, self._first_solver)
+        if self.control is not None:
+            state.control = start_control(self.control, self.scene, state.y, time)
+        return state
 
     def advance(self, state: State, steps: int) -> None:
         """Make steps, in place.
@@ -134,9 +156,12 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
-        before = state.copy()
-        if not self._run(state, steps):
-            self._stop(state, before, steps)
+        while steps > 0:
+            before = state.copy()
+            if self._run(state, steps):
+                break
+            steps -= self._go_back(state, before, steps)
+            self._change_solver(state)
 
     def record(
         self,
@@ -145,9 +170,11 @@ class Stepper:
         *,
         y_every: int = 0,
         y_rows: np.ndarray | None = None,
+        y_times: np.ndarray | None = None,
         o_every: int = 0,
         observer: int = 0,
         o_rows: np.ndarray | None = None,
+        o_times: np.ndarray | None = None,
     ) -> None:
         """Make steps, store states and observe them.
 
@@ -156,50 +183,65 @@ class Stepper:
             steps: How many steps.
             y_every: Steps from one stored state to the next, counted from the start of the run; 0 stores none.
             y_rows: A contiguous array (rows, variables) with a row for each state to be stored.
+            y_times: An array (rows,) for their times, which are not t0 + n h where step sizes vary.
             o_every: The same for the observer.
             observer: The address of a C function ``void (double t, double *y, double *out)``.
             o_rows: A contiguous array (rows, numbers that the observer writes).
+            o_times: An array (rows,) for the times of these.
 
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
         import numpy as np
 
-        nothing = np.empty((0, 0))
-        before = state.copy()
-        made = self._compiled.record(
-            state.y, state.carry, state.memory, self._numbers(state.h), np.empty(self._work_size), state.h,
-            state.t0, state.n, steps, state.is_fresh, y_every, nothing if y_rows is None else y_rows, o_every, observer,
-            nothing if o_rows is None else o_rows,
-        )  # fmt: skip
-        state.n += made
-        state.is_fresh = False
-        if made < steps or not np.isfinite(state.y).all():
-            self._stop(state, before, steps)
-
-    def _numbers(self, h: float) -> np.ndarray:
-        """What the compiled steps need that depends on h only."""
-        import numpy as np
-
-        if h not in self._known_numbers:
-            parts = [np.ravel(make(h)) for make in self._number_makers]
-            self._known_numbers = {h: np.concatenate([*parts, np.empty(0)])}
-        return self._known_numbers[h]
+        nothing, no_times, first = np.empty((0, 0)), np.empty(0), state.n
+        while True:
+            before = state.copy()
+            y_row, o_row = (n and state.n // n - first // n for n in (y_every, o_every))
+            made = self._compiled(state.solver).record(
+                *self._arguments(state), state.h, state.t0, state.n, steps, state.is_fresh,
+                y_every, nothing if y_rows is None else y_rows[y_row:],
+                no_times if y_times is None else y_times[y_row:],
+                o_every, observer, nothing if o_rows is None else o_rows[o_row:],
+                no_times if o_times is None else o_times[o_row:],
+            )  # fmt: skip
+            if self._is_done(state, made, steps):
+                break
+            steps -= self._go_back(state, before, steps)
+            self._change_solver(state)
 
     def _run(self, state: State, steps: int) -> bool:
         """Make steps; whether all could be made, with finite numbers at the end."""
+        arguments = *self._arguments(state), state.h, steps, state.is_fresh
+        return self._is_done(state, self._compiled(state.solver).advance(*arguments), steps)
+
+    def _is_done(self, state: State, made: int, steps: int) -> bool:
+        """Count the steps that have been made; whether they are all, with finite numbers at the end."""
         import numpy as np
 
-        made = self._compiled.advance(
-            state.y, state.carry, state.memory, self._numbers(state.h), np.empty(self._work_size), state.h, steps,
-            state.is_fresh,
-        )  # fmt: skip
         state.n += made
         state.is_fresh = False
         return made == steps and bool(np.isfinite(state.y).all())
 
-    def _stop(self, state: State, before: State, steps: int) -> None:
-        """Go back to where a step fails that is among the next ones, and say so.
+    def _arguments(self, state: State) -> tuple[np.ndarray, ...]:
+        """The arrays that compiled steps take."""
+        import numpy as np
+
+        work = np.empty(self._text(state.solver).work)
+        return state.y, state.carry, state.memory, state.control, self._numbers(state), work
+
+    def _numbers(self, state: State) -> np.ndarray:
+        """What the compiled steps need that depends on h only."""
+        import numpy as np
+
+        key = state.h, state.solver
+        if key not in self._known_numbers:
+            parts = [np.ravel(make(state.h)) for make in self._text(state.solver).numbers]
+            self._known_numbers = {key: np.concatenate([*parts, np.empty(0)])}
+        return self._known_numbers[key]
+
+    def _go_back(self, state: State, before: State, steps: int) -> int:
+        """Go back to where a step fails that is among the next ones; how many steps can be made before it.
 
         What has become infinite or nan stays so, and steps can be made again bit for bit: halving finds the step.
         """
@@ -212,12 +254,17 @@ class Stepper:
             else:
                 bad = good + middle
                 state.assign(kept)
-        self._fail(state)
+        return good
 
-    def _fail(self, state: State) -> None:
+    def _change_solver(self, state: State) -> None:
+        """Go on with Newton's method where fixed-point iteration does not converge and no solver was asked for."""
         trial = state.copy()
         self._run(trial, 1)
-        reason = "did not converge" if trial.n == state.n else "did not end in finite numbers"
+        converges = trial.n > state.n
+        if self._is_free and state.solver == "fixed-point" and not converges:
+            state.solver = "newton"
+            return
+        reason = "did not end in finite numbers" if converges else "did not converge"
         state.is_fresh = True
         raise StepError(
             f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} step "
@@ -235,7 +282,9 @@ def stepper(
     parts: Mapping[str, Any] | None = None,
     compensated: bool = True,
     split: bool = True,
-    solver: str = "fixed-point",
+    solver: str = "auto",
+    average_nodes: int | None = None,
+    control: Any = None,
 ) -> Stepper:
     """Compiled steps of a method on a scene.
 
@@ -247,13 +296,17 @@ def stepper(
         compensated: Whether rounding errors of the sums y + increment are carried on, so that they do not pile up.
         split: Whether coefficients of implicit methods are split into short heads and tails, so that their rounding
             errors do not cause a drift.
-        solver: How implicit stages are found: ``fixed-point`` or, for stiff scenes, ``newton``.
+        solver: How implicit stages are found: ``fixed-point``, ``newton`` for stiff scenes, or ``auto``: by fixed-point
+            iteration until it does not converge, and from there on by Newton's method.
+        average_nodes: The number of Gauss's nodes for averages of fields that are no polynomials, 10 by default.
+        control: A function σ of the variables, as a formula: steps then have sizes near ε σ(y), where ε is what is
+            given as h, and a symmetric method stays reversible (see `integrators.steppers.adaptive`).
 
     Returns:
         The stepper; the same one for the same arguments.
 
     Raises:
-        IntegratorError: The scene or the method has symbols, or they do not fit.
+        IntegratorError: The scene or the method has symbols, they do not fit, or there is no such solver.
 
     Example:
         >>> from integrators import method, scene
@@ -261,7 +314,7 @@ def stepper(
         >>> state = verlet.start([0, 1], h=0.1)
         >>> verlet.advance(state, 10)
         >>> print(state.t, state.y)
-        1.0 [-0.76868473  0.60038403]
+        1.0 [-0.75439329  0.59986611]
     """
     if not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
@@ -271,13 +324,20 @@ def stepper(
         method = named(method)
     if not isinstance(getattr(method, "program", None), Program):
         raise IntegratorError(f"method must be a method or its name, but was {shorten(repr(method))}")
+    if solver not in SOLVERS:
+        raise IntegratorError(f"solver must be one of {', '.join(SOLVERS)}, but was {shorten(repr(solver))}")
     key = None if parts is None else tuple((k, v if isinstance(v, str) else tuple(v)) for k, v in parts.items())
-    return _stepper(scene, method, key, compensated, split, solver)
+    if average_nodes is not None and (type(average_nodes) is not int or not 1 <= average_nodes <= MOST_NODES):
+        given = shorten(repr(average_nodes))
+        raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
+    options = {"compensated": compensated, "split": split, "solver": solver, "average_nodes": average_nodes}
+    formula = None if control is None else read_control(control, scene)
+    return _stepper(scene, method, key, formula, tuple(options.items()))
 
 
 @lru_cache(maxsize=256)
-def _stepper(scene: Scene, method: Any, parts: Any, compensated: bool, split: bool, solver: str) -> Stepper:
-    return Stepper(scene, method, None if parts is None else dict(parts), compensated, split, solver)
+def _stepper(scene: Scene, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]) -> Stepper:
+    return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
 
 
 def _pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:

@@ -6,7 +6,7 @@ computed again because a velocity has changed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -83,9 +83,21 @@ class Structure:
                 if len({frozenset(writers[index]) for index in entries(output.place, term.sites)}) > 1:
                     yield output.place, term.sites
 
+    def cell_of(self, index: int) -> int:
+        """The cell that a variable is in."""
+        return self._cell_of[index]
+
     def cells_at(self, place: Place, sites: Sites) -> frozenset[int]:
         """The cells in which a term has entries at a place."""
         return frozenset(self._cell_of[index] for index in entries(place, sites))
+
+    def outputs(self, piece: int, cells: Iterable[int]) -> Iterator[tuple[LocalTerm, Output]]:
+        """What a piece of the field adds to some cells."""
+        wanted = set(cells)
+        for term in self.scene.numeric_terms:
+            for output in self.pieces[piece].outputs(term, self.scene):
+                if self.cells_at(output.place, term.sites) <= wanted:
+                    yield term, output
 
     @cache  # noqa: B019  # lives as long as the structure, which is made for one stepper
     def writes(self, piece: int) -> tuple[int, ...]:
@@ -108,9 +120,7 @@ class Structure:
 
         cells: set[int] = set()
         is_linear = True
-        for written, term, output in self._writings(piece):
-            if written != cell:
-                continue
+        for term, output in self.outputs(piece, (cell,)):
             formula = output_formula(term, output)
             used = [k for k in range(len(term.arguments)) if formula.has(sympy.Symbol(f"x{k}"))]
             cells |= self._read(term, used)
@@ -118,6 +128,15 @@ class Structure:
             zero = dict.fromkeys(variables, sympy.Integer(0))
             is_linear &= degree(formula, variables) == 1 and formula.xreplace(zero) == 0
         return Flow(frozenset(cells), is_linear)
+
+    def reach(self, piece: int, cell: int) -> frozenset[int]:
+        """The cells whose values decide what the flow of a piece of the field does to a cell, this one among them."""
+        found, waiting = {cell}, [cell]
+        while waiting:
+            new = self.flow(piece, waiting.pop()).cells - found
+            found |= new
+            waiting += new
+        return frozenset(found)
 
     def _read(self, term: LocalTerm, arguments: Iterable[int]) -> frozenset[int]:
         places = (place for k in arguments for place in term.arguments[k] if place is not None)

@@ -204,7 +204,10 @@ def test_printed_text_too_large_for_formulas_is_no_obstacle():
             lambda: field("riccati", "stormer-verlet-kdk"),
             "scene must have blocks or parts for p, q, .* but riccati has the block y only",
         ),
-        (lambda: field(method="strang"), "parts must say what the method's parts a, b are"),
+        (
+            lambda: field(method=bs.lie_trotter(["kick", "drift"])),
+            "parts must say what the method's parts kick, drift are",
+        ),
         (lambda: field(method="strang", parts={"a": "p"}), "parts must map a, b to blocks"),
         (lambda: field(method="strang", parts={"a": "p", "b": "p"}), "parts must take each block of p, q once"),
         (

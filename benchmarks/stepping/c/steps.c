@@ -1,6 +1,6 @@
 /* All methods for one scene, q' = v, v' = acceleration(q): gcc -O3 -march=native -DSCENE='"kepler.h"' steps.c
    A method takes the state y = (p, q) with p = m v, moves it on by so many steps of size h, and returns 0, or 1 if
-   iterations do not converge or the state is not finite. */
+   an iteration does not end or the state is not finite. */
 #include <math.h>
 #include <string.h>
 

@@ -1,0 +1,306 @@
+"""`bseries simulate`: many steps of a method on a scene."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, cast
+
+import click
+
+from . import layout
+from .application import Refusal, say
+from .ensemble_options import simulate_ensemble, takes_ensemble
+from .layout import Column
+from .method_argument import complete_method, read_method, split_row
+from .output import WholeNumber, takes_output
+from .scene_argument import read_assignments, read_parts, takes_parts, takes_scene
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from integrators import Scene
+    from integrators.trajectory import Trajectory
+
+    from .ensemble_options import EnsembleOptions
+    from .method_argument import Method
+    from .output import Output
+
+FORMATS = ("table", "json", "csv", "markdown")
+COLUMNS = (Column("what"), Column("start", True), Column("end", True), Column("change", True), Column("relative", True))
+LOOKS = 1000
+"""How often something is observed where states are not kept."""
+MOST_ROWS = 60
+LEAST_SECONDS = 0.01
+"""Shorter runs do not tell what a step costs."""
+
+
+class Stopwatch:
+    """What steps cost, without what comes before the first of them: compiling."""
+
+    def __init__(self, output: Output):
+        self._output, self._marks = output, list[tuple[int, float]]()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Note how far a run is, and show it."""
+        self._marks = [*self._marks[:1], (done, perf_counter())]
+        self._output.progress.update(done, total)
+
+    @property
+    def done(self) -> int:
+        """The number of steps so far."""
+        return self._marks[-1][0] if self._marks else 0
+
+    @property
+    def seconds_per_step(self) -> float | None:
+        """None if there were too few."""
+        if not self._marks:
+            return None
+        (first, began), (last, ended) = self._marks[0], self._marks[-1]
+        return (ended - began) / (last - first) if ended - began > LEAST_SECONDS else None
+
+
+def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a verb the option --method and those that go with it; it gets `method`."""
+
+    @click.option(
+        "--method", "source", metavar="METHOD", help="A name, a tableau file, or -.", shell_complete=complete_method
+    )
+    @click.option("--A", "A", metavar="ROWS", help='Stage matrix inline, as in "0,0;1/2,0".')
+    @click.option("--b", "b", metavar="ROW", help='Weights inline, as in "0,1".')
+    @click.option("--c", "c", metavar="ROW", help="Nodes inline; by default the row sums of A.")
+    @click.option(
+        "--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter of the method; repeatable."
+    )
+    @functools.wraps(verb)
+    def read(*, source: Any, A: Any, b: Any, c: Any, settings: Any, **options: Any) -> Any:
+        inline = {key: value for key, value in {"A": A, "b": b, "c": c}.items() if value is not None}
+        method = read_method(source, inline, settings)
+        if method is None:
+            raise Refusal("method must be given: --method with a name such as rk4 or a tableau file, or --A and --b")
+        return verb(method=method, **options)
+
+    return read
+
+
+def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
+    """Let -o be the file of the trajectory; the summary goes to stdout in any case."""
+
+    @functools.wraps(write)
+    def call(*, path: str | None, format_: str | None, **options: Any) -> None:
+        if path is not None and not path.lower().endswith(".npz"):
+            raise Refusal(f"output must end in .npz, but was {path!r:.60}; the summary goes to stdout")
+        if format_ not in (None, *FORMATS):
+            raise Refusal(f"format must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
+        write(path=None, format_=format_ or "table", to=path, **options)
+
+    return call
+
+
+@click.command()
+@takes_scene(as_argument=True)
+@takes_method_option
+@takes_parts
+@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative backwards in time.")
+@click.option("--steps", type=WholeNumber(), help="How many steps.")
+@click.option("--span", metavar="T", help="How long, instead of --steps; the last step may go beyond.")
+@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@click.option("--save-every", type=WholeNumber(), metavar="K", help="Keep every K-th state in FILE; by default, all.")
+@click.option(
+    "--observe", "observe", metavar="NAME", multiple=True,
+    help="energy, a first integral, or invariants for all of these; repeatable.",
+)  # fmt: skip
+@click.option("--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state, not those kept.")
+@click.option("--solver", metavar="NAME", default="fixed-point", help="fixed-point, or newton for stiff scenes.")
+@click.option("--checkpoint", metavar="FILE", help="Go on from FILE if it is there, and write it meanwhile.")
+@takes_ensemble
+@takes_trajectory_file
+@takes_output
+def simulate(
+    scene: Scene,
+    method: Method,
+    effects: Sequence[str],
+    parts: str | None,
+    step: str | None,
+    steps: int | None,
+    span: str | None,
+    start: str | None,
+    save_every: int | None,
+    observe: Sequence[str],
+    observe_every: int | None,
+    solver: str,
+    checkpoint: str | None,
+    to: str | None,
+    many: EnsembleOptions | None,
+    output: Output,
+) -> Iterable[str]:
+    """Many steps of a method on a scene.
+
+    Prints where the run began and ended, and what became of the energy or of what --observe names. -o FILE.npz keeps
+    the trajectory, which NumPy reads: t, y (variables, times), observed/NAME. It is written while the run lasts, so
+    that it may be larger than memory; --format csv prints it.
+
+    With --ensemble K there are K runs, from random starts that --temperature or --spread describe, on all cores; the
+    answer is statistics of what is observed, the same whoever computes them. --checkpoint then names a folder.
+
+    With --checkpoint, a run that was stopped in any way goes on when the same command is given again, and ends as if it
+    had never been stopped.
+
+    \b
+    Examples:
+      bseries simulate pendulum --method stormer-verlet --step 0.1 --steps 1000
+      bseries simulate kepler --method gauss3 --step 1/100 --span 20 --observe energy --observe angular_momentum
+      bseries simulate pendulum --method rk4 --effect damping --step 0.1 --steps 50 --format csv
+      bseries simulate toda --method yoshida6 --step 0.05 --steps 2000 --save-every 10 -o toda.npz
+      bseries simulate --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --method gauss2 --step 0.1 --steps 100
+      bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
+    """
+    from integrators.loop import integrate
+    from integrators.steppers.stepper import StepError
+
+    h = _number(step, "step")
+    count = _steps(h, steps, span)
+    if start is not None:
+        given = read_assignments(filter(str.strip, start.split(";")), "start", '"p=0;q=-3/2"')
+        scene = scene.with_start(**{name: split_row(values) for name, values in given.items()})
+    if many is not None:
+        if save_every is not None:
+            raise Refusal(
+                "save-every must be left out with --ensemble, which keeps no states on the way, but was given"
+            )
+        return simulate_ensemble(
+            many,
+            scene,
+            method,
+            effects,
+            h=h,
+            steps=count,
+            parts=None if parts is None else read_parts(parts, method, scene),
+            observe=list(observe) or _energy(scene),
+            observe_every=observe_every,
+            solver=solver,
+            checkpoint=checkpoint,
+            to=to,
+            output=output,
+        )
+    kept = save_every if save_every is not None or (to is None and output.format != "csv") else 1
+    if observe_every is None and kept is None:
+        observe_every = max(1, count // LOOKS)
+    watch = Stopwatch(output)
+    try:
+        run = integrate(
+            scene,
+            method,
+            h=cast(float, h),
+            steps=count,
+            parts=None if parts is None else read_parts(parts, method, scene),
+            save_every=kept,
+            observe=list(observe) or _energy(scene),
+            observe_every=observe_every,
+            solver=solver,
+            progress=watch,
+            to=to,
+            checkpoint=checkpoint,
+        )
+    except StepError as error:
+        raise Refusal(f"{error}" + (f"; what was kept is in {to}" if to else "")) from None
+    except KeyboardInterrupt:
+        where = f"; the same command goes on from {checkpoint}" if checkpoint else f"; {to} ends there" if to else ""
+        say("warning", f"stopped after {watch.done:,} of {count:,} steps{where}")
+        raise
+    return _text(run, scene, method, effects, count, watch.seconds_per_step, to, output)
+
+
+def _number(text: str | None, option: str) -> Fraction:
+    """The number that an option gives, exactly; irrational ones to as many digits as doubles have."""
+    from fractions import Fraction
+
+    from integrators.expressions import parse_number
+
+    if text is None:
+        raise Refusal(f"{option} must be given, as in --{option} 1/10, but was not")
+    value = parse_number(text, argument=option)
+    return value if isinstance(value, Fraction) else Fraction(float(value))
+
+
+def _steps(h: Fraction, steps: int | None, span: str | None) -> int:
+    """How many steps there are to make."""
+    if (steps is None) == (span is None):
+        raise Refusal(f"steps or span must be given, but {'neither was' if steps is None else 'both were'}")
+    if steps is not None:
+        return steps
+    length = _number(span, "span")
+    if h == 0 or length < 0:
+        raise Refusal(f"span must not be negative, and step not zero, but they were {length} and {h}")
+    return math.ceil(length / abs(h))
+
+
+def _energy(scene: Scene) -> str | None:
+    """What is observed where nothing is asked for."""
+    return "energy" if scene.is_hamiltonian or scene.with_effects().is_hamiltonian else None
+
+
+def _text(
+    run: Trajectory,
+    scene: Scene,
+    method: Method,
+    effects: Sequence[str],
+    steps: int,
+    cost: float | None,
+    to: str | None,
+    output: Output,
+) -> Iterable[str]:
+    """The answer in any format."""
+    if output.format == "csv":
+        return _csv(run)
+    on = f" with {', '.join(effects)}" if effects else ""
+    title = f"{method.name} on {scene.name}{on}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
+    if output.format == "json":
+        head = {"schema": 1, "kind": "simulation", "method": method.name, "scene": scene.name, "effects": list(effects)}
+        head |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
+        return [layout.json({**head, "file": to, "rows": list(_records(run))}, "rows")]
+    rows = [_row(record) for record in _records(run)]
+    notes = list(_notes(run, rows, cost, to))
+    shown = rows[:MOST_ROWS]
+    if output.format == "markdown":
+        return [layout.markdown(COLUMNS, shown, title=title, notes=notes)]
+    text = layout.table(COLUMNS, shown, output.width)
+    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+
+
+def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
+    """What was observed and all variables, at the start and at the end."""
+    for name, values in run.observed.items():
+        first, change = float(values[0]), float(abs(values - values[0]).max())
+        record = {"what": name, "start": first, "end": float(values[-1]), "change": change}
+        yield {**record, "relative": change / abs(first) if first else None}
+    for name, values in zip(run.variables, run.y, strict=True):
+        yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
+
+
+def _row(record: dict[str, Any]) -> layout.Row:
+    changes = ("" if record.get(key) is None else f"{record[key]:.3g}" for key in ("change", "relative"))
+    return [record["what"], f"{record['start']:.15g}", f"{record['end']:.15g}", *changes]
+
+
+def _notes(run: Trajectory, rows: Sequence[layout.Row], cost: float | None, to: str | None) -> Iterator[str]:
+    if run.observed:
+        count = len(run.observed_t)
+        yield f"change: the largest distance from the start, at {count:,} times; relative: as a part of the start."
+    if len(rows) > MOST_ROWS:
+        yield f"The first {MOST_ROWS} of {len(rows):,} rows are shown; --format json has them all."
+    if cost is not None:
+        yield f"A step took {cost * 1e9:,.0f} ns." if cost < 1e-4 else f"A step took {cost * 1e3:,.2f} ms."
+    if to is not None:
+        yield f"{to} has {len(run.t):,} states."
+
+
+def _csv(run: Trajectory) -> Iterator[str]:
+    """The trajectory, a line for each time."""
+    if run.observed and run.observed_t is not run.t:
+        raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
+    columns = [run.t, *run.y, *run.observed.values()]
+    lines = ([repr(float(column[k])) for column in columns] for k in range(len(run.t)))
+    return layout.csv(["t", *run.variables, *run.observed], lines)

@@ -1,0 +1,213 @@
+"""`integrate`: many steps, of which some states are kept, and quantities observed on the way."""
+
+from __future__ import annotations
+
+import operator
+import os
+from collections.abc import Callable, Mapping
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from .checkpoints import Checkpoint
+from .errors import IntegratorError
+from .expressions import shorten
+from .observers import observers
+from .recordings import Contents, Counts, FolderRecording, MemoryRecording
+from .run_description import description, identity
+from .runs import Grid, Run
+from .scenes.blocks import TIME
+from .steppers.stepper import StepError, stepper
+from .trajectory_files import PART
+
+if TYPE_CHECKING:
+    from .program_method import Method
+    from .scenes.base import Scene
+    from .trajectory import Trajectory
+
+CHUNK_SECONDS = 0.15
+"""How long compiled code runs before Ctrl-C, progress and checkpoints have their turn."""
+FIRST_CHUNK, MOST_GROWTH = 16, 8
+MOST_STEPS = 2**53
+"""Beyond, a double does not hold the number of a step."""
+
+
+def integrate(
+    scene: Scene,
+    method: Method | str,
+    *,
+    h: float,
+    steps: int,
+    y0: Any = None,
+    t0: float = 0.0,
+    parts: Mapping[str, Any] | None = None,
+    save_every: int | None = 1,
+    observe: Any = None,
+    observe_every: int | None = None,
+    compensated: bool = True,
+    split: bool = True,
+    solver: str = "fixed-point",
+    average_nodes: int | None = None,
+    control: Any = None,
+    progress: Callable[[int, int], object] | None = None,
+    to: str | os.PathLike[str] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 30.0,
+) -> Trajectory:
+    """Make steps of a method on a scene, and keep some of the states.
+
+    Results depend neither on how the work is cut into chunks nor on whether it was interrupted: a run that goes on from
+    a checkpoint ends bit for bit as one in one piece. Times are t0 + n h, never sums.
+
+    Args:
+        scene: The scene.
+        method: The method, or its name.
+        h: The step size; negative backwards in time.
+        steps: How many steps.
+        y0: The start, (variables,); by default that of the scene (at time `t0` if the time is among its variables).
+        t0: The time at the start.
+        parts: What the parts of the method are in the scene; see `stepper`.
+        save_every: Keep the start, every so many-th state, and the last; None keeps start and end only.
+        observe: What to observe; see `observers`: ``"energy"``, names of first integrals, ``"invariants"``, functions
+            of (t, y); a list of these, or a mapping of names to them.
+        observe_every: Observe the start, every so many-th state, and the last; by default those that are kept.
+        compensated: Whether rounding errors of sums are carried on.
+        split: Whether coefficients of implicit methods are split, so that their rounding causes no drift.
+        solver: How implicit stages are found: ``fixed-point`` or, for stiff scenes, ``newton``.
+        average_nodes: How many nodes the quadrature of averages of the field has; see `stepper`.
+        control: A function σ(y) as text, for steps of variable size h σ(y); see `stepper`.
+        progress: Called with the number of steps made and of all.
+        to: A trajectory file. Rows go to the disk as they come, to a folder with ``.part`` added to the name, and
+            `load_trajectory` reads it meanwhile; in the end the file is put in its place at once.
+        checkpoint: A file. If it is there, the run goes on from it; everything but `steps`, `progress` and
+            `checkpoint_every` must then be as it was. It is written while the run lasts, and when it is interrupted,
+            and goes when it ends; states kept so far are in a folder as for `to`, or beside it.
+        checkpoint_every: Seconds between checkpoints.
+
+    Returns:
+        The trajectory; that of a file is mapped into memory if it is large.
+
+    Raises:
+        StepError: A step failed. Its `trajectory` has what was kept, with the last good state; so has the file.
+        IntegratorError: An argument cannot be used, or what is to be kept would not fit.
+
+    Example:
+        >>> from integrators import scene
+        >>> run = integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=1000, save_every=500, observe="energy")
+        >>> print(run.t, run.y.shape)
+        [  0.  50. 100.] (2, 3)
+        >>> print(run.observed["energy"].round(3))
+        [...]
+
+    References:
+        HLW, section VIII.5 (compensated summation).
+    """
+    steps = _count(steps, "steps", 0)
+    save_every = None if save_every is None else _count(save_every, "save_every", 1)
+    observe_every = save_every if observe_every is None else _count(observe_every, "observe_every", 1)
+    numerics: dict[str, Any] = {
+        "compensated": compensated,
+        "split": split,
+        "solver": solver,
+        "average_nodes": average_nodes,
+    }
+    made, seen = stepper(scene, method, parts=parts, control=control, **numerics), observers(scene, observe)
+    state = made.start(_start(scene, t0) if y0 is None else y0, h=h, t0=t0)
+    seen.check(state.t, state.y)
+    options = {"h": state.h, "t0": state.t0, "steps": steps, "save_every": save_every, "observe_every": observe_every}
+    options |= {**numerics, "control": None if control is None else str(control)}
+    if not isinstance(checkpoint_every, int | float) or not checkpoint_every >= 0:
+        raise IntegratorError(f"checkpoint_every must be seconds, 0 or more, but was {shorten(repr(checkpoint_every))}")
+    target, path = _path(to, "to"), _path(checkpoint, "checkpoint")
+    if path is not None and path == target:
+        raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
+    kept = None if path is None else Checkpoint(path, identity(made, seen, options, state), checkpoint_every)
+    counts = None if kept is None else kept.restore(state, steps)
+    stored, observed = Grid(save_every), Grid(observe_every)
+    contents = Contents(
+        variables=scene.variables,
+        names=seen.names,
+        h=state.h,
+        same_times=save_every == observe_every,
+        meta=description(made, seen, options),
+        total=Counts(stored.count(steps), observed.count(steps)),
+    )
+    folder = path if target is None else target
+    recording = (
+        MemoryRecording(contents) if folder is None else FolderRecording(contents, folder + PART, target, counts)
+    )
+    run = Run(made, state, seen, stored, observed, recording)
+    if counts is None:
+        run.begin()
+    return _completed(run, steps, kept, progress)
+
+
+def _completed(
+    run: Run, steps: int, checkpoint: Checkpoint | None, progress: Callable[[int, int], object] | None
+) -> Trajectory:
+    """The trajectory of a run when all its steps are made."""
+    try:
+        _make_steps(run, steps, checkpoint, progress)
+    except StepError as error:
+        run.end()
+        error.trajectory = _closed(run, checkpoint)  # pyright: ignore[reportAttributeAccessIssue]
+        raise
+    except BaseException:  # Ctrl-C, or an error of `progress`: the rows of the present chunk may be half written
+        state, counts = run.mark
+        run.recording.cut(counts)
+        if checkpoint is None:
+            _closed(run, checkpoint)
+        else:
+            checkpoint.write(state, counts)
+            run.recording.close()
+        raise
+    run.end()
+    return _closed(run, checkpoint)
+
+
+def _make_steps(
+    run: Run, steps: int, checkpoint: Checkpoint | None, progress: Callable[[int, int], object] | None
+) -> None:
+    """Make all steps in chunks of about the same time, whose lengths change nothing in the results."""
+    size = FIRST_CHUNK
+    while run.state.n < steps:
+        began = monotonic()
+        made = run.advance(min(size, steps - run.state.n))
+        size = max(1, int(made * min(MOST_GROWTH, CHUNK_SECONDS / max(monotonic() - began, 1e-9))))
+        if progress is not None:
+            progress(run.state.n, steps)
+        if checkpoint is not None and checkpoint.is_due:
+            run.recording.sync()
+            checkpoint.write(run.state, run.recording.counts)
+
+
+def _closed(run: Run, checkpoint: Checkpoint | None) -> Trajectory:
+    """The trajectory so far; nothing is left to go on from."""
+    trajectory = run.recording.finish()
+    if checkpoint is not None:
+        checkpoint.remove()
+    run.recording.clear()
+    return trajectory
+
+
+def _count(value: Any, argument: str, least: int) -> int:
+    try:
+        number = -1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = -1
+    if not least <= number <= MOST_STEPS:
+        raise IntegratorError(f"{argument} must be a whole number from {least} to 2^53, but was {shorten(repr(value))}")
+    return number
+
+
+def _path(value: Any, argument: str) -> str | None:
+    if value is not None and not isinstance(value, str | os.PathLike):
+        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(value))}")
+    return None if value is None else os.fspath(value)
+
+
+def _start(scene: Scene, t0: float) -> Any:
+    """The start of a scene, at a time."""
+    y = scene.y0
+    if TIME in scene.places:
+        y[scene.places[TIME]] = t0
+    return y

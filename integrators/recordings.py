@@ -1,0 +1,254 @@
+"""Where what is kept of a run goes while it lasts: arrays in memory, or files in a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .errors import IntegratorError
+from .expressions import shorten
+from .row_tables import FileTable, MemoryTable
+from .text_files import atomic_write, read_text
+from .trajectory import Trajectory
+from .trajectory_files import RUN, load_trajectory
+
+if TYPE_CHECKING:
+    import numpy as np
+
+SMALL = 2**28
+"""Bytes that are always there."""
+
+
+class Counts(NamedTuple):
+    """How many states are stored, and how many observations."""
+
+    stored: int = 0
+    observed: int = 0
+
+
+class Rows(NamedTuple):
+    """Arrays for rows: of states, their times, observations, and their times."""
+
+    y: np.ndarray
+    t: np.ndarray
+    observed: np.ndarray | None = None
+    observed_t: np.ndarray | None = None
+
+
+class Contents(NamedTuple):
+    """What a recording is of.
+
+    Attributes:
+        variables: The names of the variables.
+        names: What is observed.
+        h: The step size.
+        same_times: Whether every stored state is observed, and none between.
+        meta: What the trajectory says of itself.
+        total: How many rows there will be.
+    """
+
+    variables: Sequence[str]
+    names: Sequence[str]
+    h: float
+    same_times: bool
+    meta: Mapping[str, Any]
+    total: Counts
+
+    @property
+    def size(self) -> int:
+        """Bytes of all the rows."""
+        return 8 * sum((width or 1) * rows for width, rows in self.tables(self.total).values())
+
+    def tables(self, counts: Counts) -> dict[str, tuple[int | None, int]]:
+        """The width and the number of rows of each table; times come after what happened then."""
+        tables: dict[str, tuple[int | None, int]] = {"y": (len(self.variables), counts.stored)}
+        if self.names:
+            tables |= {"observed": (len(self.names), counts.observed), "observed_t": (None, counts.observed)}
+        return {**tables, "t": (None, counts.stored)}
+
+
+class Recording:
+    """Rows of a run, in tables.
+
+    Args:
+        contents: What they are.
+    """
+
+    _tables: Mapping[str, Any]
+
+    def __init__(self, contents: Contents):
+        self.contents = contents
+
+    @property
+    def counts(self) -> Counts:
+        """How many rows there are."""
+        seen = self._tables.get("observed_t")
+        return Counts(self._tables["t"].count, 0 if seen is None else seen.count)
+
+    def room(self, rows: Counts) -> Rows:
+        """Arrays for the next states and observations."""
+        sizes = self.contents.tables(rows)
+        return Rows(**{key: self._tables[key].room(size) for key, (_, size) in sizes.items()})
+
+    def add(self, rows: Counts) -> None:
+        """Keep so many rows of what has been written there."""
+        for key, (_, size) in self.contents.tables(rows).items():
+            self._tables[key].add(size)
+
+    def cut(self, counts: Counts) -> None:
+        """Keep only so many rows."""
+        raise NotImplementedError
+
+    def sync(self) -> None:
+        """Make sure that what is there survives a loss of power, if it can."""
+
+    def close(self) -> None:
+        """Leave what is there to be gone on from, if it can be."""
+
+    def finish(self) -> Trajectory:
+        """The trajectory."""
+        raise NotImplementedError
+
+    def clear(self) -> None:
+        """Take away what is left when the trajectory has been made."""
+
+
+class MemoryRecording(Recording):
+    """A recording in memory.
+
+    Raises:
+        IntegratorError: There is not enough.
+    """
+
+    def __init__(self, contents: Contents):
+        super().__init__(contents)
+        _check_memory(contents)
+        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
+
+    def cut(self, counts: Counts) -> None:
+        """Keep only so many rows."""
+        for key, (_, rows) in self.contents.tables(counts).items():
+            self._tables[key].count = rows
+
+    def finish(self) -> Trajectory:
+        """The trajectory."""
+        contents, arrays = self.contents, {key: table.array() for key, table in self._tables.items()}
+        return Trajectory(
+            arrays["t"],
+            arrays["y"],
+            h=contents.h,
+            variables=contents.variables,
+            observed=dict(zip(contents.names, arrays.get("observed", ()), strict=True)),
+            observed_t=None if contents.same_times else arrays.get("observed_t"),
+            meta=contents.meta,
+        )
+
+
+class FolderRecording(Recording):
+    """A recording in files that grow in a folder.
+
+    Args:
+        contents: What it is of.
+        folder: The folder; what another run has left there is replaced.
+        target: The file that the trajectory goes to in the end; without one it goes to memory.
+        counts: How many rows to go on from; None begins anew.
+
+    Raises:
+        IntegratorError: The disk is full, or the folder cannot be written, is of another run, or has too few rows.
+    """
+
+    def __init__(self, contents: Contents, folder: str, target: str | None, counts: Counts | None = None):
+        super().__init__(contents)
+        self._folder, self._target = folder, target
+        if target is None:
+            _check_memory(contents)
+        run = {"variables": contents.variables, "observed": contents.names, "h": contents.h}
+        run |= {"same_times": contents.same_times, "meta": contents.meta}
+        path = os.path.join(folder, RUN)
+        if target is not None and os.path.isdir(target):
+            raise IntegratorError(f"to must be a file, but {shorten(target, 200)} was a folder")
+        try:
+            if counts is None:
+                self._check_room()
+                if not os.path.isdir(folder):
+                    os.mkdir(folder)
+            elif not os.path.isfile(path) or _lasting(json.loads(read_text(path)[0])) != _lasting(run):
+                raise IntegratorError(
+                    f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
+                )
+            atomic_write(path, json.dumps(run, ensure_ascii=False))
+            self._open(counts or Counts())
+        except OSError as error:
+            what = f"{shorten(folder, 200)} must be a folder that can be written"
+            raise IntegratorError(f"{what}, but was not: {error.strerror}") from None
+
+    def _check_room(self) -> None:
+        """Refuse what the disk cannot hold twice: the trajectory is made of the folder."""
+        needed = self.contents.size * (1 if self._target is None else 2)
+        free = shutil.disk_usage(os.path.dirname(os.path.abspath(self._folder))).free
+        if needed > free:
+            raise IntegratorError(
+                f"save_every must be larger, since {needed / 1e9:.1f} GB of disk would be needed, "
+                f"but {free / 1e9:.1f} GB are free"
+            )
+
+    def _open(self, counts: Counts) -> None:
+        sizes = self.contents.tables(counts)
+        self._tables = {key: FileTable(self._path(key), *size) for key, size in sizes.items()}
+
+    def _path(self, key: str) -> str:
+        return os.path.join(self._folder, f"{key}.npy")
+
+    def cut(self, counts: Counts) -> None:
+        """Keep only so many rows, whatever was being written."""
+        self.close()
+        self._open(counts)
+
+    def sync(self) -> None:
+        """Make sure that what is there survives a loss of power."""
+        for table in self._tables.values():
+            table.sync()
+
+    def close(self) -> None:
+        """Leave what is there to be gone on from."""
+        for table in self._tables.values():
+            table.close()
+
+    def finish(self) -> Trajectory:
+        """The trajectory, in its file and mapped from there, or in memory."""
+        self.close()
+        trajectory = load_trajectory(self._folder)
+        if self._target is None:
+            return trajectory.copy()
+        trajectory.save(self._target)
+        return load_trajectory(self._target)
+
+    def clear(self) -> None:
+        """Take the folder away."""
+        for path in (*map(self._path, Rows._fields), os.path.join(self._folder, RUN)):
+            if os.path.exists(path):
+                os.unlink(path)
+        with suppress(OSError):  # there is something else in it
+            os.rmdir(self._folder)
+
+
+def _check_memory(contents: Contents) -> None:
+    """Refuse before the first step what would not fit in the end."""
+    import psutil
+
+    available = psutil.virtual_memory().available
+    if contents.size > max(available, SMALL):
+        raise IntegratorError(
+            f"save_every must be larger, or `to` a file, since {contents.size / 1e9:.1f} GB of memory would be "
+            f"needed, but {available / 1e9:.1f} GB are available"
+        )
+
+
+def _lasting(run: Mapping[str, Any]) -> Any:
+    """What is said of a run, without what may be another when it goes on."""
+    meta = {key: value for key, value in run["meta"].items() if key not in ("steps", "version")}
+    return json.loads(json.dumps({**run, "meta": meta}))

@@ -1,0 +1,133 @@
+"""Variable steps that stay reversible: symmetric control of the step density.
+
+Constant steps of size ε in a new time τ with dt/dτ = σ(y) have the size h = ε σ(y). The density of steps ρ = 1/σ(y)
+changes along a solution by dρ/dτ = G(y) = −∇σ(y)·f(y)/σ(y), and is integrated along with it, by the midpoint rule:
+
+    ρ_(n+1/2) = ρ_n + ε/2 G(y_n),  y_(n+1) = Φ_h(y_n) with h = ε/ρ_(n+1/2),  ρ_(n+1) = ρ_(n+1/2) + ε/2 G(y_(n+1)).
+
+If Φ is symmetric, so is the whole, explicitly: going back with −ε retraces all steps. Where σ takes the same value for
+reversed momenta, energies and first integrals of integrable reversible systems do not drift.
+
+References:
+    E. Hairer, G. Söderlind, SIAM J. Sci. Comput. 26 (2005) 1838–1851, doi:10.1137/04060699; HLW, section VIII.3.2.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import IntegratorError
+from ..expressions import shorten
+from ..number_text import nearest_double
+from ..scenes.expansion import filled
+from ..scenes.formulas import read_formula
+from ..site_loops import SiteSum
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+    from ..scenes.system import System
+    from .source import StepperSource
+
+
+DENSITY, RATE, TIME, TIME_CARRY = range(4)
+"""What `State.control` holds: ρ_n, G(y_n), the time, and its rounding errors so far."""
+_CONTROL = ", ".join(f"controls[{k}]" for k in (DENSITY, RATE, TIME, TIME_CARRY))
+
+
+class ControlText(NamedTuple):
+    """Statements of a controlled step.
+
+    Attributes:
+        load: Before the first step.
+        fresh: For what is not known before the first step of a run.
+        before: Before each step: its size.
+        after: After each step.
+        store: After the last step.
+    """
+
+    load: tuple[str, ...] = ()
+    fresh: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    store: tuple[str, ...] = ()
+
+
+def read_control(control: Any, scene: System) -> sympy.Expr:
+    """The function σ(y) of step sizes h = ε σ(y), as a formula in the variables.
+
+    Args:
+        control: Text or a SymPy expression in the variables and parameters of the scene.
+        scene: The scene.
+
+    Raises:
+        IntegratorError: It is no such formula, or it is constant.
+
+    Example:
+        >>> from integrators import scene
+        >>> read_control("sqrt(q1^2 + q2^2)", scene("kepler"))
+        sqrt(q1**2 + q2**2)
+    """
+    formula = filled(read_formula(control, [*scene.variables, *scene.parameter_values], "control"), scene)
+    if not formula.free_symbols & set(scene.symbols):
+        raise IntegratorError(f"control must depend on the variables, but was {shorten(str(control))}")
+    return formula
+
+
+def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) -> np.ndarray:
+    """`State.control` at the start of a run.
+
+    Raises:
+        IntegratorError: σ is not positive there.
+    """
+    import numpy as np
+    import sympy
+
+    values: Any = {symbol: sympy.Rational(float(x)) for symbol, x in zip(scene.symbols, y, strict=True)}
+    at_start: Any = formula.xreplace(values)
+    size = at_start.evalf(30)
+    if not (size.is_finite and size.is_positive):
+        raise IntegratorError(f"control must be positive at the start, but was {shorten(str(size.evalf(6)))}")
+    return np.array([nearest_double(1 / size), 0.0, t0, 0.0])
+
+
+def control_text(formula: sympy.Expr, writer: StepperSource) -> ControlText:
+    """The statements of steps with this function of step sizes."""
+    rate = _rate_lines(formula, writer)
+    return ControlText(
+        load=(
+            "epsilon = h",
+            "controls = pointer(control)",
+            f"density, rate, time, time_carry = {_CONTROL}",
+        ),
+        fresh=rate,
+        before=("middle = density + 0.5*epsilon*rate", "if not middle > 0.0:", "    break", "h = epsilon/middle"),
+        after=(
+            *rate,
+            "density = middle + 0.5*epsilon*rate",
+            "c = h + time_carry",
+            "x = time + c",
+            "time_carry = c - (x - time)",
+            "time = x",
+        ),
+        store=(f"{_CONTROL} = density, rate, time, time_carry",),
+    )
+
+
+def _rate_lines(formula: sympy.Expr, writer: StepperSource) -> tuple[str, ...]:
+    """Statements for G(y) = −∇σ(y)·f(y)/σ(y)."""
+    structure = writer.structure
+    scene, whole = structure.scene, len(structure.pieces) - 1
+    used = [k for k, symbol in enumerate(scene.symbols) if symbol in formula.free_symbols]
+    outputs: dict[Any, Any] = {"sigma": formula} | {k: formula.diff(scene.symbols[k]) for k in used}
+    targets = {"sigma": "sigma ="} | {k: f"s{k} =" for k in used}
+    body = SiteSum.flat(scene, outputs).lines(targets, writer.module)
+    total = " + ".join(f"s{k}*f[{k}]" for k in used)
+    writer.module.function(
+        "density_rate(y, f)", "The rate at which the density of steps changes.", [*body, f"return -({total})/sigma"]
+    )
+    cells = sorted({structure.cell_of(k) for k in used})
+    field = writer.functions.field(whole, cells)
+    slope = writer.array("slope")
+    return f"{field}(y, {slope})", f"rate = density_rate(y, {slope})"

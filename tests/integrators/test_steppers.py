@@ -1,0 +1,145 @@
+"""What compiled steps are made of: calls, cells and arrays; sums in lanes; failures; rounding."""
+
+import re
+
+import numpy as np
+import pytest
+
+import integrators as bi
+from integrators.codegen import compiled_scene
+
+PENDULUM = bi.scene("pendulum")
+RING = bi.Scene(
+    {"p": 12, "q": 12},
+    terms=[
+        bi.Term(over="each", hamiltonian="p_i^2/(2*m_i)"),
+        bi.Term(over="ring", hamiltonian="(q_i - q_j)^2/2 + k_i*(q_i - q_j)^4/sqrt(1 + q_j^2)"),
+        bi.Term(over=[[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]], hamiltonian="q_i^2*q_j"),
+    ],
+    parameters={"m": list(range(1, 13)), "k": [f"{k}/7" for k in range(12)]},
+    start={"p": [f"{k}/10" for k in range(12)], "q": [f"{k * k % 7}/5" for k in range(12)]},
+)
+
+
+def loop_of(method, scene=PENDULUM, **options):
+    """The lines of a step."""
+    source = bi.stepper(scene, method, compensated=False, split=False, **options).source
+    return re.search(r"while done < steps:\n(.*?)done \+= 1", source, re.S)[1]
+
+
+def calls_in(text):
+    return len(re.findall(r"\bf\d+\(", text))
+
+
+@pytest.mark.parametrize(
+    ("method", "calls"),
+    [
+        ("stormer-verlet-kdk", 1),  # the force at the end of a step is that at the start of the next one
+        ("stormer-verlet-dkd", 1),
+        ("rk4", 4),
+        ("dormand-prince54", 6),  # first same as last
+        ("yoshida6", 7),
+        ("blanes-moan4", 6),
+        ("gauss3", 3),  # in a sweep, on positions only
+        ("rkn-nystrom4", 3),
+    ],
+)
+def test_forces_in_a_step(method, calls):
+    assert calls_in(loop_of(method)) == calls
+
+
+def test_implicit_methods_take_their_nystrom_form_where_velocities_are_linear():
+    assert len(bi.stepper(bi.scene("kepler"), "gauss3").start(h=0.1).memory) == 3 * 2
+    assert len(bi.stepper(bi.scene("double-pendulum"), "gauss3").start(h=0.1).memory) == 3 * 4
+
+
+def test_an_effect_that_is_off_leaves_no_trace_in_steps():
+    bare = bi.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
+    assert bi.stepper(PENDULUM, "rk4").source == bi.stepper(bare, "rk4").source
+    assert bi.stepper(PENDULUM.with_effects("damping"), "rk4").source != bi.stepper(bare, "rk4").source
+
+
+@pytest.mark.parametrize(
+    ("scene", "lanes"),
+    [
+        (bi.scene("lennard-jones"), True),
+        (bi.scene("lennard-jones", particles=20), True),  # more pairs than are taken at once
+        (bi.scene("outer-solar-system"), True),
+        (RING, True),
+        (bi.scene("toda", n=12), False),
+        (bi.scene("fermi-pasta-ulam"), False),
+    ],
+    ids=["36 pairs", "190 pairs", "masses", "ring and table", "exponentials", "few springs"],
+)
+def test_sums_in_lanes_are_those_of_the_scene(scene, lanes):
+    stepper = bi.stepper(scene, "explicit-euler", compensated=False)
+    assert (" = stack(" in stepper.source.split("def advance")[0]) is lanes
+    state = stepper.start(h=1.0)
+    before, slope = state.y.copy(), np.empty(scene.dimension)
+    compiled_scene(scene).field(before, slope)
+    stepper.advance(state, 1)
+    np.testing.assert_allclose(state.y, before + slope, rtol=1e-13, atol=1e-13 * abs(slope).max())
+
+
+def test_large_scenes_need_no_stack():
+    scene = bi.scene("fermi-pasta-ulam", m=2000)
+    stepper = bi.stepper(scene, "stormer-verlet")
+    state = stepper.start(np.zeros(scene.dimension), h=1e-3)
+    stepper.advance(state, 3)
+    assert not state.y.any()
+    assert "shifted(w, " in stepper.source
+
+
+def test_compensation_keeps_what_sums_lose():
+    steady = bi.Scene({"y": 1}, field={"y": "1/3"})
+    n, h, ends = 10**6, 0.1, {}
+    for compensated in (True, False):
+        stepper = bi.stepper(steady, "explicit-euler", compensated=compensated)
+        state = stepper.start([1.0], h=h)
+        stepper.advance(state, n)
+        ends[compensated] = abs(state.y[0] - (1 + n * (h * (1 / 3)))) / state.y[0]
+    assert ends[True] < 2e-16
+    assert ends[False] > 1e-13
+
+
+def test_a_step_that_fails_leaves_the_last_good_state():
+    stepper = bi.stepper(bi.parse_scene("y' = y^2"), "rk4")
+    state, rows = stepper.start([1.0], h=0.001), np.full((60, 1), np.nan)
+    with pytest.raises(bi.StepError, match=r"rk4 on .*, but with h = 0.001 step 1003, from t = 1.002, did not end in") as e:
+        stepper.record(state, 6000, y_every=100, y_rows=rows)
+    assert (e.value.step, state.n) == (1003, 1002)
+    assert e.value.y == state.y
+    assert np.isfinite(rows[:10]).all()
+    again = stepper.start([1.0], h=0.001)
+    stepper.advance(again, 1002)
+    assert again.y == state.y
+
+
+def test_iterations_that_do_not_converge_are_no_steps():
+    stepper = bi.stepper(bi.scene("kepler"), "gauss2", solver="fixed-point")
+    state = stepper.start(h=1.0)
+    with pytest.raises(bi.StepError, match="gauss2 on kepler, but with h = 1 step 1, from t = 0, did not converge"):
+        stepper.advance(state, 3)
+    np.testing.assert_array_equal(state.y, bi.scene("kepler").y0)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: bi.stepper("kepler", "rk4"), "scene must be a Scene, but was 'kepler'"),
+        (lambda: bi.stepper(PENDULUM, 4), "method must be a method or its name, but was 4"),
+        (lambda: bi.stepper(PENDULUM, "rk5"), "rk5"),
+        (lambda: bi.stepper(bi.scene("riccati"), "strang"), "scene must have blocks or parts for a, b"),
+        (lambda: bi.stepper(PENDULUM, "rk4", solver="exact"), "solver must be one of"),
+        (lambda: bi.stepper(PENDULUM, "rk4").start(h=0), "h must not be zero"),
+        (lambda: bi.stepper(PENDULUM, "rk4").start(h="x"), "h must be a finite number, but was 'x'"),
+        (lambda: bi.stepper(PENDULUM, "rk4").start(h=float("nan")), "h must be a finite number, but was nan"),
+        (lambda: bi.stepper(PENDULUM, "rk4").start([1.0], h=0.1), r"y0 must hold 2 finite numbers, but was \[1.0\]"),
+        (lambda: bi.stepper(PENDULUM, "rk4").start([1, np.inf], h=0.1), "y0 must hold 2 finite numbers"),
+        (lambda: bi.stepper(bi.Scene({"y": 1}, field={"y": "a*y"}, parameters={"a": "a"}), "rk4"), "parameters.a"),
+        (lambda: bi.stepper(PENDULUM, bi.method("explicit2", alpha="alpha")), "parameters must have values"),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(bi.IntegratorError, match=message):
+        call()

@@ -1,0 +1,167 @@
+"""Trajectory files: what is written is read back, by NumPy too, at any time, and nothing half-written is seen."""
+
+from __future__ import annotations
+
+import json
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from integrators import IntegratorError, scene, trajectory_files
+from integrators.loop import integrate
+from integrators.scenes.files import loads_scene
+from integrators.trajectory import Trajectory
+from integrators.trajectory_files import load_trajectory
+
+PENDULUM = scene("pendulum")
+OPTIONS = {"h": 0.1, "steps": 103, "save_every": 10, "observe": ["energy", {"double energy": "energy"}]}
+
+
+@pytest.fixture
+def run():
+    return integrate(PENDULUM, "rk4", **OPTIONS)
+
+
+def check_same(a, b):
+    assert (a.h, a.variables, a.meta, list(a.observed)) == (b.h, b.variables, b.meta, list(b.observed))
+    observed = [(a.observed[name], b.observed[name]) for name in a.observed]
+    for x, z in ((a.t, b.t), (a.y, b.y), (a.observed_t, b.observed_t), *observed):
+        assert x.dtype == z.dtype == float
+        np.testing.assert_array_equal(x, z)
+
+
+@pytest.mark.parametrize("observe_every", [None, 7])
+@pytest.mark.parametrize("mapped", [True, False])
+def test_a_file_is_read_back(tmp_path, monkeypatch, observe_every, mapped):
+    run = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=observe_every)
+    run.save(tmp_path / "run.npz")
+    if mapped:
+        monkeypatch.setattr(trajectory_files, "LARGE", 0)
+    read = load_trajectory(str(tmp_path / "run.npz"))
+    check_same(read, run)
+    assert (read.observed_t is read.t) == (observe_every is None)
+    assert isinstance(read.y, np.memmap) == mapped
+    assert read.y.flags.aligned
+    assert read.y.flags.f_contiguous
+
+
+def test_numpy_reads_it(tmp_path, run):
+    run.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz", allow_pickle=False) as file:
+        assert set(file.files) == {"t", "y", "h", "variables", "meta", "observed/energy", "observed/double energy"}
+        np.testing.assert_array_equal(file["y"], run.y)
+        assert (float(file["h"]), file["variables"].tolist()) == (0.1, ["p", "q"])
+        meta = json.loads(str(file["meta"]))
+    assert (meta["steps"], meta["save_every"], meta["compensated"]) == (103, 10, True)
+    assert meta["method"]["b"] == ["1/6", "1/3", "1/3", "1/6"]
+    assert meta["scene"]["hamiltonian"] == "p^2/2 - cos(q)"
+
+
+def test_the_scene_can_be_made_again_from_meta(run):
+    import tomli_w
+
+    table = run.meta["scene"]
+    assert loads_scene(tomli_w.dumps(table)) == PENDULUM
+    splitting = integrate(PENDULUM, "strang", h=0.1, steps=1)
+    assert splitting.meta["method"]["program"][-1].startswith("y1 = ")
+
+
+def test_streamed_and_saved_files_are_the_same_to_the_byte(tmp_path, run):
+    integrate(PENDULUM, "rk4", **OPTIONS, to=tmp_path / "streamed.npz")
+    run.save(tmp_path / "saved.npz")
+    assert (tmp_path / "streamed.npz").read_bytes() == (tmp_path / "saved.npz").read_bytes()
+
+
+def test_a_run_is_readable_while_it_lasts(tmp_path, run):
+    path, seen = tmp_path / "run.npz", []
+
+    def look(done, total):
+        seen.append(load_trajectory(path).copy())
+
+    whole = integrate(PENDULUM, "rk4", **OPTIONS, to=path, progress=look)
+    assert len(seen) > 1
+    for part in seen:
+        n = len(part.t)
+        np.testing.assert_array_equal(part.y, whole.y[:, :n])
+        np.testing.assert_array_equal(part.observed["energy"], whole.observed["energy"][:n])
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+
+
+def test_files_of_others_are_read(tmp_path):
+    arrays = {"t": np.arange(3.0), "y": np.ones((2, 3)), "h": 1.0, "variables": ["a", "b"]}
+    np.savez_compressed(tmp_path / "run.npz", **arrays)
+    read = load_trajectory(tmp_path / "run.npz")
+    assert repr(read) == "<Trajectory of 2 variables: 3 states from t = 0 to 2>"
+    np.testing.assert_array_equal(read.y, arrays["y"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"y": np.ones((3, 3))}, {"t": None}, {"meta": np.array("{")}, {"t": np.array([{}, {}, {}])}, {"h": np.array("x")}],
+)
+def test_what_is_no_trajectory_is_refused(tmp_path, change):
+    arrays = {"t": np.arange(3.0), "y": np.ones((2, 3)), "h": 1.0, "variables": ["a", "b"]} | change
+    np.savez(tmp_path / "run.npz", **{key: value for key, value in arrays.items() if value is not None})
+    with pytest.raises(IntegratorError, match=r"run\.npz must be a trajectory file, but was not: "):
+        load_trajectory(tmp_path / "run.npz")
+
+
+def test_other_files_are_refused(tmp_path):
+    (tmp_path / "text.npz").write_text("no archive")
+    with zipfile.ZipFile(tmp_path / "empty.npz", "w"):
+        pass
+    (tmp_path / "folder").mkdir()
+    for name in ("text.npz", "empty.npz", "folder", "missing.npz"):
+        with pytest.raises(IntegratorError, match=f"{name} must be a trajectory file, but was not: "):
+            load_trajectory(tmp_path / name)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, run):
+    path = tmp_path / "run.npz"
+    path.write_text("old")
+    broken = Trajectory(run.t, run.y, h=0.1, variables=["p", "q"], observed={"bad": np.array([object()])})
+    with pytest.raises(IntegratorError, match="must be a writable file, but was not"):
+        broken.save(path)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+    with pytest.raises(IntegratorError, match="must be a writable file, but was not: No such file"):
+        run.save(tmp_path / "no" / "run.npz")
+
+
+def test_pandas(run):
+    pandas = pytest.importorskip("pandas")
+    frame = run.to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame.columns) == ["p", "q", "energy", "double energy"]
+    assert frame.index.name == "t"
+    np.testing.assert_array_equal(frame.index, run.t)
+    np.testing.assert_array_equal(frame["q"], run.y[1])
+    other = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=7)
+    with pytest.raises(
+        IntegratorError, match="observe_every must be save_every for one table, but there are 12 states"
+    ):
+        other.to_pandas()
+
+
+@pytest.mark.parametrize(("observe_every", "dimension"), [(None, "time"), (7, "observed_time")])
+def test_xarray(observe_every, dimension):
+    pytest.importorskip("xarray")
+    run = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=observe_every)
+    data = run.to_xarray()
+    assert data["y"].dims == ("variable", "time")
+    assert data["energy"].dims == (dimension,)
+    np.testing.assert_array_equal(data["y"].sel(variable="q"), run.y[1])
+    np.testing.assert_array_equal(data[dimension], run.observed_t)
+    assert json.loads(data.attrs["meta"]) == run.meta
+    clash = integrate(PENDULUM, "rk4", h=0.1, steps=1, observe={"time": "energy"})
+    with pytest.raises(IntegratorError, match="observed must have other names than xarray's coordinates, but has time"):
+        clash.to_xarray()
+
+
+@pytest.mark.parametrize(("module", "call"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
+def test_missing_packages_are_named(monkeypatch, run, module, call):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(IntegratorError, match=f"{module} must be installed for {call}"):
+        getattr(run, call)()
