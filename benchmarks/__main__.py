@@ -5,20 +5,26 @@ from __future__ import annotations
 import os
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
 from .calibration import calibration_cases
 from .cases import Case, cases
 from .environment import environment
+from .kinds import Measurement
 from .report import collect, show, to_json, to_markdown
 from .rivals import DEFAULT, rival_cases, rival_versions
+from .stepping.figures import collect as collect_figures
+from .stepping.figures import measurements
 from .timing import Sample, interleave
 
+Row = TypeVar("Row", Case, Measurement)
 
-def chosen(all_cases: list[Case], pattern: str, full: bool) -> list[Case]:
-    """The cases whose name contains the pattern; those that take a minute only in a full run."""
-    return [case for case in all_cases if fnmatchcase(case.name, f"*{pattern}*") and (full or not case.full)]
+
+def chosen(rows: list[Row], pattern: str, full: bool) -> list[Row]:
+    """The rows whose name contains the pattern; those that take a minute only in a full run."""
+    return [row for row in rows if fnmatchcase(row.name, f"*{pattern}*") and (full or not row.full)]
 
 
 def measure(selected: list[Case], rounds: int) -> dict[str, list[Sample]]:
@@ -40,10 +46,20 @@ def measure(selected: list[Case], rounds: int) -> dict[str, list[Sample]]:
         return interleave(samplers, rounds, progress)
 
 
+def measure_figures(selected: list[Measurement]) -> list[dict[str, Any]]:
+    """Take the measurements, with their names on stderr."""
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as status:
+        return collect_figures(selected, status.update)
+
+
 @click.command()
 @click.option("--only", "pattern", default="", help="Only rows whose name contains this; * and ? are wildcards.")
 @click.option("--rounds", default=5, show_default=True, type=click.IntRange(1), help="How often each row is sampled.")
-@click.option("--full", is_flag=True, help="Also order 20: minutes, and 9 GB of memory.")
+@click.option(
+    "--full", is_flag=True, help="Also what takes minutes: order 20, with 9 GB of memory, and 10⁷ and 10⁸ steps."
+)
 @click.option("--json", "json_file", type=click.Path(dir_okay=False), help="Write all figures to this file.")
 @click.option("--output", "page", type=click.Path(dir_okay=False), help="Write the tables to this file as Markdown.")
 @click.option("--rivals", "rivals", default=DEFAULT, type=click.Path(path_type=Path), help="Where they are installed.")
@@ -63,11 +79,12 @@ def main(pattern: str, rounds: int, full: bool, json_file: str | None, page: str
     selected = chosen(cases(), pattern, full)
     versions = rival_versions(rivals)
     others = chosen(rival_cases(rivals, versions), pattern, full)
-    if not selected:
+    further = chosen(measurements(), pattern, full)
+    if not selected and not further:
         raise click.BadParameter(f"no row has a name like {pattern!r}", param_hint="--only")
     rows = [*calibration_cases(), *selected]
     samples = measure([*rows, *others], rounds)
-    result = collect(rows, versions, samples, surroundings)
+    result = collect(rows, versions, samples, surroundings, measure_figures(further))
     show(result, Console())
     if json_file:
         atomic_write(json_file, to_json(result))

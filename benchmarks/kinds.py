@@ -1,4 +1,4 @@
-"""What a row of the table is."""
+"""What a row of the tables is."""
 
 from __future__ import annotations
 
@@ -11,11 +11,30 @@ GB = 10**9
 
 
 class Case(NamedTuple):
-    """One row: `prepare` makes everything that the row takes as given and returns what is to be sampled."""
+    """One row of times: `prepare` makes everything that the row takes as given and returns what is to be sampled."""
 
     name: str
     work: str
     prepare: Callable[[], Sampler]
     bar: float | None = None
     peak_bar: float | None = None
+    full: bool = False
+
+
+class Figure(NamedTuple):
+    """One number that is no time of ours alone: a ratio, an error, an amount of memory."""
+
+    work: str
+    value: float
+    bar: float | None = None
+    at_least: bool = False
+    """Whether the value must not be below the bar, rather than not above."""
+    unit: str = ""
+
+
+class Measurement(NamedTuple):
+    """A measurement that gives several figures at once, and takes its own rounds."""
+
+    name: str
+    measure: Callable[[], list[Figure]]
     full: bool = False

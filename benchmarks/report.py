@@ -22,6 +22,7 @@ def collect(
     rivals: Mapping[Rival, str | None],
     samples: Mapping[str, Sequence[Sample]],
     environment: Mapping[str, str],
+    figures: Sequence[Row] = (),
 ) -> dict[str, Any]:
     """Everything that one run has found, ready for JSON."""
     fastest = {name: best(taken) for name, taken in samples.items()}
@@ -30,6 +31,7 @@ def collect(
         "kind": "benchmarks",
         "environment": dict(environment),
         "rows": [_row(case, fastest[case.name], samples[case.name]) for case in cases],
+        "figures": list(figures),
         "rivals": [_rival(rival, version, fastest) for rival, version in rivals.items() if rival.opponent in fastest],
         "published": [_published(figure, fastest) for figure in PUBLISHED if figure.opponent in fastest],
     }
@@ -97,6 +99,19 @@ def times(ratio: float | None) -> str:
     return "–" if ratio is None else f"{ratio:,.0f}" if ratio >= 100 else f"{ratio:.3g}"
 
 
+def amount(value: float, unit: str = "") -> str:
+    """A number with its unit: three significant digits, and a power of ten for what is small."""
+    if unit == "s":
+        return duration(value)
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def _bar(row: Row) -> str:
+    if row["bar"] is None:
+        return "–"
+    return f"{'≥' if row['at_least'] else '≤'} {amount(row['bar'], row['unit'])}"
+
+
 def tables(result: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[str]]]]:
     """Title, headings and cells of every table that is not empty."""
     ours = [
@@ -107,6 +122,10 @@ def tables(result: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[st
             times(row["ratio"]),
         ]
         for row in result["rows"]
+    ]
+    figures = [
+        [row["work"], _bar(row), amount(row["value"], row["unit"]), times(_quotient(row["value"], row["bar"]))]
+        for row in result["figures"]
     ]
     others = [
         [
@@ -126,6 +145,7 @@ def tables(result: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[st
     compared = ["package", "work", "takes", "ours", "times ours"]
     found = [
         ("Time and peak memory", ["work", "bar", "measured", "of the bar"], ours),
+        ("Time stepping", ["work", "bar", "measured", "of the bar"], figures),
         ("Other packages in the same run", [*compared, "bar"], others),
         ("Published by others, on other machines", compared, quoted),
     ]

@@ -24,7 +24,7 @@ from .gark import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
 from .loop import integrate as integrate
 from .methods import catalogue as catalogue
 from .methods import method as method
-from .methods.recommended import recommended as recommended
+from .methods.recommendations import recommended as recommended
 from .nystrom import RungeKuttaNystrom as RungeKuttaNystrom
 from .nystrom_splitting import NystromSplitting as NystromSplitting
 from .phase_errors import dispersion_order as dispersion_order
@@ -63,10 +63,10 @@ from .stability_regions import imaginary_stability_interval as imaginary_stabili
 from .stability_regions import real_stability_interval as real_stability_interval
 from .stability_regions import stability_angle as stability_angle
 from .stage_algebra import StageAlgebra as StageAlgebra
-from .steppers.stepper import State as State
-from .steppers.stepper import StepError as StepError
-from .steppers.stepper import Stepper as Stepper
-from .steppers.stepper import stepper as stepper
+from .steppers.states import State as State
+from .steppers.states import StepError as StepError
+from .steppers.stepping import Stepper as Stepper
+from .steppers.stepping import stepper as stepper
 from .tableau import PartitionedRungeKutta as PartitionedRungeKutta
 from .tableau import RungeKutta as RungeKutta
 from .tableau import TableauWarning as TableauWarning

@@ -13,7 +13,7 @@ from typing import Any
 from .errors import IntegratorError
 from .expressions import shorten
 from .recordings import Counts
-from .steppers.stepper import State
+from .steppers.states import State
 from .text_files import atomic_write
 
 DIGESTS = ("start", "compiled steps")

@@ -12,7 +12,8 @@ from .ensemble_statistics import Gathering, Statistics, member_statistics
 from .errors import IntegratorError
 from .executors import MOST_LOSSES
 from .expressions import shorten
-from .steppers.stepper import StepError, stepper
+from .steppers.states import StepError
+from .steppers.stepping import stepper
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from .observers import Observers
     from .program_method import Method
     from .scenes.base import Scene
-    from .steppers.stepper import State, Stepper
+    from .steppers.states import State
+    from .steppers.stepping import Stepper
 
 PATIENCE = 0.1
 """Seconds of steps between two looks at whether the work is still wanted."""

@@ -20,7 +20,8 @@ from .expressions import shorten
 from .observers import observers
 from .run_description import description, identity
 from .runs import Grid
-from .steppers.stepper import StepError, stepper
+from .steppers.states import StepError
+from .steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np

@@ -16,7 +16,8 @@ from .recordings import Contents, Counts, FolderRecording, MemoryRecording
 from .run_description import description, identity
 from .runs import Grid, Run
 from .scenes.blocks import TIME
-from .steppers.stepper import StepError, stepper
+from .steppers.states import StepError
+from .steppers.stepping import stepper
 from .trajectory_files import PART
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def integrate(
     observe_every: int | None = None,
     compensated: bool = True,
     split: bool = True,
-    solver: str = "fixed-point",
+    solver: str = "auto",
     average_nodes: int | None = None,
     control: Any = None,
     progress: Callable[[int, int], object] | None = None,
@@ -72,7 +73,7 @@ def integrate(
         observe_every: Observe the start, every so many-th state, and the last; by default those that are kept.
         compensated: Whether rounding errors of sums are carried on.
         split: Whether coefficients of implicit methods are split, so that their rounding causes no drift.
-        solver: How implicit stages are found: ``fixed-point`` or, for stiff scenes, ``newton``.
+        solver: How implicit stages are found: ``auto``, ``fixed-point`` or ``newton``; see `stepper`.
         average_nodes: How many nodes the quadrature of averages of the field has; see `stepper`.
         control: A function σ(y) as text, for steps of variable size h σ(y); see `stepper`.
         progress: Called with the number of steps made and of all.
@@ -149,7 +150,7 @@ def _completed(
         _make_steps(run, steps, checkpoint, progress)
     except StepError as error:
         run.end()
-        error.trajectory = _closed(run, checkpoint)  # pyright: ignore[reportAttributeAccessIssue]
+        error.trajectory = _closed(run, checkpoint)
         raise
     except BaseException:  # Ctrl-C, or an error of `progress`: the rows of the present chunk may be half written
         state, counts = run.mark

@@ -35,6 +35,12 @@ class ReferenceSolution(NamedTuple):
         high: The solution as doubles, an array (variables, times).
         low: What is missing in them.
         error: How far two solutions of different orders and steps are apart.
+
+    Example:
+        >>> from integrators import scene
+        >>> solution = reference_solution(scene("pendulum"), [1, 2], full=True)
+        >>> solution.high.shape, bool((solution.error < 1e-29).all())
+        ((2, 2), True)
     """
 
     high: np.ndarray

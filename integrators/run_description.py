@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from .observers import Observers
     from .program_method import Method
     from .scenes.base import Scene
-    from .steppers.stepper import State, Stepper
+    from .steppers.states import State
+    from .steppers.stepping import Stepper
 
 
 def description(made: Stepper, seen: Observers, options: dict[str, Any]) -> dict[str, Any]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from .recordings import Counts
-from .steppers.stepper import StepError
+from .steppers.states import StepError
 
 if TYPE_CHECKING:
     from .observers import Observers
     from .recordings import Recording
-    from .steppers.stepper import State, Stepper
+    from .steppers.states import State
+    from .steppers.stepping import Stepper
 
 CHUNK_NUMBERS = 2**21
 """How many numbers are recorded in a chunk at most."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FEWEST_LANES = 8
 MOST_FLAT = 128
 VECTOR = 4
-"""Lanes of one loop are filled up to a multiple of the doubles that are computed at once; what idle lanes give is lost."""
+"""Lanes of one loop are filled up to a multiple of the doubles computed at once; what idle lanes give is lost."""
 MOST_LANES = 4096
 SLOW = {"call", "power"}
 """Operations that have no vector instructions: they take so long that nothing else matters."""

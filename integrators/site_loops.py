@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     import sympy
 
-    from .scenes.system import System
     from .scenes.local_terms import Argument, Data, LocalTerm, Place
+    from .scenes.system import System
     from .scenes.terms import Sites
 
 INDICES = ("i", "j", "k", "l")

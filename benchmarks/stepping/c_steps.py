@@ -68,14 +68,14 @@ def yoshida6_sizes() -> list[float]:
 
 
 @lru_cache(maxsize=1)
-def _folder() -> tempfile.TemporaryDirectory[str]:
+def scratch_folder() -> tempfile.TemporaryDirectory[str]:
     """Where programs are compiled; it is removed when the interpreter ends."""
     return tempfile.TemporaryDirectory()
 
 
 @lru_cache(maxsize=len(STEP_SIZES))
 def _library(scene: str) -> ctypes.CDLL:
-    folder = Path(_folder().name)
+    folder = Path(scratch_folder().name)
     (folder / "coefficients.h").write_text(_coefficients())
     target = folder / f"{scene}.so"
     run_process([*COMPILE, f'-DSCENE="{scene}.h"', f"-I{folder}", str(SOURCES / "steps.c"), "-o", str(target), "-lm"])
@@ -88,7 +88,7 @@ def _coefficients() -> str:
     solar: Any = bs.scene("outer-solar-system").parameters
     lines = [_array("mass", solar["m"]), _array("gravity", [solar["G"] * m for m in solar["m"]])]
     for method in GAUSS:
-        for name, values in _gauss_coefficients(method).items():
+        for name, values in gauss_coefficients(method).items():
             lines.append(_array(f"{method.replace('-', '_')}_{name}", values))
     return "".join(lines)
 
@@ -98,7 +98,7 @@ def _array(name: str, values: Iterable[Any]) -> str:
     return f"static const double {name}[{len(numbers)}] = {{{', '.join(numbers)}}};\n"
 
 
-def _gauss_coefficients(method: str) -> dict[str, list[Any]]:
+def gauss_coefficients(method: str) -> dict[str, list[Any]]:
     """What `gauss.h` needs, each number rounded once: matrices row by row, `ahead` is the extrapolation."""
     import mpmath
 

@@ -113,7 +113,7 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
     help="energy, a first integral, or invariants for all of these; repeatable.",
 )  # fmt: skip
 @click.option("--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state, not those kept.")
-@click.option("--solver", metavar="NAME", default="fixed-point", help="fixed-point, or newton for stiff scenes.")
+@click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
 @click.option("--checkpoint", metavar="FILE", help="Go on from FILE if it is there, and write it meanwhile.")
 @takes_ensemble
 @takes_trajectory_file
@@ -158,7 +158,7 @@ def simulate(
       bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
     """
     from integrators.loop import integrate
-    from integrators.steppers.stepper import StepError
+    from integrators.steppers.states import StepError
 
     h = _number(step, "step")
     count = _steps(h, steps, span)

@@ -60,7 +60,9 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
 
 def _named_pieces(names: Sequence[str], scene: System, parts: Any) -> tuple[Piece, ...]:
     if not isinstance(parts, Mapping) or set(parts) != set(names):
-        raise IntegratorError(f"parts must map {', '.join(names)} to blocks or parts of the scene, but was {parts!r:.60}")
+        raise IntegratorError(
+            f"parts must map {', '.join(names)} to blocks or parts of the scene, but was {parts!r:.60}"
+        )
     blocks = [block.name for block in scene.blocks]
     pieces = []
     for name in names:

@@ -59,7 +59,7 @@ def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
         return None
     found: dict[int, tuple[int, sympy.Expr]] = {}
     for term, output in structure.outputs(piece, (cell,)):
-        for index, source, factor in _entries(term, output) or ():
+        for index, source, factor in _entries(term, output):
             if index in found or factor is None:
                 return None
             found[index] = source, factor
@@ -68,7 +68,8 @@ def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
     if sorted(found) != list(range(first, end)) or len(shifts) != 1:
         return None
     factors = tuple(found[index][1] for index in range(first, end))
-    return Diagonal(first, end, *flow.cells, *shifts, factors[:1] if len(set(factors)) == 1 else factors)
+    (source,), (shift,) = flow.cells, shifts
+    return Diagonal(first, end, source, shift, factors[:1] if len(set(factors)) == 1 else factors)
 
 
 def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr | None]]:

@@ -91,7 +91,8 @@ def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[s
         f"    settled = {' and '.join(small)}",
         "    if settled:",
         "        break",
-        *(f"before{cell} = change{cell}" for cell in cells),
+        # the least so far: rounding errors of several cells may come and go in turn for ever
+        *(f"before{c} = min(before{c}, change{c}) if sweep > 1 else change{c}" for c in cells),
     ]
 
 

@@ -102,7 +102,7 @@ class FormWriter:
         return lines, array
 
     def assignments(self, point: Point, array: str) -> list[tuple[int, str]]:
-        """A statement for each cell of a point, made from y and slopes alone, for a loop over the entries of the cell."""
+        """A statement for each cell of a point, made from y and slopes alone."""
         return [(cell, f"{array}[i] = {self.entry(cell, form)}") for cell, form in point]
 
     def _is_end(self, point: Point) -> bool:

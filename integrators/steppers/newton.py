@@ -35,7 +35,9 @@ def newton_lines(group: Group, writer: StepperSource) -> list[str]:
     matrix = SlopeMatrix(group, writer)
     right = writer.array("right", matrix.size)
     new = {e: writer.array(f"n{k}") for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
-    making = matrix.lines()
+    # the points of the matrix need the slopes that are computed on the way
+    inner = (call for call in group.calls if call.evaluation not in new)
+    making = [*(line for call in inner for line in writer.call_lines(call)), *matrix.lines()]
     forms.forget()
     sweep = [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
     forms.forget()
@@ -47,8 +49,7 @@ def newton_lines(group: Group, writer: StepperSource) -> list[str]:
     sweep += [f"change{cell} = 0" for cell in cells]
     for stretch in matrix.stretches:
         change, x = f"change{stretch.cell}", stretch.entry(right)
-        sweep += stretch.loop(f"k{stretch.evaluation}[i] += {x}")
-        sweep += stretch.loop(f"{change} = max({change}, bits(abs({x})))")
+        sweep += stretch.loop(f"k{stretch.evaluation}[i] += {x}", f"{change} = max({change}, bits(abs({x})))")
     return [
         *start_values(group, writer),
         *(f"before{cell} = BITS_OF_INFINITY" for cell in cells),
@@ -68,10 +69,12 @@ def _ending(group: Group, writer: StepperSource) -> list[str]:
         slopes = ", ".join(f"k{e}" for e, c in group.unknowns if c == cell)
         small = (f"negligible(change{cell}, h, y, {a}, {b}, {slopes})" for a, b in writer.structure.cells[cell])
         lines.append(f"small{cell} = {' and '.join(small)}")
+    over = (f"small{c} and (change{c} == 0 or not falls(change{c}, before{c}, {STALLED}))" for c in cells)
+    slow = (f"not (small{c} or falls(change{c}, before{c}, {SLOW}))" for c in cells)
     zeros = [line for e, cell in group.unknowns for line in writer.forms.loop(cell, [f"k{e}[i] = 0.0"])]
     return [
         *lines,
-        f"if {' and '.join(f'small{c} and (change{c} == 0 or not falls(change{c}, before{c}, {STALLED}))' for c in cells)}:",
+        f"if {' and '.join(over)}:",
         "    settled = True",
         "    break",
         f"if sweep == {PATIENCE} or {' or '.join(f'failed(change{cell})' for cell in cells)}:",
@@ -81,6 +84,7 @@ def _ending(group: Group, writer: StepperSource) -> list[str]:
         *indented(zeros),
         *(f"    before{cell} = BITS_OF_INFINITY" for cell in cells),
         "    continue",
-        f"stale = again or {' or '.join(f'not (small{c} or falls(change{c}, before{c}, {SLOW}))' for c in cells)}",
-        *(f"before{cell} = change{cell}" for cell in cells),
+        f"stale = again or {' or '.join(slow)}",
+        # the least so far: rounding errors of several cells may come and go in turn for ever
+        *(f"before{cell} = min(before{cell}, change{cell})" for cell in cells),
     ]

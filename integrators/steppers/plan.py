@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from graphlib import CycleError, TopologicalSorter
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 from .nodes import Form, Key, Node, Point
@@ -88,14 +90,11 @@ class _Planner:
 
     def _components(self) -> list[list[Key]]:
         """The strongly connected components of the slopes, those that others depend on first."""
-        import networkx as nx
-
-        graph = nx.DiGraph()
-        graph.add_nodes_from(self.nodes)
-        graph.add_edges_from((other, key) for key, node in self.nodes.items() for other in node.reads)
-        condensed = nx.condensation(graph)
-        members = {c: sorted(condensed.nodes[c]["members"]) for c in condensed}
-        return [members[c] for c in nx.lexicographical_topological_sort(condensed, key=members.__getitem__)]
+        needs = {key: node.reads & self.nodes.keys() for key, node in self.nodes.items()}
+        try:
+            return [[key] for key in _ordered(needs)]
+        except CycleError:
+            return _strong_components(needs)
 
     def _add_group(self, keys: Sequence[Key]) -> None:
         """Add the group of these slopes; those of linear cells are put into the points of the others."""
@@ -214,7 +213,7 @@ def _forms(work: Call | Group, cell: int) -> list[Form]:
 
 
 def _without(work: Call | Group, cell: int, kick: Form) -> Call | Group:
-    """The work with the state after a kick in place of y in a cell, which the call that makes the kick does not read."""
+    """The work with the state after a kick in place of y in a cell."""
     if isinstance(work, Group):
         return work._replace(calls=tuple(_without(call, cell, kick) for call in work.calls))
     points = tuple(
@@ -222,6 +221,36 @@ def _without(work: Call | Group, cell: int, kick: Form) -> Call | Group:
         for point in work.node.points
     )
     return work._replace(node=work.node._replace(points=points))
+
+
+def _ordered(needs: Mapping[Key, Iterable[Key]]) -> list[Key]:
+    """Slopes after those that they need, and otherwise in ascending order.
+
+    Raises:
+        CycleError: Some need one another, or themselves.
+    """
+    sorter = TopologicalSorter(needs)
+    sorter.prepare()
+    waiting, found = list(sorter.get_ready()), []
+    heapify(waiting)
+    while waiting:
+        found.append(heappop(waiting))
+        sorter.done(found[-1])
+        for key in sorter.get_ready():
+            heappush(waiting, key)
+    return found
+
+
+def _strong_components(needs: Mapping[Key, Iterable[Key]]) -> list[list[Key]]:
+    """Sets of slopes that need one another, after those that they need."""
+    import networkx as nx  # takes longer to import than an explicit method takes to plan
+
+    graph = nx.DiGraph()
+    graph.add_nodes_from(needs)
+    graph.add_edges_from((other, key) for key, others in needs.items() for other in others)
+    condensed = nx.condensation(graph)
+    members = {c: sorted(condensed.nodes[c]["members"]) for c in condensed}
+    return [members[c] for c in nx.lexicographical_topological_sort(condensed, key=members.__getitem__)]
 
 
 def _moved(point: Point, result: Mapping[int, Form]) -> Point:

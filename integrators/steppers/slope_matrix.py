@@ -7,6 +7,7 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from ..site_loops import indented
 from .nodes import Key, Node, Point
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ class Stretch(NamedTuple):
         shift = self.first - self.a
         return f"{array}[i]" if shift == 0 else f"{array}[i {'+' if shift > 0 else '-'} {abs(shift)}]"
 
-    def loop(self, line: str) -> list[str]:
+    def loop(self, *lines: str) -> list[str]:
         """A loop over the entries."""
-        return [f"for i in range({self.a}, {self.b}):", f"    {line}"]
+        return [f"for i in range({self.a}, {self.b}):", *indented(lines)]
 
 
 class SlopeMatrix:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,17 +16,19 @@ from ..codegen import ModuleText
 from ..site_loops import indented
 from .adaptive import ControlText, control_text
 from .averages import average_lines
+from .carried_slopes import carrying_lines, end_lines, kick_lines, memory_lines
 from .derivatives import derivative_lines
 from .diagonals import diagonal
+from .field_calls import field_call_lines
 from .fixed_point import first_values, fixed_point_lines
 from .flows import flow_lines
-from .forms import FormWriter, scaled
+from .forms import FormWriter
 from .functions import Functions
 from .linear_systems import resolvent_lines
 from .newton import newton_lines
-from .nodes import Form
 from .plan import Call, Group, plan
 from .registers import allocate
+from .work_arrays import WorkArrays
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,9 +36,6 @@ if TYPE_CHECKING:
 
     from .nodes import Key, Nodes
 
-MOST_STACK = 32_768
-"""Doubles of work arrays that are put on the stack; beyond, they lie in an array of the caller's."""
-MOST_SCALARS = 16
 SLOPE = re.compile(r"\bk(\d+)\b")
 
 TEMPLATE = '''\
@@ -108,7 +106,7 @@ def stepper_text(
     return StepperSource(*arguments, once).text()
 
 
-class StepperSource:
+class StepperSource(WorkArrays):
     """Collects the parts of a stepper's module.
 
     Attributes:
@@ -137,9 +135,8 @@ class StepperSource:
         self.averaged: object = None
         self.known: dict[object, str] = {}
         self.matrices: dict[object, str] = {}
-        self.numbers: list[Callable[[float], np.ndarray]] = []
+        super().__init__(nodes.structure.scene.dimension, ModuleText(precise=False, lanes=True))
         self.nodes, self.structure, self.plan = nodes, nodes.structure, plan(nodes, stagger=control is None)
-        self.module = ModuleText(precise=False, lanes=True)
         self.functions = Functions(self.structure, self.module)
         implicit = any(isinstance(work, Group) for work in self.plan.work)
         self.forms = FormWriter(
@@ -150,30 +147,8 @@ class StepperSource:
             split and bool(self._iterated),
         )
         self.compensated = compensated
-        self._number_count = 0
-        self._constants: dict[str, str] = {}
-        self._sizes = dict.fromkeys(["y", "z", "d", *(["e"] * compensated)], self.structure.scene.dimension)
-
-    def array(self, name: str, size: int | None = None) -> str:
-        """The name of a work array; by default it has the size of the state."""
-        self._sizes[name] = max(self._sizes.get(name, 0), size or self.structure.scene.dimension)
-        return name
-
-    def constants(self, values: Sequence[sympy.Expr]) -> str:
-        """A pointer to constants: unlike an array it is not asked whether indices are negative."""
-        name = self.module.numbers(values)
-        return self._constants.setdefault(name, name.lower())
-
-    def number_array(self, count: int, values: Callable[[float], np.ndarray]) -> str:
-        """The beginning of an array of numbers that depend on the step size only, as a pointer.
-
-        Args:
-            count: How many there are.
-            values: Computes them from h.
-        """
-        self.numbers.append(values)
-        self._number_count += count
-        return f"shifted(constants, {self._number_count - count})"
+        for name in ("y", "z", "d", *(["e"] * compensated)):
+            self.array(name)
 
     def read_once(self) -> frozenset[Key]:
         """Slopes of diagonal pieces that only the next call reads, so that they can be written as part of its point."""
@@ -181,14 +156,14 @@ class StepperSource:
         uses = Counter(int(e) for lines in pieces for line in lines for e in SLOPE.findall(line))
         found: set[Key] = set()
         for (call, lines), (following, later) in pairwise(self._log):
-            e, cells = call.evaluation, call.cells
-            chosen = diagonal(self.structure, call.node.piece, cells[0]) if call.node.kind == "field" else None
-            if chosen is None or len(cells) > 1 or {e} & {end for end, _ in self.plan.carried.values()}:
+            e, (cell, *others) = call.evaluation, call.cells
+            chosen = diagonal(self.structure, call.node.piece, cell) if call.node.kind == "field" else None
+            if chosen is None or others or (e, cell) in self.plan.carried.values():
                 continue
-            own, others = (sum(SLOPE.findall(x).count(str(e)) for x in text) for text in (lines, later))
-            read = {cell for point in following.node.points for cell, _ in point}
-            if own and uses[e] == own + others and chosen.source not in read:
-                found.add((e, cells[0]))
+            here = sum(SLOPE.findall(line).count(str(e)) for line in (*lines, *later))
+            read = {source for point in following.node.points for source, _ in point}
+            if uses[e] == here and chosen.source not in read:
+                found.add((e, cell))
         return frozenset(found)
 
     def _pieces(self, planned: Sequence[Call | Group]) -> list[list[str]]:
@@ -207,17 +182,21 @@ class StepperSource:
         registers = self._registers(planned, pieces)
         for register in sorted(set(registers.values())):
             self.array(f"k{register}")
-        load, store, memory = self._memory_lines()
-        body = [*(line for lines in pieces for line in lines), *self._carrying_lines(registers)]
+        unknowns = [key for group in self._iterated for key in group.unknowns]
+        load, store, memory = memory_lines(self.plan, self.structure, unknowns)
+        body = [*(line for lines in pieces for line in lines), *carrying_lines(self.plan, self.forms, registers)]
         control = ControlText() if self.control is None else control_text(self.control, self)
-        first += self._kick_lines()
+        first += kick_lines(self.plan, self.forms)
         slopes = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         slopes += ["else:", *indented(load)] if memory else []
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
         steps = [*control.load, *slopes, *loop, *store, *control.store]
-        arrays, work = self._array_lines()
+        arrays, work = self.array_lines(in_loops=bool(self._iterated))
         lines = [*arrays, *self._state_lines("y[i] = source[i]", "e[i] = lost[i]"), *_renamed(steps, registers)]
-        lines += [*self._state_lines("source[i] = y[i]", "lost[i] = e[i]"), *_renamed(self._end_lines(), registers)]
+        lines += [
+            *self._state_lines("source[i] = y[i]", "lost[i] = e[i]"),
+            *_renamed(end_lines(self.plan, self.forms), registers),
+        ]
         lines.append("return done")
         self.functions.write()
         self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@kept")
@@ -281,106 +260,14 @@ class StepperSource:
         joined = {end[0]: start[0] for start, end in self.plan.carried.items()}
         return allocate(reads, writes, kept, joined)
 
-    def _kick_lines(self) -> list[str]:
-        """Statements that begin a run whose steps begin after their first kick."""
-        lines: list[str] = []
-        for cell, kick in self.plan.staggered.items():
-            lines += self.forms.update(cell, Form(Fraction(1), (kick,)))
-        return lines
-
-    def _end_lines(self) -> list[str]:
-        """Statements for the state that others see: that before the first kick of the next step."""
-        lines: list[str] = []
-        for cell, (e, x) in self.plan.staggered.items():
-            lines += self.forms.loop(cell, [f"source[i] = y[i] - h*{scaled(f'k{e}[i]', x)}"])
-        return lines
-
-    def _carrying_lines(self, registers: Mapping[int, int]) -> list[str]:
-        """Statements that hand slopes at the end of a step to the next one, where they are not in place already."""
-        lines: list[str] = []
-        for (start, cell), (end, _) in self.plan.carried.items():
-            if registers[start] != registers[end]:
-                lines += self.forms.loop(cell, [f"k{start}[i] = k{end}[i]"])
-        return lines
-
-    def _memory_lines(self) -> tuple[list[str], list[str], int]:
-        """Statements that load and store what is kept from step to step, and its size."""
-        keys: list[Key] = [*self.plan.carried, *(key for group in self._iterated for key in group.unknowns)]
-        load: list[str] = []
-        store: list[str] = []
-        size = 0
-        for e, cell in keys:
-            for a, b in self.structure.cells[cell]:
-                index = f"m[i + {size - a}]" if size >= a else f"m[i - {a - size}]"
-                load += [f"for i in range({a}, {b}):", f"    k{e}[i] = {index}"]
-                store += [f"for i in range({a}, {b}):", f"    {index} = k{e}[i]"]
-                size += b - a
-        for cell in self.plan.staggered:
-            for a, b in self.structure.cells[cell]:
-                index = f"m[i + {size - a}]" if size >= a else f"m[i - {a - size}]"
-                load += [f"for i in range({a}, {b}):", f"    y[i] = {index}"]
-                store += [f"for i in range({a}, {b}):", f"    {index} = y[i]"]
-                size += b - a
-        return load, store, size
-
     def _state_lines(self, line: str, compensating: str) -> list[str]:
         """A loop over the whole state."""
         lines = [line, *([compensating] * self.compensated)]
         return [f"for i in range({self.structure.scene.dimension}):", *indented(lines)]
 
-    def _is_on_stack(self, total: int) -> bool:
-        """Whether work arrays lie on the stack, each by itself.
-
-        LLVM then knows that they do not overlap, as loops need to be vectorised; but of straight-line code it makes
-        vector instructions for arrays in one block of memory only, as it would put those on the stack in registers.
-        """
-        iterated = bool(self._iterated)
-        return total <= MOST_STACK and (iterated or self.structure.scene.dimension <= MOST_SCALARS)
-
-    def _array_lines(self) -> tuple[list[str], int]:
-        """Work arrays: on the stack, if they are not too large."""
-        names = {"source": "state", "lost": "carry", "m": "memory", "constants": "numbers"}
-        names |= {name: array for array, name in self._constants.items()}
-        lines = [f"{name} = pointer({array})" for name, array in names.items()]
-        total = sum(self._sizes.values())
-        if self._is_on_stack(total):
-            return [*lines, *(f"{name} = stack({size})" for name, size in self._sizes.items())], 0
-        lines.append("w = pointer(work)")
-        offset = 0
-        for name, size in self._sizes.items():
-            lines.append(f"{name} = shifted(w, {offset})")
-            offset += size
-        return lines, total
-
-
-def _field_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
-    """A piece of the field at a point; cells where it only scales are written as loops, or not before they are read."""
-    point, piece, forms = call.node.points[0], call.node.piece, writer.forms
-    scaling = {cell: diagonal(writer.structure, piece, cell) for cell in call.cells}
-    if len(call.cells) == 1 and (call.evaluation, call.cells[0]) in writer.once and forms.in_group:
-        chosen = scaling[call.cells[0]]
-        assert chosen is not None  # read_once has found it
-        text = forms.entry(chosen.source, dict(point)[chosen.source])
-        forms.inlined[call.evaluation, call.cells[0]] = chosen.scaled(text, writer)
-        return []
-    lines, at = forms.point(point, "z")
-    others = []
-    for cell, chosen in scaling.items():
-        if chosen is None:
-            others.append(cell)
-            continue
-        text = chosen.scaled(f"{at}[i]", writer)
-        if (call.evaluation, cell) in writer.once:
-            forms.inlined[call.evaluation, cell] = text
-        else:
-            lines += forms.loop(cell, [f"{target}[i] = {text}"])
-    if others:
-        lines.append(f"{writer.functions.field(piece, others)}({at}, {target})")
-    return lines
-
 
 CALLS = {
-    "field": _field_lines,
+    "field": field_call_lines,
     "derivative": derivative_lines,
     "average": average_lines,
     "flow": flow_lines,

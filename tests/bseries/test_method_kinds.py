@@ -8,7 +8,7 @@ import sympy
 from power_series_oracle import ORDER, coefficients, partial, value
 
 import bseries as bs
-from integrators.methods.recommended import RECOMMENDED, recommended
+from integrators.methods.recommendations import RECOMMENDED, recommended
 from integrators.program import Program
 
 

@@ -10,7 +10,8 @@ import pytest
 from integrators import IntegratorError, ProgramBuilder, Scene, scene
 from integrators.codegen import compiled_scene
 from integrators.steppers.adaptive import DENSITY, RATE, TIME
-from integrators.steppers.stepper import StepError, stepper
+from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 SIZE = "(q1^2 + q2^2)^(3/4)"
 """Steps on a Kepler orbit that are proportional to the time of free fall."""

@@ -16,7 +16,8 @@ from integrators.scenes.local_terms import output_formula
 from integrators.scenes.parts import pieces_of
 from integrators.steppers.phi_functions import BITS, doubles, fixed_point, phi_functions
 from integrators.steppers.quadrature import gauss_legendre
-from integrators.steppers.stepper import StepError, stepper
+from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 
 def piece_fields(system, names):

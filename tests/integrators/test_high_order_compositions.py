@@ -21,7 +21,7 @@ from power_series_oracle import random_field
 from integrators import IntegratorError, Splitting, adjoint_method, catalogue, composition, lie_trotter, method, strang
 from integrators.composition_schemes import adjoint_composition, symmetric_composition
 from integrators.force_gradient import ForceGradient
-from integrators.methods.recommended import RECOMMENDED, recommended
+from integrators.methods.recommendations import RECOMMENDED, recommended
 from integrators.methods.symmetric_compositions import SCHEMES
 from integrators.nystrom_splitting import NystromSplitting
 from integrators.plain_steps import block_parts, plain_step

@@ -14,7 +14,8 @@ import sympy
 from integrators import IntegratorError, ProgramBuilder, method, scene
 from integrators.codegen import compiled_scene
 from integrators.plain_steps import block_parts, plain_steps
-from integrators.steppers.stepper import StepError, stepper
+from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 VALUES = {
     "sdirk2": {"gamma": "1/3"},
@@ -68,7 +69,7 @@ def plain(chosen, name):
         blocks = {block.name: range(block.offset, block.end) for block in system.blocks}
         fields, derivatives = block_parts(field, blocks), block_parts(derivative, blocks)
     h = STEP_SIZES.get(name, 0.05)
-    return plain_steps(chosen, fields, system.y0, h, STEPS, derivative=derivatives, digits=30)[:, -1]
+    return plain_steps(chosen, fields, list(system.y0), h, STEPS, derivative=derivatives, digits=30)[:, -1]
 
 
 def steps(chosen, name, **options):
@@ -101,12 +102,9 @@ CASES = [
     ("kahan", "lotka-volterra", "newton"),
     ("avf", "lotka-volterra", "newton"),
     ("gauss2", "kepler", "newton"),
-    ("gauss2", "double-pendulum", "newton"),
-    ("crouzeix3", "kepler", "newton"),
-    ("gauss-gauss2", "double-pendulum", "newton"),
-    ("lobatto-iiia-iiib3", "double-pendulum", "newton"),
+    ("lobatto-iiia-iiib2", "double-pendulum", "newton"),
     ("lobatto-iiic2", "kepler", "fixed-point"),
-    ("radau-iia2", "double-pendulum", "fixed-point"),
+    ("gauss2", "double-pendulum", "fixed-point"),
 ]
 
 
@@ -161,11 +159,11 @@ def test_stiff_linear_systems_to_rounding(name):
 # Orders
 
 
-@pytest.mark.parametrize(("name", "order"), [("gauss2", 4), ("radau-iia2", 3), ("rodas4", 4), ("implicit-euler", 1)])
+@pytest.mark.parametrize(("name", "order"), [("gauss2", 4), ("radau-iia2", 3), ("rodas4", 4)])
 def test_order_on_the_brusselator(name, order):
-    reference = stepper(scene("brusselator"), "gauss4")
-    exact = reference.start(h=1 / 400)
-    reference.advance(exact, 400)
+    reference = stepper(scene("brusselator"), "rodas4")
+    exact = reference.start(h=1 / 4000)
+    reference.advance(exact, 4000)
     errors = []
     for count in (100, 200):
         compiled = stepper(scene("brusselator"), method(name), solver="newton")
@@ -231,6 +229,14 @@ def test_recording_goes_on_with_the_row_after_the_change():
 def test_fixed_points_are_kept_where_they_converge():
     assert steps(method("gauss2"), "kepler").solver == "fixed-point"
     assert steps(method("implicit-euler"), "van-der-pol").solver == "newton"
+
+
+def test_rounding_errors_that_come_and_go_in_turn_are_no_failure():
+    """In step 10,217 momenta and angles change in every other sweep each, for ever."""
+    compiled = stepper(scene("double-pendulum"), "gauss2", solver="fixed-point")
+    state = compiled.start(h=0.02)
+    compiled.advance(state, 11000)
+    assert state.n == 11000
 
 
 def test_failure_is_told_with_the_last_good_state():

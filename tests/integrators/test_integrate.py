@@ -18,7 +18,7 @@ from integrators import IntegratorError, Scene, loop, method, runs, scene
 from integrators.loop import integrate
 from integrators.observers import observers
 from integrators.plain_steps import block_parts, plain_steps
-from integrators.steppers.stepper import StepError
+from integrators.steppers.states import StepError
 from integrators.trajectory_files import load_trajectory
 
 PENDULUM = scene("pendulum")

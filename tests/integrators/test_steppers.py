@@ -9,12 +9,15 @@ import integrators as bi
 from integrators.codegen import compiled_scene
 
 PENDULUM = bi.scene("pendulum")
+ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]
 RING = bi.Scene(
     {"p": 12, "q": 12},
     terms=[
         bi.Term(over="each", hamiltonian="p_i^2/(2*m_i)"),
         bi.Term(over="ring", hamiltonian="(q_i - q_j)^2/2 + k_i*(q_i - q_j)^4/sqrt(1 + q_j^2)"),
-        bi.Term(over=[[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]], hamiltonian="q_i^2*q_j"),
+        bi.Term(
+            over=[[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]], hamiltonian="q_i^2*q_j"
+        ),
     ],
     parameters={"m": list(range(1, 13)), "k": [f"{k}/7" for k in range(12)]},
     start={"p": [f"{k}/10" for k in range(12)], "q": [f"{k * k % 7}/5" for k in range(12)]},
@@ -105,7 +108,9 @@ def test_compensation_keeps_what_sums_lose():
 def test_a_step_that_fails_leaves_the_last_good_state():
     stepper = bi.stepper(bi.parse_scene("y' = y^2"), "rk4")
     state, rows = stepper.start([1.0], h=0.001), np.full((60, 1), np.nan)
-    with pytest.raises(bi.StepError, match=r"rk4 on .*, but with h = 0.001 step 1003, from t = 1.002, did not end in") as e:
+    with pytest.raises(
+        bi.StepError, match=r"rk4 on .*, but with h = 0.001 step 1003, from t = 1.002, did not end in"
+    ) as e:
         stepper.record(state, 6000, y_every=100, y_rows=rows)
     assert (e.value.step, state.n) == (1003, 1002)
     assert e.value.y == state.y

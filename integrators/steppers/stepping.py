@@ -1,4 +1,4 @@
-"""Stepper: a method on a scene, compiled. State: all that a run goes on from."""
+"""Stepper: a method on a scene, compiled."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from ..program import Program
 from ..scenes.base import Scene
 from ..scenes.degrees import Piece
 from ..scenes.parts import pieces_of
-from .adaptive import TIME, read_control, start_control
+from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
 from .source import Text, stepper_text
+from .states import State, StepError
 from .structure import Structure
 
 if TYPE_CHECKING:
@@ -29,65 +30,6 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "fixed-point", "newton")
 
 
-class StepError(IntegratorError):
-    """A step that could not be made.
-
-    Attributes:
-        step: Its number, from 1.
-        t: The time at which it began.
-        y: The state at which it began.
-    """
-
-    def __init__(self, message: str, step: int, t: float, y: np.ndarray):
-        super().__init__(message)
-        self.step, self.t, self.y = step, t, y
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return StepError, (str(self), self.step, self.t, self.y)
-
-
-class State:
-    """Where a run is: a copy of it goes on bit for bit as the run itself.
-
-    Attributes:
-        y: The state of the system, (variables,).
-        carry: Rounding errors of the sums so far that are not yet in y, (variables,).
-        memory: Slopes of the last step that the next one uses.
-        control: With variable steps their density, its rate, the time and its rounding errors so far; else empty.
-        n: The number of steps so far.
-        h: The step size; with variable steps the factor ε of h = ε σ(y).
-        t0: The time at n = 0.
-        is_fresh: Whether `memory` is still to be computed.
-        solver: How implicit stages are found from here on: ``fixed-point`` or ``newton``.
-    """
-
-    __slots__ = ("carry", "control", "h", "is_fresh", "memory", "n", "solver", "t0", "y")
-
-    def __init__(self, y: np.ndarray, h: float, t0: float, memory: int, solver: str):
-        import numpy as np
-
-        self.y, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
-        self.control = np.zeros(0)
-        self.n, self.h, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver
-
-    @property
-    def t(self) -> float:
-        """The time: t0 + n h, or with variable steps the compensated sum of these."""
-        return float(self.control[TIME]) if len(self.control) else self.t0 + self.n * self.h
-
-    def copy(self) -> State:
-        """A state that does not change when this one does."""
-        other = State.__new__(State)
-        other.assign(self)
-        return other
-
-    def assign(self, other: State) -> None:
-        """Become a copy of another state."""
-        self.y, self.carry, self.memory = other.y.copy(), other.carry.copy(), other.memory.copy()
-        self.control = other.control.copy()
-        self.n, self.h, self.t0, self.is_fresh, self.solver = other.n, other.h, other.t0, other.is_fresh, other.solver
-
-
 class Stepper:
     """Compiled steps of a method on a scene; made by `stepper`.
 
@@ -96,6 +38,14 @@ class Stepper:
         method: The method.
         source: The source of the compiled steps, those that a run begins with.
         control: The function of step sizes; None if all are the same.
+
+    Example:
+        >>> from integrators import scene
+        >>> made = stepper(scene("kepler"), "gauss2")
+        >>> made
+        <Stepper gauss2 on kepler>
+        >>> "while done < steps:" in made.source
+        True
     """
 
     def __init__(self, scene: Scene, method: Method, parts: Any, control: Any, options: Mapping[str, Any]):
@@ -114,6 +64,7 @@ class Stepper:
     def _text(self, solver: str) -> Text:
         return stepper_text(self._nodes, solver=solver, control=self.control, **self._options)
 
+    @cache  # noqa: B019
     def _compiled(self, solver: str) -> Any:
         """The module with the functions ``advance`` and ``record``."""
         from . import flow_kernels, iteration, linear_algebra, machine, recording
