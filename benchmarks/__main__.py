@@ -79,7 +79,7 @@ def main(pattern: str, rounds: int, full: bool, json_file: str | None, page: str
     selected = chosen(cases(), pattern, full)
     versions = rival_versions(rivals)
     others = chosen(rival_cases(rivals, versions), pattern, full)
-    further = chosen(measurements(), pattern, full)
+    further = chosen(measurements(rivals), pattern, full)
     if not selected and not further:
         raise click.BadParameter(f"no row has a name like {pattern!r}", param_hint="--only")
     rows = [*calibration_cases(), *selected]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.scenes.degrees import Piece, degrees
 from integrators.scenes.expansion import flat_field
-from integrators.scenes.parts import pieces_of
+from integrators.scenes.parts import check_kind, pieces_of
 from trees.counting import count_trees
 from trees.kernels import graft
 from trees.table import TreeTable, tree_table
@@ -62,9 +62,7 @@ def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None)
         raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
     pieces = pieces_of(method.names, scene, parts)
     bounds = degrees(scene, pieces)
-    own = own_trees(method)
-    if own is not None:
-        _check_kind(method, own, bounds, scene)
+    check_kind(method.name, own_trees(method), pieces, scene)
     table = tree_table(order, len(pieces), bounds)
     choices = [SceneTrees(pieces, table, table, sum(count_trees(order, len(pieces))))]
     if len(pieces) == 1 and len(scene.blocks) > 1:
@@ -74,17 +72,6 @@ def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None)
             total = sum(count_trees(order, len(blocks)))
             choices.append(SceneTrees(blocks, tree_table(order, len(blocks), finer), table, total))
     return min(choices, key=lambda choice: len(choice.table))
-
-
-def _check_kind(method: Method, own: Sequence[Sequence[Any]], bounds: Sequence[Sequence[Any]], scene: Scene) -> None:
-    """Refuse a scene with elementary differentials beyond those that a method for special systems is made for."""
-    for mine, theirs in zip(own, bounds, strict=True):
-        for allowed, found in zip(mine, theirs, strict=False):
-            if allowed is not None and (found is None or found > allowed):
-                raise SeriesError(
-                    f"scene must be of the kind that {method.name} is meant for, such as q'' = g(q), but {scene.name} "
-                    "depends on more"
-                )
 
 
 def trees_of_series(series: BSeries, scene: Scene, parts: Any = None) -> SceneTrees:

@@ -141,6 +141,8 @@ class Members:
         """
         s = self.settings
         start = y0 if s.sample is None else s.sample(member_generator(s.seed, member))
+        if start is None and s.sample is not None:
+            raise IntegratorError("sample must give the start of a member, but gave None")
         return self.stepper.start(start, h=s.h, t0=s.t0)
 
     def run(self, state: State, values: np.ndarray) -> None:

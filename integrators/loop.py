@@ -18,6 +18,7 @@ from .runs import Grid, Run
 from .scenes.blocks import TIME
 from .steppers.states import StepError
 from .steppers.stepping import stepper
+from .text_files import check_path
 from .trajectory_files import PART
 
 if TYPE_CHECKING:
@@ -118,6 +119,8 @@ def integrate(
     options |= {**numerics, "control": None if control is None else str(control)}
     if not isinstance(checkpoint_every, int | float) or not checkpoint_every >= 0:
         raise IntegratorError(f"checkpoint_every must be seconds, 0 or more, but was {shorten(repr(checkpoint_every))}")
+    if progress is not None and not callable(progress):
+        raise IntegratorError(f"progress must be a function of two numbers, but was {shorten(repr(progress))}")
     target, path = _path(to, "to"), _path(checkpoint, "checkpoint")
     if path is not None and path == target:
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
@@ -201,9 +204,7 @@ def _count(value: Any, argument: str, least: int) -> int:
 
 
 def _path(value: Any, argument: str) -> str | None:
-    if value is not None and not isinstance(value, str | os.PathLike):
-        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(value))}")
-    return None if value is None else os.fspath(value)
+    return None if value is None else check_path(value, argument)
 
 
 def _start(scene: Scene, t0: float) -> Any:

@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from .errors import IntegratorError
 from .expressions import shorten
@@ -19,6 +19,8 @@ from .trajectory_files import RUN, load_trajectory
 if TYPE_CHECKING:
     import numpy as np
 
+LOCK = "lock"
+"""The file that a run holds locked in its folder."""
 SMALL = 2**28
 """Bytes that are always there."""
 
@@ -169,8 +171,9 @@ class FolderRecording(Recording):
         run = {"variables": contents.variables, "observed": contents.names, "h": contents.h}
         run |= {"same_times": contents.same_times, "meta": contents.meta}
         path = os.path.join(folder, RUN)
-        if target is not None and os.path.isdir(target):
-            raise IntegratorError(f"to must be a file, but {shorten(target, 200)} was a folder")
+        if target is not None and os.path.exists(target) and not os.path.isfile(target):
+            what = "a folder" if os.path.isdir(target) else "a pipe or a device"
+            raise IntegratorError(f"to must be a file, but {shorten(target, 200)} was {what}")
         try:
             if counts is None:
                 self._check_room()
@@ -180,6 +183,7 @@ class FolderRecording(Recording):
                 raise IntegratorError(
                     f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
                 )
+            self._lock = _locked(folder)
             atomic_write(path, json.dumps(run, ensure_ascii=False))
             self._open(counts or Counts())
         except OSError as error:
@@ -206,6 +210,7 @@ class FolderRecording(Recording):
     def cut(self, counts: Counts) -> None:
         """Keep only so many rows, whatever was being written."""
         self.close()
+        self._lock = _locked(self._folder)
         self._open(counts)
 
     def sync(self) -> None:
@@ -217,6 +222,7 @@ class FolderRecording(Recording):
         """Leave what is there to be gone on from."""
         for table in self._tables.values():
             table.close()
+        self._lock.close()
 
     def finish(self) -> Trajectory:
         """The trajectory, in its file and mapped from there, or in memory."""
@@ -229,11 +235,30 @@ class FolderRecording(Recording):
 
     def clear(self) -> None:
         """Take the folder away."""
-        for path in (*map(self._path, Rows._fields), os.path.join(self._folder, RUN)):
+        for path in (*map(self._path, Rows._fields), *(os.path.join(self._folder, name) for name in (RUN, LOCK))):
             if os.path.exists(path):
                 os.unlink(path)
         with suppress(OSError):  # there is something else in it
             os.rmdir(self._folder)
+
+
+def _locked(folder: str) -> IO[bytes]:
+    """An open file that keeps other runs out of a folder until it is closed, or the process ends.
+
+    Raises:
+        IntegratorError: Another run is there.
+    """
+    file = open(os.path.join(folder, LOCK), "wb")  # noqa: SIM115  # it stays open
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except ImportError:  # not a POSIX system: runs there are not kept apart
+        pass
+    except OSError:
+        file.close()
+        raise IntegratorError(f"{shorten(folder, 200)} must be of one run, but another one is writing there") from None
+    return file
 
 
 def _check_memory(contents: Contents) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from .errors import IntegratorError
@@ -57,8 +58,6 @@ def _decode(raw: bytes, label: str) -> str:
 def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Write a file so that it is either complete or as it was before, whatever interrupts.
 
-    The content goes to a new file beside it, which then takes its name; links are followed, permissions kept.
-
     Args:
         path: the file.
         content: bytes, or text to be written as UTF-8.
@@ -66,34 +65,63 @@ def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
     Raises:
         IntegratorError: the file cannot be written.
     """
-    name = os.fspath(path)
+    with replacing(path) as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """A new file beside another, which takes its name when all is written; links are followed, permissions kept.
+
+    A pipe or a device has no content to protect, and is written to itself.
+
+    Args:
+        path: the file.
+
+    Raises:
+        IntegratorError: the file cannot be written.
+    """
+    name = check_path(path, "path")
     temporary = None
     try:
-        data = content if isinstance(content, bytes) else content.encode()
         target = os.path.realpath(name)
         if os.path.exists(target) and not os.path.isfile(target) and not os.path.isdir(target):
-            with open(target, "wb") as device:  # a pipe or a device has no content to protect
-                device.write(data)
+            with open(target, "wb") as device:
+                yield device
             return
         if os.path.isfile(target) and not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
         temporary = os.path.join(os.path.dirname(target), f".{os.urandom(8).hex()}.tmp")
         with open(temporary, "xb") as file:
-            file.write(data)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         if os.path.isfile(target):
             os.chmod(temporary, os.stat(target).st_mode & 0o7777)
         os.replace(temporary, target)
+    except IntegratorError:
+        raise
     except (OSError, ValueError) as error:
-        _remove(temporary)
         reason = getattr(error, "strerror", None) or str(error)
         raise IntegratorError(f"{shorten(name, 200)} must be a writable file, but was not: {reason}") from None
-    except BaseException:
-        _remove(temporary)
-        raise
+    finally:
+        if temporary is not None and os.path.lexists(temporary):
+            os.unlink(temporary)
 
 
-def _remove(path: str | None) -> None:
-    if path is not None and os.path.lexists(path):
-        os.unlink(path)
+def check_path(path: Any, argument: str) -> str:
+    """A path as text.
+
+    Args:
+        path: what a user gives.
+        argument: what messages call it.
+
+    Raises:
+        IntegratorError: it is none.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(path))}")
+    name = os.fspath(path)
+    if not isinstance(name, str) or not name or "\0" in name:
+        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(name))}")
+    return name

@@ -10,12 +10,11 @@ import json
 import os
 import struct
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import IntegratorError
 from .expressions import shorten
+from .text_files import check_path, replacing
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -81,7 +80,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         ...     load_trajectory(path)
         <Trajectory of 1 variables: 3 states from t = 0 to 2>
     """
-    name = os.fspath(path)
+    name = check_path(path, "path")
     try:
         if os.path.isdir(name) or (not os.path.exists(name) and os.path.isdir(name + PART)):
             return _from_arrays(folder_arrays(name if os.path.isdir(name) else name + PART))
@@ -146,29 +145,3 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     offset = member.header_offset + LOCAL_HEADER + sum(lengths) + header
     order = "F" if is_fortran else "C"
     return np.memmap(archive.filename, dtype=kind, mode="r", offset=offset, shape=shape, order=order)
-
-
-@contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
-    """A new file beside another, which takes its name when all is written.
-
-    Raises:
-        IntegratorError: The file cannot be written.
-    """
-    name = os.fspath(path)
-    target = os.path.realpath(name)
-    temporary = os.path.join(os.path.dirname(target), f".{os.urandom(8).hex()}.tmp")
-    try:
-        with open(temporary, "xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        if os.path.isfile(target):
-            os.chmod(temporary, os.stat(target).st_mode & 0o7777)
-        os.replace(temporary, target)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(f"{shorten(name, 200)} must be a writable file, but was not: {reason}") from None
-    finally:
-        if os.path.lexists(temporary):
-            os.unlink(temporary)

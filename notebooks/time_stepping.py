@@ -140,7 +140,7 @@ STEPS = 200_000
 variable = bs.integrate(comet, "stormer-verlet", h=0.02, steps=STEPS, control="(q1^2 + q2^2)^(3/4)", observe="energy")
 constant = bs.integrate(comet, "stormer-verlet", h=variable.t[-1] / STEPS, steps=STEPS, observe="energy")
 
-figure, (orbit, errors) = pyplot.subplots(1, 2, figsize=(9, 3.6), width_ratios=(1.2, 1))
+figure, (orbit, errors) = pyplot.subplots(2, 1, figsize=(6.4, 5.6), height_ratios=(1, 1.6))
 for run, colour, name in ((constant, ORANGE, "constant steps"), (variable, BLUE, "variable steps")):
     first = run.t < 5 * PERIOD
     orbit.plot(run.y[2, first], run.y[3, first], color=colour, linewidth=0.8, label=name)
@@ -165,7 +165,7 @@ assert (
 steps = bs.stepper(comet, "stormer-verlet", control="(q1^2 + q2^2)^(3/4)")
 state = steps.start(h=0.02)
 steps.advance(state, 10_000)
-state.h = -state.h
+state = steps.restart(state, h=-state.h)
 steps.advance(state, 10_000)
 assert abs(state.y - comet.y0).max() < 1e-9
 state.t, state.y - comet.y0

@@ -15,11 +15,10 @@ from ..environment import environment
 from ..report import times
 from ..rivals import DEFAULT
 from .c_steps import METHODS, STEP_SIZES
-from .our_steps import our_steps, our_steps_like_c
-from .precision import BUDGET, OURS, PACKAGES, RIVALS, Curve, leads, our_curve, problems, rival_curves
+from .our_steps import our_steps_like_c
+from .precision import BUDGET, OURS, PRECISE, RIVALS, Curve, all_curves, leads, problems
 from .ratios import compare, means
 
-PRECISE = (*METHODS, "kahan-li8", "sofroniou-spaletta8", "sofroniou-spaletta10", "blanes-casas-rkn8")
 PROBLEMS = ("kepler", "outer-solar-system")
 json_option = click.option(
     "--json", "json_file", type=click.Path(dir_okay=False), help="Write the figures to this file."
@@ -73,9 +72,7 @@ def precision(
     chosen = [problem for problem in problems() if not names or problem.name in names]
     found: list[Curve] = []
     for problem in chosen:
-        curves = [our_curve(problem, name, our_steps(problem.name, name), budget=budget) for name in methods]
-        for package in PACKAGES:
-            curves += rival_curves(rivals, package, problem, budget=budget)
+        curves = all_curves(problem, rivals, methods, budget=budget)
         title = f"{problem.title}: ms to reach an error, and how many times as long others take"
         _show(title, ["error", OURS, *RIVALS], [_lead(row) for row in leads(curves)])
         found += curves

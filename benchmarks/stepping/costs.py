@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 OBSERVED = ("stormer-verlet-kdk", "yoshida6", "gauss3")
 OBSERVE_EVERY = 100
 COMPILED = ("stormer-verlet", "rk4", "gauss3", "yoshida6")
-MEMBERS = 400
-DRAWN_SPREAD = 0.01
+MEMBERS, SPREAD = 400, 0.01
 
 
 def observed_steps(scene: str, method: str) -> Run:
@@ -133,12 +132,12 @@ def ensemble_speedup(kind: str, *, steps: int, members: int = MEMBERS, rounds: i
 
 def _ensemble_timer(options: dict[str, Any], steps: int, members: int) -> Callable[[], float]:
     scene = bs.scene("lennard-jones")
-    start = bs.perturbed_start(scene, DRAWN_SPREAD)
+    start = bs.perturbed_start(scene, SPREAD)
 
     def timer() -> float:
         begin = perf_counter()
         bs.ensemble(
-            scene, "stormer-verlet", h=STEP_SIZES[scene.name] / 5, steps=steps, sample=start, members=members, **options
+            scene, "stormer-verlet", h=STEP_SIZES[scene.name], steps=steps, sample=start, members=members, **options
         )
         return perf_counter() - begin
 

@@ -6,6 +6,7 @@ import importlib.util
 import shutil
 from collections.abc import Callable
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 from integrators.executors import available_cores
@@ -14,6 +15,7 @@ from ..kinds import Figure, Measurement
 from .c_steps import GAUSS, METHODS, STEP_SIZES
 from .costs import MEMBERS, OBSERVE_EVERY, compile_times, ensemble_speedup, memory, observing
 from .our_steps import our_steps_like_c
+from .precision import OURS, all_curves, leads, problems
 from .ratios import compare, means
 from .rounding import STARTS, rounding
 
@@ -25,6 +27,12 @@ ROUNDED = (
     ("gauss3", {"compensated": False}, False),
 )
 """Methods with their options, and whether they shall reach the bars; the others show what these options are for."""
+
+LEADS = {
+    "kepler": {"scipy": (50.0, 1e-10), "rebound, leapfrog": (1.0, 1e-10), "heyoka": (1.0, 1e-7)},
+    "outer-solar-system": {"scipy": (50.0, 1e-10), "rebound, leapfrog": (1.0, 1e-10), "heyoka": (1.0, 1e-10)},
+}
+"""How many times as long others shall take at least, at every error of energy from 1e-3 to the one given."""
 
 
 def over_c(rounds: int = 9) -> list[Figure]:
@@ -85,25 +93,40 @@ def shared(kind: str, bar: float, steps: int) -> Callable[[], list[Figure]]:
     return measure
 
 
-def measurements() -> list[Measurement]:
-    """All that can be measured here: some need gcc, or `distributed`, or two cores."""
+def leading(rivals: Path) -> list[Figure]:
+    """The least leads over packages installed in a virtual environment."""
+    found = []
+    for problem in problems():
+        rows = leads(all_curves(problem, rivals))
+        for kind, (bar, last) in LEADS[problem.name].items():
+            within = [row for row in rows if row["error"] > last / 2]
+            ratios = [row[kind] if row[OURS] else 0.0 for row in within if not row[OURS] or row[kind] is not None]
+            if ratios:
+                work = f"{problem.title}: time of {kind} over ours, least for energy errors from 1e-03 to {last:.0e}"
+                found.append(Figure(work, min(ratios), bar, at_least=True))
+    return found
+
+
+def measurements(rivals: Path) -> list[Measurement]:
+    """All that can be measured here: some need gcc, or `distributed`, or two cores, or other packages."""
     found = [
         Measurement("stepping-memory", lambda: held(10**7)),
         Measurement("stepping-memory-full", lambda: held(10**8), full=True),
         Measurement("stepping-compile", lambda: compiling(loaded=True)),
         Measurement("stepping-compile-fresh", lambda: compiling(loaded=False), full=True),
         Measurement("stepping-observed", observed, full=True),
+        Measurement("stepping-precision", lambda: leading(rivals), full=True),
     ]
     if shutil.which("gcc"):
         found += [
             Measurement("stepping-c", over_c, full=True),
-            Measurement("stepping-rounding", lambda: rounded(10**5)),
+            Measurement("stepping-rounding", lambda: rounded(10**6)),
             Measurement("stepping-rounding-full", lambda: rounded(10**7), full=True),
         ]
     if available_cores() >= 2:
-        found.append(Measurement("stepping-threads", shared("threads", 1.90, 10**4), full=True))
+        found.append(Measurement("stepping-threads", shared("threads", 1.90, 10**5), full=True))
         if importlib.util.find_spec("distributed"):
-            found.append(Measurement("stepping-dask", shared("dask", 1.70, 10**4), full=True))
+            found.append(Measurement("stepping-dask", shared("dask", 1.70, 10**5), full=True))
     return found
 
 

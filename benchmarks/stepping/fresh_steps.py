@@ -44,5 +44,5 @@ if __name__ == "__main__":
         print(json.dumps(memory(int(arguments[0]))))
     else:
         if task == "loaded":
-            first_step("henon-heiles", "gauss2")
+            first_step("nonlinear-oscillator", "implicit-midpoint")
         print(json.dumps([first_step(*pair.split(":")) for pair in arguments]))

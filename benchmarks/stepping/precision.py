@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 
-from .c_steps import CFailure
-from .problems import Point, Problem, measure, step_counts
+from .c_steps import METHODS, CFailure
+from .our_steps import LIKE_C, our_steps_like_c
+from .problems import Point, Problem, first_after, measure, step_counts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +33,17 @@ RIVALS = {
     "heyoka": ("heyoka", ""),
 }
 """What ours is compared with: a package, and how the names of its methods begin."""
+PRECISE = (
+    *METHODS,
+    *("gauss5", "gauss6", "chin4c", "blanes-moan-rkn6-11", "blanes-casas-rkn8"),
+    *("kahan-li8", "sofroniou-spaletta8", "sofroniou-spaletta10"),
+)
+CONTROLS = {"kepler": "(q1^2 + q2^2)^(1/2)"}
+"""Where variable steps pay: their sizes are near ε times this, the distance from the centre."""
+CONTROLLED = ("blanes-moan-rkn6-11", "gauss4", "gauss6")
+"""The methods that are also run with variable steps: symmetric, as these steps need it to be reversible."""
+MOST_STEPS = 20
+"""A run of variable steps with more than so many times the expected number has lost the orbit."""
 ERRORS = tuple(10.0**-k for k in range(3, 14))
 BUDGET = 2.0
 """A curve ends with its first run that takes longer: CPU seconds."""
@@ -114,6 +126,18 @@ def _velocities(p: np.ndarray, masses: Sequence[float]) -> np.ndarray:
     return p / np.repeat(masses, p.shape[-1] // len(masses))
 
 
+def all_curves(
+    problem: Problem, rivals: Path, methods: Iterable[str] = PRECISE, *, budget: float = BUDGET
+) -> list[Curve]:
+    """Our curves, and those of the packages that are installed in a virtual environment."""
+    names = list(methods)
+    curves = [our_curve(problem, name, our_steps_like_c(problem.name, name), budget=budget) for name in names]
+    if problem.name in CONTROLS:
+        control = CONTROLS[problem.name]
+        curves += [controlled_curve(problem, name, control, budget=budget) for name in names if name in CONTROLLED]
+    return curves + [curve for package in PACKAGES for curve in rival_curves(rivals, package, problem, budget=budget)]
+
+
 def our_curve(problem: Problem, method: str, run: Run, *, package: str = OURS, budget: float = BUDGET) -> Curve:
     """The curve of a method of ours, on the scene that bears the problem's name; `run` makes its steps."""
     import numpy as np
@@ -139,6 +163,51 @@ def our_curve(problem: Problem, method: str, run: Run, *, package: str = OURS, b
         return problem.energy_error(states[:, size:], _velocities(states[:, :size], problem.masses)), work
 
     return Curve(package, "", method, problem.name, measure(step_counts(problem), at, budget))
+
+
+def controlled_curve(problem: Problem, method: str, control: str, *, budget: float = BUDGET) -> Curve:
+    """The curve of a method of ours with reversible steps of sizes near ε σ(y), for ε = span/n in place of n steps.
+
+    Args:
+        problem: The problem.
+        method: The method's name.
+        control: The formula of σ.
+        budget: CPU seconds; the curve ends with its first run that takes longer.
+    """
+    stepper = bs.stepper(bs.scene(problem.name), method, control=control, **LIKE_C)
+
+    def at(steps: float) -> tuple[float, Callable[[], Callable[[], None]]]:
+        epsilon = problem.span / steps
+
+        def work() -> Callable[[], None]:
+            state = stepper.start(h=epsilon)
+            return lambda: stepper.advance(state, count)
+
+        try:
+            times, states = _all_steps(stepper, epsilon, problem.span, int(steps))
+        except bs.StepError:
+            return inf, work
+        if times[-1] < problem.span * (1 - 1e-12):
+            return inf, work
+        seen = states[first_after(problem, times)]
+        count, size = len(times), len(problem.positions)
+        return problem.energy_error(seen[:, size:], _velocities(seen[:, :size], problem.masses)), work
+
+    return Curve(OURS, "", f"{method}, σ = {control}", problem.name, measure(step_counts(problem), at, budget))
+
+
+def _all_steps(stepper: Any, epsilon: float, span: float, chunk: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states after every step up to the first that ends at or after `span`, or until there are too many."""
+    import numpy as np
+
+    state, chunks = stepper.start(h=epsilon), []
+    while state.t < span and len(chunks) < MOST_STEPS:
+        times, rows = np.empty(chunk), np.empty((chunk, len(state.y)))
+        stepper.record(state, chunk, y_every=1, y_rows=rows, y_times=times)
+        chunks.append((times, rows))
+    times, rows = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    count = int(np.searchsorted(times, span * (1 - 1e-12))) + 1
+    return times[:count], rows[:count]
 
 
 def rival_curves(environment: Path, package: str, problem: Problem, *, budget: float = BUDGET) -> list[Curve]:

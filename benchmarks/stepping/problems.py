@@ -116,6 +116,14 @@ def fastest(prepare: Callable[[], Callable[[], Any]]) -> float:
             return least
 
 
+def first_after(problem: Problem, times: np.ndarray) -> np.ndarray:
+    """For each instant, the index of the first step that ends at or after it, none twice."""
+    import numpy as np
+
+    found = np.searchsorted(times, np.array(problem.instants()) * (1 - 1e-12))
+    return np.unique(np.minimum(found, len(times) - 1))
+
+
 def step_counts(problem: Problem) -> list[int]:
     """Numbers of steps for methods of fixed steps, each about √2 times the one before."""
     return [round(problem.steps * 2 ** (k / 2)) for k in range(2 * OCTAVES + 1)]

@@ -9,7 +9,7 @@ import json
 import sys
 
 import numpy as np
-from problems import Problem, measure, step_counts, tolerances
+from problems import Problem, first_after, measure, step_counts, tolerances
 
 LEAPFROG = {f"leapfrog, order {order}": order for order in (2, 4, 6, 8)}
 SPLITTINGS = {
@@ -23,12 +23,6 @@ SCIPY = {"RK45": (7, 12), "DOP853": (4, 13), "LSODA": (6, 13), "Radau": (4, 10)}
 """SciPy's methods, with the decimals of their first and last relative tolerance: a rougher one loses the orbit."""
 MAX_STEPS = 1_000_000
 """Where a rough tolerance lets bodies collide, a run ends."""
-
-
-def first_after(problem, times):
-    """For each instant, the index of the first step that ends at or after it, none twice."""
-    found = np.searchsorted(times, np.array(problem.instants()) * (1 - 1e-12))
-    return np.unique(np.minimum(found, len(times) - 1))
 
 
 def rebound_curves(problem, budget):
@@ -149,7 +143,7 @@ def heyoka_curves(problem, budget):
             return True
 
         stepper.propagate_until(problem.span, callback=note, max_steps=MAX_STEPS)
-        seen = np.array(states)[first_after(problem, times)].reshape(-1, bodies, 2, size // bodies)
+        seen = np.array(states)[first_after(problem, np.array(times))].reshape(-1, bodies, 2, size // bodies)
         return problem.energy_error(seen[:, :, 0].reshape(-1, size), seen[:, :, 1].reshape(-1, size)), work
 
     return heyoka.__version__, {"Taylor": measure(tolerances(3, 16), run, budget)}

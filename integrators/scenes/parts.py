@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
-from .degrees import Piece
+from .degrees import Piece, degrees
 
 if TYPE_CHECKING:
+    from ..child_bounds import ChildBounds
     from .system import System
 
 
@@ -56,6 +57,29 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
             f"parts={{{names[0]!r}: {blocks[-1]!r}, …}}, but was None"
         )
     return _named_pieces(names, scene, parts)
+
+
+def check_kind(name: str, bounds: ChildBounds | None, pieces: Sequence[Piece], scene: System) -> None:
+    """Refuse a scene with elementary differentials beyond those that a method for special systems is made for.
+
+    Args:
+        name: The name of the method.
+        bounds: How often the parts of its fields can be differentiated; None for any field.
+        pieces: What the parts are.
+        scene: The scene.
+
+    Raises:
+        IntegratorError: The method would not have its order there.
+    """
+    if bounds is None:
+        return
+    for mine, theirs in zip(bounds, degrees(scene, pieces), strict=True):
+        for allowed, found in zip(mine, theirs, strict=False):
+            if allowed is not None and (found is None or found > allowed):
+                raise IntegratorError(
+                    f"scene must be of the kind that {name} is meant for, such as q'' = g(q), but {scene.name} depends "
+                    "on more"
+                )
 
 
 def _named_pieces(names: Sequence[str], scene: System, parts: Any) -> tuple[Piece, ...]:

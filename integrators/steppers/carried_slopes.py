@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from .forms import FormWriter, scaled
+from .forms import FormWriter
 from .nodes import Form, Key
 
 if TYPE_CHECKING:
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 def kick_lines(plan: Plan, forms: FormWriter) -> list[str]:
     """Statements that begin a run whose steps begin after their first kick."""
-    kicks = (forms.update(cell, Form(Fraction(1), (kick,))) for cell, kick in plan.staggered.items())
-    return [line for lines in kicks for line in lines]
+    starts = (forms.update(cell, Form(Fraction(1), kicks)) for cell, kicks in plan.staggered.items())
+    return [line for lines in starts for line in lines]
 
 
 def end_lines(plan: Plan, forms: FormWriter) -> list[str]:
     """Statements for the state that others see: that before the first kick of the next step."""
     lines: list[str] = []
-    for cell, (e, x) in plan.staggered.items():
-        lines += forms.loop(cell, [f"source[i] = y[i] - h*{scaled(f'k{e}[i]', x)}"])
+    for cell, kicks in plan.staggered.items():
+        lines += forms.loop(cell, [f"source[i] = y[i] - h*({forms.sum(cell, kicks)})"])
     return lines
 
 

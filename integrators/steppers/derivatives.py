@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..codegen import gathered
 from ..scenes.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
-from ..site_loops import INDICES, zeros
+from ..site_loops import INDICES
 
 if TYPE_CHECKING:
     import sympy
@@ -88,7 +88,7 @@ def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int,
                 if minus is not None:
                     yield (output.place, minus), -formula
 
-    lines = zeros(range(dimension**2), module.zero)
+    lines = [f"for i in range({dimension**2}):", f"    out[i] = {module.zero}"]
     for total in gathered(terms, entries):
         targets = {
             (row, column): f"out[{_position(row, column, dimension)}] +=" for row, column in sorted(total.outputs)

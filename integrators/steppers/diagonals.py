@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..number_text import literal
 from ..operation_graph import simplest
+from ..remembering import remembered
 from ..scenes.local_terms import LocalTerm, Output, output_formula
 from .forms import grouped
 from .structure import entries
@@ -44,7 +44,7 @@ class Diagonal(NamedTuple):
         return f"{writer.constants(self.factors)}[i - {self.first}]*{grouped(moved)}"
 
 
-@cache
+@remembered
 def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
     """What a piece of the field puts into a cell, if that is a diagonal matrix times another cell.
 

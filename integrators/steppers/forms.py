@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from .structure import Structure
 
 HEAD_BITS = 10
+NOTHING = Fraction(1, 10**30)
+"""Coefficients are known to 40 digits."""
 LONG = 16
 """Entries that a vectorised loop takes at once."""
 
@@ -58,6 +60,12 @@ class FormWriter:
         """What the arrays hold is not known any more."""
         self._content.clear()
         self._sums.clear()
+
+    def end_step(self) -> None:
+        """The step is written; what follows has the start of the next one as y."""
+        self.forget()
+        self._ended.clear()
+        self._points = None
 
     def loop(self, cell: int, lines: Iterable[str]) -> list[str]:
         """A loop over the entries of a cell."""
@@ -147,11 +155,14 @@ class FormWriter:
             extended = self._rest(known, form)
             if extended:
                 return tidy(f"{array}[i] + {self._scaled(cell, extended)}")
-        start = _start(form)
-        if not form.terms:
-            return start or "0.0"
-        total = self._scaled(cell, form.terms)
-        return tidy(f"{start} + {total}") if start else total
+        total = self._scaled(cell, form.terms) if form.terms else ""
+        if not form.start:
+            return total or "0.0"
+        head = _head(form.start)
+        if not self.split or abs(form.start - head) < NOTHING or not head:
+            return tidy(" + ".join(filter(None, (scaled("y[i]", form.start), total))))
+        rest = " + ".join(filter(None, (scaled("y[i]", form.start - head), total)))
+        return tidy(f"{scaled('y[i]', head)} + ({rest})")
 
     def _scaled(self, cell: int, terms: Sequence[tuple[int, Fraction]]) -> str:
         """h Σ x_e k_e; of a single term, h x_e is the same in every step, and rounded once."""
@@ -184,8 +195,8 @@ class FormWriter:
         """Σ x_e k_e."""
         if not self.split:
             return tidy(" + ".join(self._product(cell, term) for term in terms))
-        heads = [(e, Fraction(round(x * 2**HEAD_BITS), 2**HEAD_BITS)) for e, x in terms]
-        tails = [(e, x - head) for (e, x), (_, head) in zip(terms, heads, strict=True) if x != head]
+        heads = [(e, _head(x)) for e, x in terms]
+        tails = [(e, x - head) for (e, x), (_, head) in zip(terms, heads, strict=True) if abs(x - head) > NOTHING]
         parts = [self._product(cell, term) for term in heads if term[1]]
         if tails:
             parts.append(f"({' + '.join(self._product(cell, term) for term in tails)})")
@@ -195,6 +206,11 @@ class FormWriter:
         """x_e k_e."""
         e, x = term
         return scaled(grouped(self.inlined.get((e, cell), f"k{e}[i]")), x)
+
+
+def _head(x: Fraction) -> Fraction:
+    """The part of a coefficient that has few bits."""
+    return Fraction(round(x * 2**HEAD_BITS), 2**HEAD_BITS)
 
 
 def scaled(text: str, x: Fraction) -> str:
@@ -210,9 +226,3 @@ def grouped(text: str) -> str:
 def tidy(text: str) -> str:
     """The text without plus signs before minus signs."""
     return text.replace("+ -", "- ")
-
-
-def _start(form: Form) -> str:
-    if form.start in (0, 1):
-        return "y[i]" if form.start else ""
-    return f"{float(form.start)!r}*y[i]"

@@ -49,14 +49,14 @@ class Plan(NamedTuple):
         work: Calls and groups, in order.
         result: The end of the step, for each cell.
         carried: Slopes at the end of a step (values) that are slopes at the start of the next one (keys).
-        staggered: Cells in which steps begin after the first kick, with its slope and coefficient; `work` and `result`
-            have y + h x k for y there.
+        staggered: Cells in which steps begin after the first kick, or kicks, with slopes and coefficients; `work` and
+            `result` have y + h x k for y there.
     """
 
     work: tuple[Call | Group, ...]
     result: Mapping[int, Form]
     carried: Mapping[Key, Key]
-    staggered: Mapping[int, tuple[int, Fraction]]
+    staggered: Mapping[int, tuple[tuple[int, Fraction], ...]]
 
 
 def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
@@ -191,7 +191,8 @@ class _Planner:
 
 def _staggered(found: Plan) -> Plan:
     """The plan with its steps beginning after the first kick, where that is possible."""
-    result, staggered = dict(found.result), {}
+    result = dict(found.result)
+    staggered: dict[int, tuple[tuple[int, Fraction], ...]] = {}
     work = list(found.work)
     for (first, cell), (last, _) in found.carried.items():
         calls = [item for item in work if not (isinstance(item, Call) and (item.evaluation, cell) == (first, cell))]
@@ -203,7 +204,7 @@ def _staggered(found: Plan) -> Plan:
         kick = Form(Fraction(0), ((first, factor),))
         work = [_without(item, cell, kick) for item in work]
         result[cell] = result[cell].plus(kick, Fraction(-1)).plus(Form(Fraction(0), ((last, factor),)))
-        staggered[cell] = first, factor
+        staggered[cell] = (*staggered.get(cell, ()), (first, factor))
     return Plan(tuple(work), result, found.carried, staggered)
 
 

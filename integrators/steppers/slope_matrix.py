@@ -7,6 +7,7 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from ..errors import IntegratorError
 from ..site_loops import indented
 from .nodes import Key, Node, Point
 
@@ -74,6 +75,7 @@ class SlopeMatrix:
             for a, b in self.structure.cells[cell]:
                 self.stretches.append(Stretch(e, cell, a, b, self.size))
                 self.size += b - a
+        check_matrix(self.size, self.structure.scene.name)
         self._jacobians: dict[Jacobian, int] = {}
         self._products: dict[Path, int] = {}
         self._unknowns = set(group.unknowns)
@@ -156,6 +158,18 @@ class SlopeMatrix:
                 for a, b, c in product(cells[rows], cells[inner], cells[path[-1][2]])
             ]
         return self._products[path]
+
+
+def check_matrix(size: int, scene: str) -> None:
+    """Refuse dense matrices that would not fit in memory: one of slopes, and about as much of Jacobians."""
+    import psutil
+
+    needed, available = 16 * size**2, psutil.virtual_memory().available
+    if needed > available / 2:
+        raise IntegratorError(
+            f"scene must be smaller for Newton's method, whose matrices would need {needed / 1e9:.1f} GB, but {scene} "
+            f"has {size} unknown slopes in a step, and {available / 1e9:.1f} GB are available"
+        )
 
 
 def _arguments(node: Node) -> Iterator[tuple[Fraction, Point]]:

@@ -69,12 +69,14 @@ class Text(NamedTuple):
         memory: How many doubles are kept from step to step besides the state.
         work: How many doubles of work arrays the caller must bring.
         numbers: Functions of h that give, one after the other, the numbers that depend on it.
+        iterates: Whether slopes that depend on one another are found by iteration.
     """
 
     source: str
     memory: int
     work: int
     numbers: tuple[Callable[[float], np.ndarray], ...]
+    iterates: bool
 
 
 def stepper_text(
@@ -171,7 +173,7 @@ class StepperSource(WorkArrays):
         pieces = [self._work_lines(work) for work in planned]
         ends = (self.forms.update(cell, form) for cell, form in self.plan.result.items())
         pieces.append([line for lines in ends for line in lines])
-        self.forms.forget()
+        self.forms.end_step()
         return pieces
 
     def text(self) -> Text:
@@ -202,7 +204,9 @@ class StepperSource(WorkArrays):
         self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@kept")
         call = f"return recorded(advance, {RECORD})"
         self.module.function(f"record({RECORD})", "Make steps and store some.", [call], "@kept")
-        return Text(self.module.source(self.structure.scene, TEMPLATE), memory, work, tuple(self.numbers))
+        return Text(
+            self.module.source(self.structure.scene, TEMPLATE), memory, work, tuple(self.numbers), bool(self._iterated)
+        )
 
     def call_lines(self, call: Call, target: str | None = None) -> list[str]:
         """The points of a call, and the call.

@@ -42,13 +42,15 @@ class StepError(IntegratorError):
 class State:
     """Where a run is: a copy of it goes on bit for bit as the run itself.
 
+    What a step leaves for the next one belongs to y and h, so these change by steps or by `restart` only.
+
     Attributes:
-        y: The state of the system, (variables,).
+        values: The state of the system, (variables,), for compiled steps to change; `y` shows it.
         carry: Rounding errors of the sums so far that are not yet in y, (variables,).
         memory: Slopes of the last step that the next one uses.
         control: With variable steps their density, its rate, the time and its rounding errors so far; else empty.
         n: The number of steps so far.
-        h: The step size; with variable steps the factor ε of h = ε σ(y).
+        step_size: The step size `h`; with variable steps the factor ε of h = ε σ(y).
         t0: The time at n = 0.
         is_fresh: Whether `memory` is still to be computed.
         solver: How implicit stages are found from here on: ``fixed-point`` or ``newton``.
@@ -65,14 +67,26 @@ class State:
         1.0 True
     """
 
-    __slots__ = ("carry", "control", "h", "is_fresh", "memory", "n", "solver", "t0", "y")
+    __slots__ = ("carry", "control", "is_fresh", "memory", "n", "solver", "step_size", "t0", "values")
 
     def __init__(self, y: np.ndarray, h: float, t0: float, memory: int, solver: str):
         import numpy as np
 
-        self.y, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
+        self.values, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
         self.control = np.zeros(0)
-        self.n, self.h, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver
+        self.n, self.step_size, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver
+
+    @property
+    def y(self) -> np.ndarray:
+        """The state of the system, (variables,), to be read."""
+        view = self.values.view()
+        view.flags.writeable = False
+        return view
+
+    @property
+    def h(self) -> float:
+        """The step size."""
+        return self.step_size
 
     @property
     def t(self) -> float:
@@ -87,6 +101,6 @@ class State:
 
     def assign(self, other: State) -> None:
         """Become a copy of another state."""
-        self.y, self.carry, self.memory = other.y.copy(), other.carry.copy(), other.memory.copy()
-        self.control = other.control.copy()
-        self.n, self.h, self.t0, self.is_fresh, self.solver = other.n, other.h, other.t0, other.is_fresh, other.solver
+        for name in self.__slots__:
+            value = getattr(other, name)
+            setattr(self, name, value.copy() if hasattr(value, "copy") else value)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+import operator
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
 from ..expressions import shorten
 from ..modules import load_module
 from ..program import Program
+from ..remembering import remembered
 from ..scenes.base import Scene
 from ..scenes.degrees import Piece
-from ..scenes.parts import pieces_of
+from ..scenes.parts import check_kind, pieces_of
 from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
@@ -20,8 +23,6 @@ from .states import State, StepError
 from .structure import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import numpy as np
 
     from ..program_method import Method
@@ -60,22 +61,22 @@ class Stepper:
         self.source = text.source
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
-    @cache  # noqa: B019  # steppers are kept by a cache of their own
+    @remembered
     def _text(self, solver: str) -> Text:
         return stepper_text(self._nodes, solver=solver, control=self.control, **self._options)
 
-    @cache  # noqa: B019
+    @remembered
     def _compiled(self, solver: str) -> Any:
         """The module with the functions ``advance`` and ``record``."""
-        from . import flow_kernels, iteration, linear_algebra, machine, recording
+        from . import adaptive, flow_kernels, iteration, linear_algebra, machine, recording
 
-        helpers = [flow_kernels, iteration, linear_algebra, machine, recording]
+        helpers = [adaptive, flow_kernels, iteration, linear_algebra, machine, recording]
         return load_module(self._text(solver).source, helpers=helpers)
 
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
 
-    def start(self, y0: Sequence[float] | None = None, *, h: float, t0: float = 0.0) -> State:
+    def start(self, y0: Sequence[float] | np.ndarray | None = None, *, h: float, t0: float = 0.0) -> State:
         """A run before its first step.
 
         Args:
@@ -97,6 +98,32 @@ class Stepper:
             state.control = start_control(self.control, self.scene, state.y, time)
         return state
 
+    def restart(self, state: State, *, y: Sequence[float] | np.ndarray | None = None, h: float | None = None) -> State:
+        """A run that begins where another one is.
+
+        Args:
+            state: The other one, which stays as it is.
+            y: Another state in place of its own.
+            h: Another step size, such as −h for the way back.
+
+        Returns:
+            The run, with n = 0 at the present time.
+
+        Example:
+            >>> from integrators import scene
+            >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+            >>> state = verlet.start([0, 1], h=0.1)
+            >>> verlet.advance(state, 10)
+            >>> back = verlet.restart(state, h=-state.h)
+            >>> verlet.advance(back, 10)
+            >>> print(back.t, back.y.round(14) + 0.0)
+            0.0 [0. 1.]
+        """
+        begun = self.start(state.y if y is None else y, h=state.h if h is None else h, t0=state.t)
+        if self.control is not None and y is None:
+            begun.control = state.control.copy()  # the density of steps belongs to the way back, too
+        return begun
+
     def advance(self, state: State, steps: int) -> None:
         """Make steps, in place.
 
@@ -107,6 +134,7 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
+        steps = self._checked(state, steps)
         while steps > 0:
             before = state.copy()
             if self._run(state, steps):
@@ -145,8 +173,16 @@ class Stepper:
         """
         import numpy as np
 
+        steps = self._checked(state, steps)
         nothing, no_times, first = np.empty((0, 0)), np.empty(0), state.n
-        while True:
+        for every, rows, times, width, name in (
+            (y_every, y_rows, y_times, self.scene.dimension, "y"),
+            (o_every, o_rows, o_times, None, "o"),
+        ):
+            _check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
+        if o_every and (not observer or o_rows is None):
+            raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
+        while steps > 0:
             before = state.copy()
             y_row, o_row = (n and state.n // n - first // n for n in (y_every, o_every))
             made = self._compiled(state.solver).record(
@@ -179,17 +215,32 @@ class Stepper:
         import numpy as np
 
         work = np.empty(self._text(state.solver).work)
-        return state.y, state.carry, state.memory, state.control, self._numbers(state), work
+        return state.values, state.carry, state.memory, state.control, self._numbers(state), work
+
+    def _checked(self, state: State, steps: int) -> int:
+        """The number of steps, if they can be made from a state."""
+        text = self._text(state.solver)
+        if (len(state.values), len(state.memory)) != (self.scene.dimension, text.memory):
+            raise IntegratorError(f"state must be one that {self!r} has started, but was another one's")
+        try:
+            number = -1 if isinstance(steps, bool) else operator.index(steps)
+        except TypeError:
+            number = -1
+        if not 0 <= number < 2**63:
+            raise IntegratorError(f"steps must be a whole number, 0 or more, but was {shorten(repr(steps))}")
+        return number
 
     def _numbers(self, state: State) -> np.ndarray:
         """What the compiled steps need that depends on h only."""
         import numpy as np
 
         key = state.h, state.solver
-        if key not in self._known_numbers:
+        found = self._known_numbers.get(key)
+        if found is None:
             parts = [np.ravel(make(state.h)) for make in self._text(state.solver).numbers]
-            self._known_numbers = {key: np.concatenate([*parts, np.empty(0)])}
-        return self._known_numbers[key]
+            found = np.concatenate([*parts, np.empty(0)])
+            self._known_numbers = {key: found}
+        return found
 
     def _go_back(self, state: State, before: State, steps: int) -> int:
         """Go back to where a step fails that is among the next ones; how many steps can be made before it.
@@ -207,15 +258,27 @@ class Stepper:
                 state.assign(kept)
         return good
 
+    def _can_change(self, state: State) -> bool:
+        """Whether a run may go on with Newton's method, if a dense matrix of its size can be had."""
+        if not self._is_free or state.solver != "fixed-point" or not self._text(state.solver).iterates:
+            return False
+        try:
+            self._text("newton")
+        except IntegratorError:
+            return False
+        return True
+
     def _change_solver(self, state: State) -> None:
         """Go on with Newton's method where fixed-point iteration does not converge and no solver was asked for."""
         trial = state.copy()
         self._run(trial, 1)
         converges = trial.n > state.n
-        if self._is_free and state.solver == "fixed-point" and not converges:
+        if self._can_change(state) and not converges:
             state.solver = "newton"
             return
         reason = "did not end in finite numbers" if converges else "did not converge"
+        if not converges and self.control is not None and not self._text(state.solver).iterates:
+            reason = "would have had no positive size"
         state.is_fresh = True
         raise StepError(
             f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} step "
@@ -224,6 +287,24 @@ class Stepper:
             state.t,
             state.y.copy(),
         )
+
+
+def _check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
+    """Refuse arrays that compiled code would write beyond."""
+    import numpy as np
+
+    for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
+        if array is None:
+            if count and argument.endswith("rows"):
+                raise IntegratorError(f"{argument} must be given with {name}_every, but was not")
+            continue
+        fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.ndim == dimensions
+        fits = fits and array.flags.c_contiguous and array.flags.writeable
+        if not fits or len(array) < count or (dimensions == 2 and width not in (None, array.shape[1])):
+            raise IntegratorError(
+                f"{argument} must be a contiguous array of doubles with {count} rows"
+                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shorten(repr(array))}"
+            )
 
 
 def stepper(
@@ -277,13 +358,28 @@ def stepper(
         raise IntegratorError(f"method must be a method or its name, but was {shorten(repr(method))}")
     if solver not in SOLVERS:
         raise IntegratorError(f"solver must be one of {', '.join(SOLVERS)}, but was {shorten(repr(solver))}")
-    key = None if parts is None else tuple((k, v if isinstance(v, str) else tuple(v)) for k, v in parts.items())
+    for argument, value in (("compensated", compensated), ("split", split)):
+        if not isinstance(value, bool):
+            raise IntegratorError(f"{argument} must be True or False, but was {shorten(repr(value))}")
     if average_nodes is not None and (type(average_nodes) is not int or not 1 <= average_nodes <= MOST_NODES):
         given = shorten(repr(average_nodes))
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
     options = {"compensated": compensated, "split": split, "solver": solver, "average_nodes": average_nodes}
     formula = None if control is None else read_control(control, scene)
-    return _stepper(scene, method, key, formula, tuple(options.items()))
+    return _stepper(scene, method, _key(parts), formula, tuple(options.items()))
+
+
+def _key(parts: Any) -> Any:
+    """What parts are said to be, in a form that can be looked up."""
+    if parts is None:
+        return None
+    if isinstance(parts, Mapping):
+        values = list(parts.values())
+        if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
+            return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
+    raise IntegratorError(
+        f"parts must map the method's parts to names of blocks or parts, but was {shorten(repr(parts))}"
+    )
 
 
 @lru_cache(maxsize=256)
@@ -297,6 +393,8 @@ def _pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
     names = [name for name in method.names if name not in auxiliary]
     own = dict(zip(names, pieces_of(names, scene, parts), strict=True))
     pieces = [own.get(name, Piece()) for name in method.names]
+    if not auxiliary:  # a matrix that is no part of the field has no series of its own
+        check_kind(method.name, method.program.max_children, pieces, scene)
     return pieces if len(pieces) == 1 else [*pieces, Piece()]
 
 
@@ -316,6 +414,8 @@ def _vector(values: Any, dimension: int) -> np.ndarray:
     import numpy as np
 
     try:
+        if np.iscomplexobj(values) or np.ma.is_masked(values):
+            raise TypeError
         vector = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         vector = np.array(np.nan)

@@ -7,10 +7,11 @@ computed again because a velocity has changed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from ..remembering import remembered
 from ..scenes.degrees import degree
 from ..scenes.local_terms import output_formula
 
@@ -65,10 +66,11 @@ class Structure:
                 for output in piece.outputs(term, self.scene):
                     for index in entries(output.place, term.sites):
                         writers[index].add(k)
-        for place, sites in self._partly_written(writers):
-            common = set().union(*(writers[index] for index in entries(place, sites)))
-            for index in entries(place, sites):
-                writers[index] |= common
+        while partly := list(self._partly_written(writers)):  # what one place unites may part another
+            for place, sites in partly:
+                common = set().union(*(writers[index] for index in entries(place, sites)))
+                for index in entries(place, sites):
+                    writers[index] |= common
         known: dict[tuple[str, frozenset[int]], int] = {}
         return [
             known.setdefault((block.name, frozenset(writers[index])), len(known))
@@ -99,12 +101,12 @@ class Structure:
                 if self.cells_at(output.place, term.sites) <= wanted:
                     yield term, output
 
-    @cache  # noqa: B019  # lives as long as the structure, which is made for one stepper
+    @remembered
     def writes(self, piece: int) -> tuple[int, ...]:
         """The cells that a piece of the field has entries in."""
         return tuple(sorted({cell for cell, *_ in self._writings(piece)}))
 
-    @cache  # noqa: B019
+    @remembered
     def _writings(self, piece: int) -> tuple[tuple[int, LocalTerm, Output], ...]:
         return tuple(
             (cell, term, output)
@@ -113,7 +115,7 @@ class Structure:
             for cell in self.cells_at(output.place, term.sites)
         )
 
-    @cache  # noqa: B019
+    @remembered
     def flow(self, piece: int, cell: int) -> Flow:
         """What a piece of the field puts into a cell."""
         import sympy

@@ -22,7 +22,7 @@ STARTS = {
     "brusselator": [1.5, 3.0],
     "pendulum": [0.4, 1.1],
     "damped-pendulum": [0.4, 1.1],
-    "kepler": [-0.3, 1.1, 0.8, 0.2],
+    "kepler": [0.2, 1.0, 0.9, -0.3],
     "stiff-scalar": [1.5],
     "fast-oscillator": [0.4, 0.75],
     "reaction": [0.75, 1.0],

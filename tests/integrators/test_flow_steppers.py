@@ -194,7 +194,7 @@ CASES = [
     (DUFFING, forced(3, "1/2"), -0.1, LINEAR),
     (AFFINE, forced(2), 0.1, LINEAR),
     (OSCILLATORS, method("lawson4"), 0.2, LINEAR),
-    (FROZEN, method("lawson4"), 0.1, DIAGONAL),
+    (FROZEN, method("lawson4").program.restricted(None), 0.1, DIAGONAL),  # its series is for linear parts only
     (FROZEN, forced(2), 0.1, NUMERICAL),
     (RIGID_BODY, strang(), 0.3, NUMERICAL),
 ]
@@ -233,7 +233,7 @@ def test_splitting_of_lotka_volterra_is_made_of_exponentials():
     p *= np.exp(h * (2 - q))
     q *= np.exp(h / 2 * (p - 1))
     assert state.y == pytest.approx([p, q], rel=1e-15)
-    state.h = -h
+    state = steps.restart(state, h=-h)
     steps.advance(state, 1)
     assert state.y == pytest.approx([2, 3], rel=1e-15)
 

@@ -7,6 +7,7 @@ import pytest
 
 import integrators as bi
 from integrators.codegen import compiled_scene
+from integrators.plain_steps import plain_steps
 
 PENDULUM = bi.scene("pendulum")
 ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]
@@ -148,3 +149,106 @@ def test_iterations_that_do_not_converge_are_no_steps():
 def test_bad_input(call, message):
     with pytest.raises(bi.IntegratorError, match=message):
         call()
+
+
+def plain_end(method, scene, parts, h, steps):
+    """Where plain steps lead; `parts` are functions of y."""
+    return plain_steps(method, parts, scene.y0, h, steps)[:, -1]
+
+
+def test_several_potentials_may_kick_one_cell():
+    terms = {"U": "q^4/4", "V": "-cos(q)", "T": "p^2/2"}
+    scene = bi.Scene(
+        {"p": 1, "q": 1},
+        terms=[bi.Term(hamiltonian=formula, part=part) for part, formula in terms.items()],
+        start={"p": ["1/5"], "q": ["7/10"]},
+    )
+    parts = {
+        "U": lambda y: [-(y[1] ** 3), 0 * y[0]],
+        "V": lambda y: [-np.sin(y[1]), 0 * y[0]],
+        "T": lambda y: [0 * y[0], y[0]],
+    }
+    for order in (["U", "V", "T"], ["U", "T", "V"], ["T", "V", "U"]):
+        method = bi.strang(order)
+        stepper = bi.stepper(scene, method)
+        state = stepper.start(h=0.1)
+        stepper.advance(state, 3)
+        np.testing.assert_allclose(state.y, plain_end(method, scene, parts, 0.1, 3), rtol=1e-14)
+
+
+def test_a_point_may_be_the_shifted_end_of_a_step():
+    scene = bi.Scene(
+        {"a": 1, "b": 1, "c": 1},
+        field={"a": "-b^3", "b": "a", "c": "a^2"},
+        start={"a": ["1/2"], "b": ["4/5"], "c": ["1/10"]},
+    )
+    builder = bi.ProgramBuilder(["a", "b", "c"])
+    y = builder.y
+    k1 = builder.field(y, "a")
+    k2 = builder.field(y + k1 / 2, "b")
+    k3 = builder.field(y + k2, "a")
+    k4 = builder.field(y + k1 / 2 + k3, "c")
+    method = builder.program(y + k1 / 2 + k2 + k3 / 2 + k4)
+    parts = {
+        "a": lambda y: [-(y[1] ** 3), 0 * y[0], 0 * y[0]],
+        "b": lambda y: [0 * y[0], y[0], 0 * y[0]],
+        "c": lambda y: [0 * y[0], 0 * y[0], y[0] ** 2],
+    }
+    stepper = bi.stepper(scene, method)
+    state = stepper.start(h=0.1)
+    stepper.advance(state, 3)
+    np.testing.assert_allclose(state.y, plain_end(method, scene, parts, 0.1, 3), rtol=1e-14)
+
+
+def test_cells_hold_every_place_as_a_whole():
+    scene = bi.Scene(
+        {"y": 3},
+        terms=[
+            bi.Term(over=[[1], [2]], field={"y_i": "-y_i"}, part="a"),
+            bi.Term(over=[[2], [3]], field={"y_i": "-y_i"}, part="a"),
+            bi.Term(over=[[3]], field={"y_i": "-2*y_i"}, part="b"),
+        ],
+        start={"y": [1, 1, 1]},
+    )
+    stepper = bi.stepper(scene, bi.lie_trotter(["a", "b"]))
+    state = stepper.start(h=0.1)
+    stepper.advance(state, 1)
+    np.testing.assert_allclose(state.y, np.exp([-0.1, -0.2, -0.3]), rtol=1e-15)
+
+
+def test_a_state_changes_by_steps_only():
+    stepper = bi.stepper(PENDULUM, "stormer-verlet")
+    state = stepper.start(h=0.1)
+    stepper.advance(state, 3)
+    with pytest.raises(ValueError, match="read-only"):
+        state.y[0] = 1.0
+    with pytest.raises(AttributeError):
+        state.h = 0.2
+    turned = stepper.restart(state, y=-state.y, h=0.2)
+    assert (turned.t, turned.n, turned.h) == (state.t, 0, 0.2)
+    np.testing.assert_array_equal(turned.y, -state.y)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s, t: s.advance(t, 1.5), "steps must be a whole number, 0 or more, but was 1.5"),
+        (lambda s, t: s.advance(t, -1), "steps must be a whole number, 0 or more, but was -1"),
+        (lambda s, t: s.record(t, 9, y_every=2, y_rows=np.empty((3, 2))), "y_rows must be .* with 4 rows of 2"),
+        (lambda s, t: s.record(t, 9, y_every=2, y_rows=np.empty((2, 4)).T), "y_rows must be a contiguous array"),
+        (lambda s, t: s.record(t, 9, y_every=2), "y_rows must be given with y_every"),
+        (lambda s, t: s.record(t, 9, o_every=2, o_rows=np.empty((9, 1))), "observer must be the address"),
+        (lambda s, t: s.advance(bi.stepper(bi.scene("kepler"), "rk4").start(h=1), 1), "state must be one that"),
+        (lambda s, t: s.restart(t, y=[1 + 1j, 2]), "y0 must hold 2 finite numbers"),
+    ],
+)
+def test_what_compiled_code_would_not_survive_is_refused(call, message):
+    stepper = bi.stepper(PENDULUM, "rk4")
+    with pytest.raises(bi.IntegratorError, match=message):
+        call(stepper, stepper.start(h=0.1))
+
+
+@pytest.mark.parametrize("method", ["rkn-nystrom5", "blanes-moan-rkn6", "takahashi-imada"])
+def test_methods_for_special_systems_are_refused_elsewhere(method):
+    with pytest.raises(bi.IntegratorError, match="must be of the kind that"):
+        bi.stepper(bi.scene("lotka-volterra"), method)
