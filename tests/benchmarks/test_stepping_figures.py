@@ -170,7 +170,8 @@ def test_bars_of_figures(monkeypatch, replaced, measure, bars):
 
 def test_leads_are_the_least_over_the_errors_that_both_reach(monkeypatch):
     rows = [
-        {"error": 10.0**-k, "scipy": 100.0 - k, "rebound, leapfrog": None, "heyoka": 10.0 - k} for k in range(3, 14)
+        {"error": 10.0**-k, "ours": 1.0, "scipy": 100.0 - k, "rebound, leapfrog": None, "heyoka": 10.0 - k}
+        for k in range(3, 14)
     ]
     monkeypatch.setattr(figures, "all_curves", lambda problem, rivals: [])
     monkeypatch.setattr(figures, "leads", lambda curves: rows)
