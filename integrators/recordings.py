@@ -184,8 +184,12 @@ class FolderRecording(Recording):
                     f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
                 )
             self._lock = _locked(folder)
-            atomic_write(path, json.dumps(run, ensure_ascii=False))
-            self._open(counts or Counts())
+            try:
+                atomic_write(path, json.dumps(run, ensure_ascii=False))
+                self._open(counts or Counts())
+            except BaseException:
+                self._lock.close()
+                raise
         except OSError as error:
             what = f"{shorten(folder, 200)} must be a folder that can be written"
             raise IntegratorError(f"{what}, but was not: {error.strerror}") from None

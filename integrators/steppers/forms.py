@@ -69,19 +69,19 @@ class FormWriter:
 
     def loop(self, cell: int, lines: Iterable[str]) -> list[str]:
         """A loop over the entries of a cell."""
-        body = indented(lines)
-        return [line for a, b in self.structure.cells[cell] for line in (f"for i in range({a}, {b}):", *body)]
+        lines = list(lines)
+        return [line for a, b in self.structure.cells[cell] for line in _repeated(a, b, lines)]
 
     def long_loop(self, cell: int, lines: Iterable[str]) -> list[str]:
         """A loop over the entries of a cell that is vectorised as a loop where it is long, not unrolled."""
-        body = indented(lines)
+        lines = list(lines)
         found: list[str] = []
         for a, b in self.structure.cells[cell]:
             middle = a + (b - a) // LONG * LONG
             if middle > a:
-                found += [f"for i in range({a}, opaque({middle})):", *body]
+                found += [f"for i in range({a}, opaque({middle})):", *indented(lines)]
             if b > middle:
-                found += [f"for i in range({middle}, {b}):", *body]
+                found += _repeated(middle, b, lines)
         return found
 
     def point(self, point: Point, array: str, *, copied: bool = False) -> tuple[list[str], str]:
@@ -206,6 +206,13 @@ class FormWriter:
         """x_e k_e."""
         e, x = term
         return scaled(grouped(self.inlined.get((e, cell), f"k{e}[i]")), x)
+
+
+def _repeated(first: int, end: int, lines: Sequence[str]) -> list[str]:
+    """The lines for all i; without a loop for a single one, since numba takes its time with loops."""
+    if end - first == 1:
+        return [re.sub(r"\bi\b", str(first), line) for line in lines]
+    return [f"for i in range({first}, {end}):", *indented(lines)]
 
 
 def _head(x: Fraction) -> Fraction:

@@ -18,6 +18,7 @@ from ..scenes.parts import check_kind, pieces_of
 from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
+from .run_input import check_rows, parts_key, read_number, read_vector
 from .source import Text, stepper_text
 from .states import State, StepError
 from .structure import Structure
@@ -89,8 +90,8 @@ class Stepper:
         """
         import numpy as np
 
-        y = self.scene.y0 if y0 is None else _vector(y0, self.scene.dimension)
-        step, time = _number(h, "h"), _number(t0, "t0")
+        y = self.scene.y0 if y0 is None else read_vector(y0, self.scene.dimension)
+        step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
             raise IntegratorError("h must not be zero, but was")
         state = State(np.ascontiguousarray(y), step, time, self._text(self._first_solver).memory, self._first_solver)
@@ -179,7 +180,7 @@ class Stepper:
             (y_every, y_rows, y_times, self.scene.dimension, "y"),
             (o_every, o_rows, o_times, None, "o"),
         ):
-            _check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
+            check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
         if o_every and (not observer or o_rows is None):
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
         while steps > 0:
@@ -289,24 +290,6 @@ class Stepper:
         )
 
 
-def _check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
-    """Refuse arrays that compiled code would write beyond."""
-    import numpy as np
-
-    for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
-        if array is None:
-            if count and argument.endswith("rows"):
-                raise IntegratorError(f"{argument} must be given with {name}_every, but was not")
-            continue
-        fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.ndim == dimensions
-        fits = fits and array.flags.c_contiguous and array.flags.writeable
-        if not fits or len(array) < count or (dimensions == 2 and width not in (None, array.shape[1])):
-            raise IntegratorError(
-                f"{argument} must be a contiguous array of doubles with {count} rows"
-                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shorten(repr(array))}"
-            )
-
-
 def stepper(
     scene: Scene,
     method: Method | str,
@@ -366,24 +349,13 @@ def stepper(
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
     options = {"compensated": compensated, "split": split, "solver": solver, "average_nodes": average_nodes}
     formula = None if control is None else read_control(control, scene)
-    return _stepper(scene, method, _key(parts), formula, tuple(options.items()))
-
-
-def _key(parts: Any) -> Any:
-    """What parts are said to be, in a form that can be looked up."""
-    if parts is None:
-        return None
-    if isinstance(parts, Mapping):
-        values = list(parts.values())
-        if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
-            return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
-    raise IntegratorError(
-        f"parts must map the method's parts to names of blocks or parts, but was {shorten(repr(parts))}"
-    )
+    return _stepper(scene, scene.name, method, parts_key(parts), formula, tuple(options.items()))
 
 
 @lru_cache(maxsize=256)
-def _stepper(scene: Scene, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]) -> Stepper:
+def _stepper(
+    scene: Scene, name: str, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]
+) -> Stepper:
     return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
 
 
@@ -396,29 +368,3 @@ def _pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
     if not auxiliary:  # a matrix that is no part of the field has no series of its own
         check_kind(method.name, method.program.max_children, pieces, scene)
     return pieces if len(pieces) == 1 else [*pieces, Piece()]
-
-
-def _number(value: Any, argument: str) -> float:
-    import math
-
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise IntegratorError(f"{argument} must be a finite number, but was {shorten(repr(value))}")
-    return number
-
-
-def _vector(values: Any, dimension: int) -> np.ndarray:
-    import numpy as np
-
-    try:
-        if np.iscomplexobj(values) or np.ma.is_masked(values):
-            raise TypeError
-        vector = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        vector = np.array(np.nan)
-    if vector.shape != (dimension,) or not np.isfinite(vector).all():
-        raise IntegratorError(f"y0 must hold {dimension} finite numbers, but was {shorten(repr(values))}")
-    return vector

@@ -205,7 +205,7 @@ def test_printed_text_too_large_for_formulas_is_no_obstacle():
             "scene must have blocks or parts for p, q, .* but riccati has the block y only",
         ),
         (
-            lambda: field(method=bs.lie_trotter(["kick", "drift"])),
+            lambda: bs.modified_field(bs.lie_trotter(["kick", "drift"]), bs.scene("pendulum"), 4),
             "parts must say what the method's parts kick, drift are",
         ),
         (lambda: field(method="strang", parts={"a": "p"}), "parts must map a, b to blocks"),

@@ -9,7 +9,7 @@ import catalogue_cases as cases
 import numpy as np
 import pytest
 
-from integrators import RungeKutta, method, reference_solution, stepper
+from integrators import RungeKutta, StepError, method, reference_solution, stepper
 
 ROUNDING = 2e-15
 """Errors that are smaller are spoilt by rounding: compensated sums keep rounding errors near 1e-16."""
@@ -38,7 +38,10 @@ def measured_order(made, name):
     compiled, errors = stepper(cases.SCENES[name], made), []
     spoilt = max(ROUNDING, DECIMALS * 10.0**-made.digits if made.digits else 0)
     for level in range(1, FINEST + 1):
-        error = global_error(compiled, name, 2**level)
+        try:
+            error = global_error(compiled, name, 2**level)
+        except StepError:  # implicit stages need not exist for the largest steps
+            continue
         if error < spoilt:
             break
         errors.append(error)

@@ -1,0 +1,71 @@
+"""What users give a stepper: parts, numbers, and arrays for compiled code to write to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..errors import IntegratorError
+from ..expressions import shorten
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
+    """Refuse arrays that compiled code would write beyond."""
+    import numpy as np
+
+    for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
+        if array is None:
+            if count and argument.endswith("rows"):
+                raise IntegratorError(f"{argument} must be given with {name}_every, but was not")
+            continue
+        fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.ndim == dimensions
+        fits = fits and array.flags.c_contiguous and array.flags.writeable
+        if not fits or len(array) < count or (dimensions == 2 and width not in (None, array.shape[1])):
+            raise IntegratorError(
+                f"{argument} must be a contiguous array of doubles with {count} rows"
+                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shorten(repr(array))}"
+            )
+
+
+def parts_key(parts: Any) -> Any:
+    """What parts are said to be, in a form that can be looked up."""
+    if parts is None:
+        return None
+    if isinstance(parts, Mapping):
+        values = list(parts.values())
+        if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
+            return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
+    raise IntegratorError(
+        f"parts must map the method's parts to names of blocks or parts, but was {shorten(repr(parts))}"
+    )
+
+
+def read_number(value: Any, argument: str) -> float:
+    """A finite number."""
+    import math
+
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise IntegratorError(f"{argument} must be a finite number, but was {shorten(repr(value))}")
+    return number
+
+
+def read_vector(values: Any, dimension: int) -> np.ndarray:
+    """The start of a run."""
+    import numpy as np
+
+    try:
+        if np.iscomplexobj(values) or np.ma.is_masked(values):
+            raise TypeError
+        vector = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        vector = np.array(np.nan)
+    if vector.shape != (dimension,) or not np.isfinite(vector).all():
+        raise IntegratorError(f"y0 must hold {dimension} finite numbers, but was {shorten(repr(values))}")
+    return vector
