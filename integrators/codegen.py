@@ -127,7 +127,7 @@ def scene_source(scene: System, *, precise: bool = False) -> str:
     writer = ModuleText(precise)
     writer.function("field(y, out)", "Put f(y) in out.", _field(scene, writer))
     if scene.is_hamiltonian:
-        writer.function("energy(y)", "The Hamiltonian at y.", _energy(scene, writer))
+        writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer))
     if scene.invariants:
         writer.function("invariants(y, out)", "Put the first integrals in out.", _invariants(scene, writer))
     return writer.source(scene)
@@ -175,6 +175,11 @@ class ModuleText:
         lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
         self._functions.append("\n".join(lines))
 
+    @property
+    def bodies(self) -> str:
+        """The functions so far."""
+        return "\n\n\n".join(self._functions)
+
     def source(self, scene: System, template: str | None = None) -> str:
         """The text of the module.
 
@@ -182,7 +187,7 @@ class ModuleText:
             scene: The scene.
             template: What comes before the functions; as a rule that of a scene's functions.
         """
-        bodies = "\n\n\n".join(self._functions)
+        bodies = self.bodies
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
         if self.number is None:
             imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
@@ -238,7 +243,7 @@ def field_lines(
     return [*zeros(set(entries) - assigned, writer.zero), *lines]
 
 
-def _energy(scene: System, writer: ModuleText) -> list[str]:
+def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the Hamiltonian."""
     if scene.poisson is not None:
         sums = [SiteSum.flat(scene, {"energy": scene.hamiltonian})]  # its terms are those of the field

@@ -16,8 +16,9 @@ from fractions import Fraction
 from math import isinf, sqrt
 from typing import Any
 
-from numba import float64, njit  # pyright: ignore[reportPrivateImportUsage]
-from numba.extending import intrinsic
+from numba import njit
+
+from .steppers.machine import fma
 
 DoubleDouble = tuple[float, float]
 
@@ -37,17 +38,6 @@ def split(value: Fraction) -> DoubleDouble:
     """
     high = float(value)
     return high, float(value - Fraction(high))
-
-
-def _fma(context: Any, x: Any, y: Any, z: Any) -> Any:
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
-
-    return float64(float64, float64, float64), build
-
-
-fma: Any = intrinsic(_fma)
-"""fma(x, y, z): x·y + z with one rounding, an instruction, or a function of the C library where there is none."""
 
 
 @inlined

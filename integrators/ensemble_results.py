@@ -14,8 +14,8 @@ from .ensemble_members import Block, Failure
 from .ensemble_statistics import Statistics
 from .errors import IntegratorError
 from .expressions import shorten
+from .optional_modules import optional_module
 from .text_files import atomic_write
-from .trajectory import _optional
 
 if TYPE_CHECKING:
     import numpy as np
@@ -117,7 +117,7 @@ class EnsembleResult:
         Raises:
             IntegratorError: pandas is not installed.
         """
-        pandas = _optional("pandas", "to_pandas")
+        pandas = optional_module("pandas", "to_pandas")
         columns = {(name, key): table[name] for name in self.names for key, table in self._tables().items()}
         columns[("count", "")] = self.count
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
@@ -128,7 +128,7 @@ class EnsembleResult:
         Raises:
             IntegratorError: xarray is not installed.
         """
-        xarray = _optional("xarray", "to_xarray")
+        xarray = optional_module("xarray", "to_xarray")
         data: dict[str, Any] = {
             key: (("quantity", "time"), [table[name] for name in self.names]) for key, table in self._tables().items()
         }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import operator
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -20,6 +21,7 @@ from .expressions import shorten
 from .observers import observers
 from .run_description import description, identity
 from .runs import Grid
+from .steppers.run_input import read_array, read_whole
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 
@@ -151,8 +153,6 @@ def ensemble(
 
 def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndarray | None, int]:
     """The starts, None if they are to be drawn, and how many there are."""
-    import numpy as np
-
     if (y0 is None) == (sample is None):
         given = "neither" if y0 is None else "both"
         raise IntegratorError(f"an ensemble must have either y0 or sample, but had {given}")
@@ -160,10 +160,7 @@ def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndar
         if not callable(sample):
             raise IntegratorError(f"sample must be a function of a generator, but was {shorten(repr(sample))}")
         return None, _whole(members, "members", 1)
-    try:
-        starts = np.array(y0, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        starts = np.empty(0)
+    starts = read_array(y0)
     if starts.ndim != 2 or starts.shape[-1] != dimension or not len(starts):
         raise IntegratorError(f"y0 must have a row of {dimension} numbers for each member, but was {shorten(repr(y0))}")
     if members not in (None, len(starts)):
@@ -174,13 +171,7 @@ def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndar
 
 
 def _whole(value: Any, argument: str, least: int) -> int:
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = least - 1
-    if number < least or isinstance(value, bool):
-        raise IntegratorError(f"{argument} must be an integer from {least} on, but was {shorten(repr(value))}")
-    return number
+    return read_whole(value, argument, f"an integer from {least} on", least, sys.maxsize)
 
 
 def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:

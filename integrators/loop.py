@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 from collections.abc import Callable, Mapping
 from time import monotonic
@@ -16,6 +15,7 @@ from .recordings import Contents, Counts, FolderRecording, MemoryRecording
 from .run_description import description, identity
 from .runs import Grid, Run
 from .scenes.blocks import TIME
+from .steppers.run_input import read_whole
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 from .text_files import check_path
@@ -194,13 +194,7 @@ def _closed(run: Run, checkpoint: Checkpoint | None) -> Trajectory:
 
 
 def _count(value: Any, argument: str, least: int) -> int:
-    try:
-        number = -1 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        number = -1
-    if not least <= number <= MOST_STEPS:
-        raise IntegratorError(f"{argument} must be a whole number from {least} to 2^53, but was {shorten(repr(value))}")
-    return number
+    return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
 
 
 def _path(value: Any, argument: str) -> str | None:

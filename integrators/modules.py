@@ -88,12 +88,13 @@ def cache_directory() -> Path:
 
 
 def _key(data: bytes, helpers: Sequence[Path]) -> str:
-    texts = [_version().encode(), *(path.read_bytes() for path in helpers), data]
+    texts = [package_version().encode(), *(path.read_bytes() for path in helpers), data]
     return hashlib.sha256(b"".join(hashlib.sha256(text).digest() for text in texts)).hexdigest()
 
 
 @cache
-def _version() -> str:
+def package_version() -> str:
+    """The version of this package, empty where it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from .codegen import ModuleText, _energy
+from .codegen import ModuleText, energy_lines
 from .errors import IntegratorError
 from .expressions import shorten
 from .modules import load_module
@@ -229,7 +229,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
     for k, quantity in quantities.items():
         system = _with_energy(scene) if quantity == ENERGY else None
         if system is not None:
-            writer.function("energy(y)", "The Hamiltonian at y.", _energy(system, writer), "@inlined")
+            writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(system, writer), "@inlined")
             lines.append(f"out[{k}] = energy(y)")
         else:
             integrals[k] = filled(base.invariants[quantity], base)

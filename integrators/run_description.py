@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import IntegratorError
 from .files import dumps_method
-from .modules import PACKAGE
+from .modules import PACKAGE, package_version
 from .program_text import program_text
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def description(made: Stepper, seen: Observers, options: dict[str, Any]) -> dict
         "method": _method(made.method),
         "observe": list(seen.names),
         **options,
-        "version": _version(),
+        "version": f"{PACKAGE} {package_version()}".rstrip(),
     }
 
 
@@ -55,12 +55,3 @@ def _method(method: Method) -> dict[str, Any]:
         return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
     except IntegratorError:
         return {"name": method.name, "program": program_text(method.program).splitlines()}  # type: ignore[union-attr]
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return f"{PACKAGE} {version(PACKAGE)}"
-    except PackageNotFoundError:  # a checkout that is not installed
-        return PACKAGE

@@ -21,7 +21,6 @@ from integrators.double_double import (
     DoubleDouble,
     add,
     divide,
-    fma,
     inlined,
     integer_power,
     multiply,
@@ -35,6 +34,7 @@ from integrators.double_double import (
     two_sum,
 )
 from integrators.expressions import ELEMENTARY
+from integrators.steppers.machine import fma
 from integrators.taylor_operations import FUNCTION, LINEAR, POWER, PRODUCT
 from integrators.taylor_program import TaylorProgram
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from .errors import IntegratorError
-from .expressions import shorten
+from .optional_modules import optional_module
 
 if TYPE_CHECKING:
     import numpy as np
@@ -90,7 +89,7 @@ class Trajectory:
                 f"observe_every must be save_every for one table, but there are {len(self.t)} states and "
                 f"{len(self.observed_t)} observations"
             )
-        pandas = _optional("pandas", "to_pandas")
+        pandas = optional_module("pandas", "to_pandas")
         columns = dict(zip(self.variables, self.y, strict=True)) | self.observed
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
@@ -102,7 +101,7 @@ class Trajectory:
         """
         import json
 
-        xarray = _optional("xarray", "to_xarray")
+        xarray = optional_module("xarray", "to_xarray")
         time = "time" if self.observed_t is self.t else "observed_time"
         coordinates = {"variable": list(self.variables), "time": self.t, time: self.observed_t}
         for name in self.observed:
@@ -110,13 +109,3 @@ class Trajectory:
                 raise IntegratorError(f"observed must have other names than xarray's coordinates, but has {name}")
         values = {"y": (("variable", "time"), self.y)} | {name: ((time,), x) for name, x in self.observed.items()}
         return xarray.Dataset(values, coordinates, {"h": self.h, "meta": json.dumps(self.meta, ensure_ascii=False)})
-
-
-def _optional(module: str, user: str) -> Any:
-    """A module that only one function needs."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        raise IntegratorError(
-            f"{module} must be installed for {user} (pip install {module}), but was not: {shorten(str(error))}"
-        ) from None

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -165,45 +165,28 @@ def simulate(
     if start is not None:
         given = read_assignments(filter(str.strip, start.split(";")), "start", '"p=0;q=-3/2"')
         scene = scene.with_start(**{name: split_row(values) for name, values in given.items()})
+    common: dict[str, Any] = {
+        "h": h,
+        "steps": count,
+        "parts": None if parts is None else read_parts(parts, method, scene),
+        "observe": list(observe) or _energy(scene),
+        "solver": solver,
+        "checkpoint": checkpoint,
+    }
     if many is not None:
         if save_every is not None:
             raise Refusal(
                 "save-every must be left out with --ensemble, which keeps no states on the way, but was given"
             )
         return simulate_ensemble(
-            many,
-            scene,
-            method,
-            effects,
-            h=h,
-            steps=count,
-            parts=None if parts is None else read_parts(parts, method, scene),
-            observe=list(observe) or _energy(scene),
-            observe_every=observe_every,
-            solver=solver,
-            checkpoint=checkpoint,
-            to=to,
-            output=output,
+            many, scene, method, effects, observe_every=observe_every, to=to, output=output, **common
         )
     kept = save_every if save_every is not None or (to is None and output.format != "csv") else 1
     if observe_every is None and kept is None:
         observe_every = max(1, count // LOOKS)
     watch = Stopwatch(output)
     try:
-        run = integrate(
-            scene,
-            method,
-            h=cast(float, h),
-            steps=count,
-            parts=None if parts is None else read_parts(parts, method, scene),
-            save_every=kept,
-            observe=list(observe) or _energy(scene),
-            observe_every=observe_every,
-            solver=solver,
-            progress=watch,
-            to=to,
-            checkpoint=checkpoint,
-        )
+        run = integrate(scene, method, save_every=kept, observe_every=observe_every, progress=watch, to=to, **common)
     except StepError as error:
         raise Refusal(f"{error}" + (f"; what was kept is in {to}" if to else "")) from None
     except KeyboardInterrupt:

@@ -98,7 +98,6 @@ def control_text(formula: sympy.Expr, writer: StepperSource) -> ControlText:
     return ControlText(
         load=(
             "epsilon = h",
-            "controls = pointer(control)",
             f"density, rate, time, time_carry = {_CONTROL}",
         ),
         fresh=rate,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import njit, types
+from numba import cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic as numba_intrinsic
 
@@ -22,11 +22,9 @@ compiled = njit(**OPTIONS)
 inlined = njit(forceinline=True, **OPTIONS)
 kept = njit(cache=True, **OPTIONS)
 
-STAGNATION = 2.0**-39
-"""The relative size of changes below which an iteration that does not go on has converged (plain steps: ε^(3/4))."""
-
-BITS_OF_INFINITY = 0x7FF0000000000000
 DOUBLES = types.CPointer(types.float64)
+steps_in_c = cfunc(types.int64(*[DOUBLES] * 6, types.float64, types.int64, types.int64), cache=True, **OPTIONS)
+"""Makes int64_t advance(double *state, *carry, *memory, *control, *numbers, *work, double h, int64_t steps, fresh)."""
 
 
 @intrinsic(prefer_literal=True)
@@ -77,7 +75,7 @@ def bits(typing_context: Any, number: Any) -> Any:
 
 @intrinsic
 def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once."""
+    """a b + c, rounded once: an instruction, or a function of the C library where there is none."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
@@ -111,9 +109,27 @@ def call_observer(typing_context: Any, address: Any, t: Any, y: Any, out: Any) -
     """Call the C function void (double t, double *y, double *out) at an address."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        double, where = ir.DoubleType(), ir.DoubleType().as_pointer()
-        function = ir.FunctionType(ir.VoidType(), [double, where, where]).as_pointer()
-        builder.call(builder.inttoptr(arguments[0], function), arguments[1:])
+        _call(builder, ir.VoidType(), arguments)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.float64, DOUBLES, DOUBLES), codegen
+
+
+@intrinsic
+def call_steps(
+    typing_context: Any, address: Any, state: Any, carry: Any, memory: Any, control: Any, numbers: Any, work: Any,
+    h: Any, steps: Any, fresh: Any,
+) -> Any:  # fmt: skip
+    """Call what `steps_in_c` has made, at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _call(builder, ir.IntType(64), arguments)
+
+    return types.int64(types.int64, *[DOUBLES] * 6, types.float64, types.int64, types.int64), codegen
+
+
+def _call(builder: Any, value: ir.Type, arguments: Any) -> Any:
+    """Call a C function at an address, with the other arguments."""
+    address, *others = arguments
+    function = ir.FunctionType(value, [argument.type for argument in others]).as_pointer()
+    return builder.call(builder.inttoptr(address, function), others)

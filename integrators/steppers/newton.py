@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..site_loops import indented
-from .fixed_point import start_values
+from .fixed_point import MOST_SWEEPS, start_values
 from .slope_matrix import SlopeMatrix
 
 if TYPE_CHECKING:
     from .plan import Group
     from .source import StepperSource
 
-MOST_SWEEPS = 100
 PATIENCE = 50
 """After so many sweeps the iteration begins anew."""
 SLOW = 8

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from .nodes import DECIMALS
+
 if TYPE_CHECKING:
     import sympy
 
     Rule = tuple[tuple[sympy.Rational, sympy.Rational], ...]
     """Nodes and weights."""
-
-DECIMALS = 40
 
 
 @cache

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from .adaptive import TIME
-from .machine import call_observer, inlined, pointer, shifted
+from .machine import call_observer, call_steps, kept, pointer, shifted
 
 
-@inlined
+@kept
 def recorded(
     advance, state, carry, memory, control, numbers, work, h, t0, first, steps, fresh,
-    y_every, y_rows, y_times, o_every, observer, o_rows, o_times,
+    y_every, y_rows, y_times, observer, o_every, o_rows, o_times,
 ):  # fmt: skip
     """Make steps; store states after every `y_every`-th one, and what an observer sees after every `o_every`-th.
 
+    There is one machine code of the steps of a method, which is called here: were it compiled into loops of several
+    kinds, sums and products would be fused in several ways, and what is stored would change the run.
+
     Args:
-        advance: The function that makes steps.
+        advance: The address of the C function that makes steps (see `steps_in_c`).
         state: The state, changed in place; so are `carry`, `memory` and `control`.
         control: What controls step sizes, if they vary.
         numbers: What depends on h only.
@@ -23,12 +26,12 @@ def recorded(
         t0: The time at step 0.
         first: The number of steps before.
         steps: How many steps.
-        fresh: Whether `memory` is still to be computed.
+        fresh: 1 if `memory` is still to be computed, else 0.
         y_every: Steps from one stored state to the next, counted from step 0; 0 stores none.
         y_rows: Where states go, row by row.
         y_times: Where their times go; may be empty.
-        o_every: The same for the observer.
         observer: The address of a C function void (double t, double *y, double *out).
+        o_every: The same for the observer.
         o_rows: Where it writes.
         o_times: Where the times of that go; may be empty.
 
@@ -44,8 +47,11 @@ def recorded(
             stride = min(stride, y_every - n % y_every)
         if o_every:
             stride = min(stride, o_every - n % o_every)
-        made = advance(state, carry, memory, control, numbers, work, h, stride, fresh)
-        fresh = False
+        made = call_steps(
+            advance, y, pointer(carry), pointer(memory), pointer(control), pointer(numbers), pointer(work),
+            h, stride, fresh,
+        )  # fmt: skip
+        fresh = 0
         done += made
         finite = True
         for value in state:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -56,16 +57,34 @@ def read_number(value: Any, argument: str) -> float:
     return number
 
 
-def read_vector(values: Any, dimension: int) -> np.ndarray:
-    """The start of a run."""
+def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
+    """A whole number within limits, which messages describe as `what`."""
+    try:
+        number = least - 1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise IntegratorError(f"{argument} must be {what}, but was {shorten(repr(value))}")
+    return number
+
+
+def read_array(values: Any) -> np.ndarray:
+    """Real numbers as an array of doubles; nan where they are none."""
     import numpy as np
 
     try:
         if np.iscomplexobj(values) or np.ma.is_masked(values):
             raise TypeError
-        vector = np.array(values, dtype=float)
+        return np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        vector = np.array(np.nan)
+        return np.array(np.nan)
+
+
+def read_vector(values: Any, dimension: int) -> np.ndarray:
+    """The start of a run."""
+    import numpy as np
+
+    vector = read_array(values)
     if vector.shape != (dimension,) or not np.isfinite(vector).all():
         raise IntegratorError(f"y0 must hold {dimension} finite numbers, but was {shorten(repr(values))}")
     return vector

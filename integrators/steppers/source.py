@@ -26,7 +26,7 @@ from .forms import FormWriter
 from .functions import Functions
 from .linear_systems import resolvent_lines
 from .newton import newton_lines
-from .plan import Call, Group, plan
+from .plan import Call, Group, Plan, plan
 from .registers import allocate
 from .work_arrays import WorkArrays
 
@@ -45,27 +45,28 @@ TEMPLATE = '''\
 """
 
 {imports}
-from integrators.steppers.flow_kernels import add_products, begin_flow, end_flow, extrapolate, flow_point
-from integrators.steppers.flow_kernels import growth, has_settled, midpoint_step, next_interval
-from integrators.steppers.iteration import BITS_OF_INFINITY, failed, falls, negligible
-from integrators.steppers.linear_algebra import add_product, assemble, clear, factorize, solve, subtract_from_identity
-from integrators.steppers.machine import bits, compiled, fma, inlined, kept, opaque, pointer, shifted, stack
-from integrators.steppers.recording import recorded
+{kernels}
 
 {constants}
 '''
-SIGNATURE = "state, carry, memory, control, numbers, work, h, steps, fresh"
-RECORD = (
-    "state, carry, memory, control, numbers, work, h, t0, first, steps, fresh, "
-    "y_every, y_rows, y_times, o_every, observer, o_rows, o_times"
-)
+KERNELS = {
+    "flow_kernels": (
+        "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_settled",
+        "midpoint_step", "next_interval",
+    ),
+    "iteration": ("BITS_OF_INFINITY", "failed", "falls", "negligible"),
+    "linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
+    "machine": ("bits", "compiled", "fma", "inlined", "opaque", "pointer", "shifted", "stack", "steps_in_c"),
+}  # fmt: skip
+"""What generated steppers call, by the module where it is; they import what they need."""
+SIGNATURE = "source, lost, m, controls, constants, w, h, steps, fresh"
 
 
 class Text(NamedTuple):
     """The source of a stepper.
 
     Attributes:
-        source: The text of the module; its function ``advance`` makes steps, ``record`` also stores some.
+        source: The text of the module; its function ``advance`` makes steps.
         memory: How many doubles are kept from step to step besides the state.
         work: How many doubles of work arrays the caller must bring.
         numbers: Functions of h that give, one after the other, the numbers that depend on it.
@@ -103,7 +104,8 @@ def stepper_text(
         Hairer, McLachlan, Razakarivony, BIT 48 (2008) 231–243, doi:10.1007/s10543-008-0170-3 (split coefficients,
         compensation, iteration until stagnation).
     """
-    arguments = nodes, compensated, split, solver, average_nodes, control
+    steps = plan(nodes, stagger=control is None)
+    arguments = nodes, steps, compensated, split, solver, average_nodes, control
     once = StepperSource(*arguments).read_once()
     return StepperSource(*arguments, once).text()
 
@@ -124,6 +126,7 @@ class StepperSource(WorkArrays):
     def __init__(
         self,
         nodes: Nodes,
+        steps: Plan,
         compensated: bool,
         split: bool,
         solver: str,
@@ -138,13 +141,12 @@ class StepperSource(WorkArrays):
         self.known: dict[object, str] = {}
         self.matrices: dict[object, str] = {}
         super().__init__(nodes.structure.scene.dimension, ModuleText(precise=False, lanes=True))
-        self.nodes, self.structure, self.plan = nodes, nodes.structure, plan(nodes, stagger=control is None)
+        self.nodes, self.structure, self.plan = nodes, nodes.structure, steps
         self.functions = Functions(self.structure, self.module)
-        implicit = any(isinstance(work, Group) for work in self.plan.work)
         self.forms = FormWriter(
             self.structure,
             self.plan.result,
-            None if implicit else self._points(),
+            None if self._iterated else self._points(),
             compensated,
             split and bool(self._iterated),
         )
@@ -201,12 +203,10 @@ class StepperSource(WorkArrays):
         ]
         lines.append("return done")
         self.functions.write()
-        self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@kept")
-        call = f"return recorded(advance, {RECORD})"
-        self.module.function(f"record({RECORD})", "Make steps and store some.", [call], "@kept")
-        return Text(
-            self.module.source(self.structure.scene, TEMPLATE), memory, work, tuple(self.numbers), bool(self._iterated)
-        )
+        self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@steps_in_c")
+        template = TEMPLATE.replace("{kernels}", _kernel_imports(self.module.bodies))
+        source = self.module.source(self.structure.scene, template)
+        return Text(source, memory, work, tuple(self.numbers), bool(self._iterated))
 
     def call_lines(self, call: Call, target: str | None = None) -> list[str]:
         """The points of a call, and the call.
@@ -278,6 +278,13 @@ CALLS = {
     "resolvent": resolvent_lines,
 }
 GROUPS = {"fixed-point": fixed_point_lines, "newton": newton_lines}
+
+
+def _kernel_imports(text: str) -> str:
+    """The statements that import what a text calls."""
+    words = set(re.findall(r"\w+", text))
+    used = {module: [name for name in names if name in words] for module, names in KERNELS.items()}
+    return "\n".join(f"from integrators.steppers.{module} import {', '.join(x)}" for module, x in used.items() if x)
 
 
 def _renamed(lines: Iterable[str], registers: Mapping[int, int]) -> list[str]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
@@ -18,8 +18,8 @@ from ..scenes.parts import check_kind, pieces_of
 from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
-from .run_input import check_rows, parts_key, read_number, read_vector
-from .source import Text, stepper_text
+from .run_input import check_rows, parts_key, read_number, read_vector, read_whole
+from .source import KERNELS, Text, stepper_text
 from .states import State, StepError
 from .structure import Structure
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..program_method import Method
 
 
+MOST_STEPS = 2**63 - 1
 SOLVERS = ("auto", "fixed-point", "newton")
 
 
@@ -67,12 +68,10 @@ class Stepper:
         return stepper_text(self._nodes, solver=solver, control=self.control, **self._options)
 
     @remembered
-    def _compiled(self, solver: str) -> Any:
-        """The module with the functions ``advance`` and ``record``."""
-        from . import adaptive, flow_kernels, iteration, linear_algebra, machine, recording
-
-        helpers = [adaptive, flow_kernels, iteration, linear_algebra, machine, recording]
-        return load_module(self._text(solver).source, helpers=helpers)
+    def _address(self, solver: str) -> int:
+        """The address of the compiled steps (see `integrators.steppers.machine.steps_in_c`)."""
+        helpers = [Path(__file__).with_name(f"{module}.py") for module in (*KERNELS, "adaptive")]
+        return load_module(self._text(solver).source, helpers=helpers).advance.address
 
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
@@ -172,10 +171,7 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
-        import numpy as np
-
-        steps = self._checked(state, steps)
-        nothing, no_times, first = np.empty((0, 0)), np.empty(0), state.n
+        steps, first = self._checked(state, steps), state.n
         for every, rows, times, width, name in (
             (y_every, y_rows, y_times, self.scene.dimension, "y"),
             (o_every, o_rows, o_times, None, "o"),
@@ -185,51 +181,40 @@ class Stepper:
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
         while steps > 0:
             before = state.copy()
-            y_row, o_row = (n and state.n // n - first // n for n in (y_every, o_every))
-            made = self._compiled(state.solver).record(
-                *self._arguments(state), state.h, state.t0, state.n, steps, state.is_fresh,
-                y_every, nothing if y_rows is None else y_rows[y_row:],
-                no_times if y_times is None else y_times[y_row:],
-                o_every, observer, nothing if o_rows is None else o_rows[o_row:],
-                no_times if o_times is None else o_times[o_row:],
-            )  # fmt: skip
-            if self._is_done(state, made, steps):
+            stored = *_rows_from(y_every, y_rows, y_times, state.n, first), observer
+            if self._run(state, steps, *stored, *_rows_from(o_every, o_rows, o_times, state.n, first)):
                 break
             steps -= self._go_back(state, before, steps)
             self._change_solver(state)
 
-    def _run(self, state: State, steps: int) -> bool:
-        """Make steps; whether all could be made, with finite numbers at the end."""
-        arguments = *self._arguments(state), state.h, steps, state.is_fresh
-        return self._is_done(state, self._compiled(state.solver).advance(*arguments), steps)
+    def _run(self, state: State, steps: int, *stored: Any) -> bool:
+        """Make steps; whether all could be made, with finite numbers at the end.
 
-    def _is_done(self, state: State, made: int, steps: int) -> bool:
-        """Count the steps that have been made; whether they are all, with finite numbers at the end."""
+        Args:
+            state: The run.
+            steps: How many steps.
+            *stored: The last arguments of `recorded`; by default nothing is stored.
+        """
         import numpy as np
 
+        from .recording import recorded
+
+        work = np.empty(self._text(state.solver).work)
+        made = recorded(
+            self._address(state.solver), state.values, state.carry, state.memory, state.control, self._numbers(state),
+            work, state.h, state.t0, state.n, steps, int(state.is_fresh),
+            *stored or (*_rows_from(0, None, None, 0, 0), 0, *_rows_from(0, None, None, 0, 0)),
+        )  # fmt: skip
         state.n += made
         state.is_fresh = False
         return made == steps and bool(np.isfinite(state.y).all())
-
-    def _arguments(self, state: State) -> tuple[np.ndarray, ...]:
-        """The arrays that compiled steps take."""
-        import numpy as np
-
-        work = np.empty(self._text(state.solver).work)
-        return state.values, state.carry, state.memory, state.control, self._numbers(state), work
 
     def _checked(self, state: State, steps: int) -> int:
         """The number of steps, if they can be made from a state."""
         text = self._text(state.solver)
         if (len(state.values), len(state.memory)) != (self.scene.dimension, text.memory):
             raise IntegratorError(f"state must be one that {self!r} has started, but was another one's")
-        try:
-            number = -1 if isinstance(steps, bool) else operator.index(steps)
-        except TypeError:
-            number = -1
-        if not 0 <= number < 2**63:
-            raise IntegratorError(f"steps must be a whole number, 0 or more, but was {shorten(repr(steps))}")
-        return number
+        return read_whole(steps, "steps", "a whole number, 0 or more", 0, MOST_STEPS)
 
     def _numbers(self, state: State) -> np.ndarray:
         """What the compiled steps need that depends on h only."""
@@ -274,7 +259,7 @@ class Stepper:
         trial = state.copy()
         self._run(trial, 1)
         converges = trial.n > state.n
-        if self._can_change(state) and not converges:
+        if not converges and self._can_change(state):
             state.solver = "newton"
             return
         reason = "did not end in finite numbers" if converges else "did not converge"
@@ -357,6 +342,16 @@ def _stepper(
     scene: Scene, name: str, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]
 ) -> Stepper:
     return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
+
+
+def _rows_from(
+    every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """What `recorded` takes to store every so many steps after step n, if rows begin after step `first`."""
+    import numpy as np
+
+    row = n // every - first // every if every else 0
+    return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]
 
 
 def _pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:

@@ -67,13 +67,10 @@ class WorkArrays:
         Args:
             in_loops: Whether long sums are written as loops.
         """
-        names = {"source": "state", "lost": "carry", "m": "memory", "constants": "numbers"}
-        names |= {name: array for array, name in self._constants.items()}
-        lines = [f"{name} = pointer({array})" for name, array in names.items()]
+        lines = [f"{name} = pointer({array})" for array, name in self._constants.items()]
         total = sum(self._sizes.values())
         if total <= MOST_STACK and (in_loops or self._dimension <= MOST_SCALARS):
             return [*lines, *(f"{name} = stack({size})" for name, size in self._sizes.items())], 0
-        lines.append("w = pointer(work)")
         offset = 0
         for name, size in self._sizes.items():
             lines.append(f"{name} = shifted(w, {offset})")

@@ -151,9 +151,12 @@ def test_bad_input(call, message):
         call()
 
 
-def plain_end(method, scene, parts, h, steps):
-    """Where plain steps lead; `parts` are functions of y."""
-    return plain_steps(method, parts, scene.y0, h, steps)[:, -1]
+def assert_steps_are_plain(scene, method, parts):
+    """Three compiled steps end where plain ones do; `parts` are functions of y."""
+    stepper = bi.stepper(scene, method)
+    state = stepper.start(h=0.1)
+    stepper.advance(state, 3)
+    np.testing.assert_allclose(state.y, plain_steps(method, parts, scene.y0, 0.1, 3)[:, -1], rtol=1e-14)
 
 
 def test_several_potentials_may_kick_one_cell():
@@ -169,11 +172,7 @@ def test_several_potentials_may_kick_one_cell():
         "T": lambda y: [0 * y[0], y[0]],
     }
     for order in (["U", "V", "T"], ["U", "T", "V"], ["T", "V", "U"]):
-        method = bi.strang(order)
-        stepper = bi.stepper(scene, method)
-        state = stepper.start(h=0.1)
-        stepper.advance(state, 3)
-        np.testing.assert_allclose(state.y, plain_end(method, scene, parts, 0.1, 3), rtol=1e-14)
+        assert_steps_are_plain(scene, bi.strang(order), parts)
 
 
 def test_a_point_may_be_the_shifted_end_of_a_step():
@@ -194,10 +193,7 @@ def test_a_point_may_be_the_shifted_end_of_a_step():
         "b": lambda y: [0 * y[0], y[0], 0 * y[0]],
         "c": lambda y: [0 * y[0], 0 * y[0], y[0] ** 2],
     }
-    stepper = bi.stepper(scene, method)
-    state = stepper.start(h=0.1)
-    stepper.advance(state, 3)
-    np.testing.assert_allclose(state.y, plain_end(method, scene, parts, 0.1, 3), rtol=1e-14)
+    assert_steps_are_plain(scene, method, parts)
 
 
 def test_cells_hold_every_place_as_a_whole():

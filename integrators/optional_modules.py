@@ -1,0 +1,19 @@
+"""Packages that only some functions need."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from .errors import IntegratorError
+from .expressions import shorten
+
+
+def optional_module(module: str, user: str) -> Any:
+    """A module that only one function needs."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise IntegratorError(
+            f"{module} must be installed for {user} (pip install {module}), but was not: {shorten(str(error))}"
+        ) from None
