@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .program_method import Method
     from .scenes.base import Scene
 
-BLOCKS = 256
+BLOCKS = 64
 """About how many blocks there are: enough that workers end together, few enough that their statistics weigh little."""
 TIMES = 1000
 """About how often members are observed unless something else is said."""

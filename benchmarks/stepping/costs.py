@@ -113,7 +113,7 @@ def _child(*arguments: str, **variables: str) -> list[Any]:
     return json.loads(run_process(command, {"PYTHONPATH": str(ROOT), **variables})[1])
 
 
-def ensemble_speedup(kind: str, *, steps: int, members: int = MEMBERS, rounds: int = 5) -> float:
+def ensemble_speedup(kind: str, *, steps: int, members: int = MEMBERS, rounds: int = 3) -> float:
     """How many times as fast two workers run an ensemble of Lennard-Jones atoms as one: the median over rounds.
 
     Args:

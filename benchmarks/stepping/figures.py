@@ -124,9 +124,9 @@ def measurements(rivals: Path) -> list[Measurement]:
             Measurement("stepping-rounding-full", lambda: rounded(10**7), full=True),
         ]
     if available_cores() >= 2:
-        found.append(Measurement("stepping-threads", shared("threads", 1.90, 10**5), full=True))
+        found.append(Measurement("stepping-threads", shared("threads", 1.90, 3 * 10**5), full=True))
         if importlib.util.find_spec("distributed"):
-            found.append(Measurement("stepping-dask", shared("dask", 1.70, 10**5), full=True))
+            found.append(Measurement("stepping-dask", shared("dask", 1.70, 3 * 10**5), full=True))
     return found
 
 
