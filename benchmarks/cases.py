@@ -14,7 +14,7 @@ import bseries as bs
 from bseries import BSeries
 from trees import table as tables
 
-from . import algebra_cases, scene_cases
+from . import algebra_cases, hamiltonian_cases, scene_cases
 from .kinds import GB, Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
@@ -146,6 +146,7 @@ def cases() -> list[Case]:
         Case("float-18", "explicit midpoint rule, order 18, float64", of_series(floats, 18)),
         *algebra_cases.cases(),
         *scene_cases.cases(),
+        *hamiltonian_cases.cases(),
         Case("help", "bseries --help", process(command, "--help"), 0.15),
         Case("help-first", "bseries --help, first run", first_run("--help"), 0.15),
         Case("import", 'python -c "import bseries"', process(sys.executable, "-c", "import bseries"), 0.15),

@@ -12,9 +12,11 @@ import numpy as np
 from integrators import IntegratorError
 
 from . import tower_kernels, tower_layout
+from .compiled_formulas import CompiledFormulas
 from .domains import to_float
 from .exceptions import SeriesError
 from .states import read_states, read_step
+from .threads import in_threads
 from .tower_plans import PlanBuilder
 from .towers import find_needs
 
@@ -32,9 +34,6 @@ MOST_VARIABLES = 4
 """Formulas are considered for scenes with at most so many variables."""
 MOST_MONOMIALS = 150
 """Formulas are given up when one grows beyond so many monomials."""
-NANOSECONDS_OF_CONTRACTION = 15
-NANOSECONDS_OF_OPERATION = 1
-"""What a contraction and an operation of a formula cost, roughly; the route is chosen by these."""
 
 TOWERS = '''\
 """A B-series by derivative towers; the tables are explained in bseries.tower_layout."""
@@ -63,38 +62,6 @@ def compiled(y, h, out):
         for n in range({order} - 2, -1, -1):
             value = value * h + terms[n, i]
         out[i] = {result}
-'''
-
-FORMULAS = '''\
-"""A B-series as formulas."""
-
-from math import *
-
-from numba import njit
-
-compiled_with = njit(cache=True, nogil=True, error_model="numpy", fastmath={{"contract"}})
-
-
-@compiled_with
-def value({arguments}, h):
-    """The value at one point."""
-{lines}
-    return {results}
-
-
-@compiled_with
-def compiled(y, h, out):
-    """Write the value at y to out."""
-    if y.size != {dimension} or out.size != {dimension}:
-        raise ValueError("y and out must have {dimension} entries")
-    {targets} = value({entries}, h)
-
-
-@compiled_with
-def many(y, h, out):
-    """Write the values at the rows of y to the rows of out."""
-    for k in range(y.shape[0]):
-        {row_targets} = value({row_entries}, h)
 '''
 
 
@@ -134,65 +101,42 @@ class CompiledSeries:
         """``"towers"`` or ``"symbolic"``."""
         if self._wanted != "auto":
             return self._wanted
-        if self.series.dimension > MOST_VARIABLES or self._lines is None:
+        if self.series.dimension > MOST_VARIABLES or self.formulas is None:
             return "towers"
-        from integrators.printer import operation_cost
-
-        ints, table = self.tables[0], tower_layout.CONTRACTION
-        contractions = int(ints[table + 1] - ints[table]) // tower_layout.TABLES["contraction"]
-        towers = NANOSECONDS_OF_CONTRACTION * contractions
-        return "symbolic" if NANOSECONDS_OF_OPERATION * operation_cost(self._lines) < towers else "towers"
+        return "symbolic" if self.formulas.is_faster(contractions(self.tables[0])) else "towers"
 
     @cached_property
-    def _lines(self) -> list[str] | None:
-        """The formulas as lines of code; None if they grow too long and nobody insists on them."""
+    def formulas(self) -> CompiledFormulas | None:
+        """The series as formulas; None if they grow too long and nobody insists on them."""
         if self._wanted == "symbolic":
-            return self._written_lines()
+            return self._written_formulas()
         try:
-            return self._written_lines(limit=MOST_MONOMIALS)
+            return self._written_formulas(limit=MOST_MONOMIALS)
         except (SeriesError, IntegratorError):
             return None
 
-    def _written_lines(self, **limits: int) -> list[str]:
-        import sympy
-
-        from integrators.printer import source_lines
-
-        series, h = self.series, sympy.Dummy("h")
+    def _written_formulas(self, **limits: int) -> CompiledFormulas:
+        series = self.series
         written = series.written(**limits)
         terms = [written.term(n, simplify=False) for n in range(1, series.order + 1)]
         series.__dict__.setdefault("formulas", written)  # all terms are there: nobody need compute them again
-        shift = 0 if series.is_field else 1
-        sums = [
-            sympy.Add(*(h ** (k + shift) * formula for k, formula in enumerate(column)), series.empty * symbol)
-            for column, symbol in zip(zip(*terms, strict=True), series.scene.symbols, strict=True)
-        ]
-        names = {symbol: f"y{i}" for i, symbol in enumerate(series.scene.symbols)}
-        return source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
+        columns = list(zip(*terms, strict=True))
+        if not series.is_field:
+            columns = [
+                (series.empty * symbol, *column) for symbol, column in zip(series.scene.symbols, columns, strict=True)
+            ]
+        return CompiledFormulas(series.scene.symbols, columns)
 
     @cached_property
     def source(self) -> str:
         """The source of the compiled functions."""
-        size = self.series.dimension
-        if self.route == "towers":
-            ints, numbers = self.tables
-            result = "value" if self.series.is_field else f"value * h + {to_float(self.series.empty)!r} * y[i]"
-            tables = {"ints": _listed(ints.tolist()), "numbers": _listed(numbers.tolist())}
-            return TOWERS.format(**tables, order=self.series.order, lanes=self._lanes(1), result=result, dimension=size)
-
-        def row(form: str) -> str:
-            return ", ".join(form.format(i) for i in range(size)) + ("," if size == 1 and "=" not in form else "")
-
-        return FORMULAS.format(
-            dimension=size,
-            arguments=", ".join(f"y{i}" for i in range(size)),
-            lines="\n".join(f"    {line}" for line in self._lines or ()),
-            results=row("f{}"),
-            targets=row("out[{}]"),
-            entries=", ".join(f"y[{i}]" for i in range(size)),
-            row_targets=row("out[k, {}]"),
-            row_entries=", ".join(f"y[k, {i}]" for i in range(size)),
-        )
+        if self.route == "symbolic" and self.formulas is not None:
+            return self.formulas.source
+        ints, numbers = self.tables
+        result = "value" if self.series.is_field else f"value * h + {to_float(self.series.empty)!r} * y[i]"
+        tables = {"ints": _listed(ints.tolist()), "numbers": _listed(numbers.tolist())}
+        sizes = {"order": self.series.order, "lanes": self._lanes(1), "dimension": self.series.dimension}
+        return TOWERS.format(**tables, **sizes, result=result)
 
     @cached_property
     def module(self) -> ModuleType:
@@ -210,12 +154,10 @@ class CompiledSeries:
         """The value at one point or many."""
         states, shape = read_states(y, self.series.dimension)
         step = read_step(h)
-        out = np.empty_like(states)
-        if self.route == "symbolic":
-            _in_threads(lambda k: self.module.many(states[k], step, out[k]), len(states), workers)
-            return out.T.reshape(shape)
-        terms = self._terms(states, workers)
-        out[:] = terms[-1]
+        if self.route == "symbolic" and self.formulas is not None:
+            return self.formulas.values(states, step, workers).T.reshape(shape)
+        terms = self.terms_at(states, workers)
+        out = terms[-1].copy()
         for term in terms[-2::-1]:
             out *= step
             out += term
@@ -227,9 +169,10 @@ class CompiledSeries:
     def terms(self, y: Any, workers: int = 1) -> np.ndarray:
         """The terms by order."""
         states, shape = read_states(y, self.series.dimension)
-        return self._terms(states, workers).transpose(0, 2, 1).reshape(self.series.order, *shape)
+        return self.terms_at(states, workers).transpose(0, 2, 1).reshape(self.series.order, *shape)
 
-    def _terms(self, states: np.ndarray, workers: int) -> np.ndarray:
+    def terms_at(self, states: np.ndarray, workers: int = 1) -> np.ndarray:
+        """The terms by order at the rows of `states`, from towers."""
         ints, numbers = self.tables
         out = np.empty((self.series.order, *states.shape))
         chunk = max(1, min(len(states), CHUNK_ROWS // self._rows))
@@ -243,7 +186,7 @@ class CompiledSeries:
             evaluate(_pointer(some), _pointer(terms), *some.shape, len(out), chunk, lanes, *tables)
             out[:, part] = terms
 
-        _in_threads(work, len(states), workers)
+        in_threads(work, len(states), workers)
         return out
 
     @cached_property
@@ -263,24 +206,16 @@ def _pointer(array: np.ndarray) -> Any:
     return array.ctypes.data_as(ctypes.POINTER(kind))
 
 
-def _in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
-    """Do the work on slices of all points, in so many threads; compiled code lets them run at the same time."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise SeriesError(f"workers must be a whole number ≥ 1, but was {workers!r:.60}")
-    if workers == 1:
-        work(slice(0, size))
-        return
-    from concurrent.futures import ThreadPoolExecutor
-
-    share = max(1, math.ceil(size / workers))
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
-
-
 def _listed(values: list[Any]) -> str:
     """A list as text, some entries to a line."""
     rows = [", ".join(map(repr, values[k : k + 16])) for k in range(0, len(values), 16)]
     return "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+
+
+def contractions(ints: Any) -> int:
+    """How many contractions the tables of the tower kernels list."""
+    table = tower_layout.CONTRACTION
+    return int(ints[table + 1] - ints[table]) // tower_layout.TABLES["contraction"]
 
 
 def build_tables(series: SceneSeries, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:

@@ -210,7 +210,7 @@ def _sought(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
     for n in range(1, table.max_order):
         steps, outs = [], []
         for s, g in zip(flows, logarithms, strict=True):
-            b, number, public = _elements(log(conjugate(s.truncate(n + 1), _processor(s, g, n + 1))))
+            b, number, public = field_elements(log(conjugate(s.truncate(n + 1), _processor(s, g, n + 1))))
             steps.append(problem.step(n, b, number))
             outs.append(public)
         residuals, *nearby = (step.residuals for step in steps)
@@ -243,7 +243,7 @@ def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:
     return exp(BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names))
 
 
-def _elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
+def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
     """Coefficients in a field, how a Fraction gets into it, and how an element gets out."""
     values: Any = b._values
     if isinstance(values, RingValues):

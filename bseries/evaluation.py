@@ -12,6 +12,7 @@ from .domains import make_values
 from .exceptions import SeriesError
 from .modified import modified_equation, series
 from .scene_trees import SceneTrees, flat_fields, shapes, trees_of_method, trees_of_series
+from .states import check_power
 from .substitution import modifying_integrator
 from .truncated import BSeries
 
@@ -196,8 +197,7 @@ class SceneSeries:
             SeriesError: There is no such power.
         """
         last = self.order - 1 if self.is_field else self.order
-        if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
-            raise SeriesError(f"k must be a power of h from 0 to {last}, but was {k!r:.60}")
+        check_power(k, last)
         if not self.is_field and k == 0:
             return tuple(self.empty * symbol for symbol in self.scene.symbols)
         return self.formulas.term(k + 1 if self.is_field else k)

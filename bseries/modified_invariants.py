@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .differential_rings import MOST_MONOMIALS
 from .differentials import refusing_large
 from .exceptions import SeriesError
 from .potentials import potential
+from .states import check_power, read_symbolic_step
 from .term_sizes import check_field
 
 if TYPE_CHECKING:
@@ -47,9 +47,8 @@ class ModifiedInvariant(NamedTuple):
         """
         import sympy
 
-        if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
-            raise SeriesError(f"h must be a number or a SymPy expression, but was {h!r:.60}")
-        return sympy.Add(*(term * h**k for k, term in enumerate(self.terms)))
+        step = read_symbolic_step(h)
+        return sympy.Add(*(term * step**k for k, term in enumerate(self.terms)))
 
     def __str__(self) -> str:
         rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))
@@ -99,16 +98,15 @@ def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
     if not f.series.is_exact or f.series.digits is not None:
         raise SeriesError(f"f must be exact, but the coefficients of {f.label} are decimals")
     with refusing_large(MOST_MONOMIALS):
-        inverse = _inverse_structure(f)
+        inverse = inverse_structure(f)
         terms = tuple(_integral(f, inverse, k, label) for k in range(f.order))
     return ModifiedInvariant(label, f.scene.symbols, terms)
 
 
 def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) -> sympy.Expr:
     """I_(k+1), whose gradient is B^(−1) f_(k+1)."""
-    ring, field = f.formulas.ring, f.formulas.elements(k + 1)
-    gradient = [ring.dot(zip(row, field, strict=True)) for row in inverse]
-    if not _is_gradient(ring, gradient):
+    ring, gradient = f.formulas.ring, covector(f, inverse, k)
+    if not is_gradient(ring, gradient):
         raise SeriesError(
             f"f must be a Hamiltonian or Poisson field, but {label} is none: at h^{k}, B^(-1) f_{k + 1} is no gradient"
         )
@@ -141,15 +139,20 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
     """
     import sympy
 
-    if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k < check_field(f).order:
-        raise SeriesError(f"k must be a power of h from 0 to {f.order - 1}, but was {k!r:.60}")
+    check_power(k, check_field(f).order - 1)
     ring, field = f.formulas.ring, f.formulas.elements(k + 1)
     with refusing_large(MOST_MONOMIALS):
         total = ring.sum((1, ring.derivative(component, i)) for i, component in enumerate(field))
         return sympy.Integer(0) if ring.is_zero(total) else ring.to_expression(total)
 
 
-def _is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
+def covector(f: SceneSeries, inverse: list[list[Element]], k: int) -> list[Element]:
+    """B^(−1) f_(k+1), the gradient of an integral if there is one."""
+    field = f.formulas.elements(k + 1)
+    return [f.formulas.ring.dot(zip(row, field, strict=True)) for row in inverse]
+
+
+def is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
     """Whether the Jacobian matrix is symmetric."""
     return all(
         ring.is_zero(ring.derivative(components[i], j) - ring.derivative(components[j], i))
@@ -158,13 +161,13 @@ def _is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
     )
 
 
-def _inverse_structure(f: SceneSeries) -> list[list[Element]]:
+def inverse_structure(f: SceneSeries) -> list[list[Element]]:
     """B(y)^(−1) of the scene."""
     import sympy
     from sympy.polys.matrices import DomainMatrix
     from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
-    matrix = sympy.Matrix(_structure(f.scene))
+    matrix = sympy.Matrix(structure_matrix(f.scene))
     try:
         inverse = DomainMatrix.from_Matrix(matrix).to_field().inv().to_Matrix()
     except DMNonInvertibleMatrixError:
@@ -174,7 +177,7 @@ def _inverse_structure(f: SceneSeries) -> list[list[Element]]:
     return [[f.formulas.ring.element(entry) for entry in row] for row in inverse.tolist()]
 
 
-def _structure(scene: Scene) -> list[list[Any]]:
+def structure_matrix(scene: Scene) -> list[list[Any]]:
     """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
     from integrators.scenes.blocks import canonical_blocks
     from integrators.scenes.expansion import filled

@@ -42,8 +42,12 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
     return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
 
 
-def read_step(h: Any) -> float:
-    """A step size as a double.
+def read_step(h: Any, argument: str = "h") -> float:
+    """A step size, or another parameter, as a double.
+
+    Args:
+        h: The number.
+        argument: What a message calls it.
 
     Raises:
         SeriesError: `h` is no real number.
@@ -54,8 +58,31 @@ def read_step(h: Any) -> float:
         0.1
     """
     if isinstance(h, bool) or not isinstance(h, Real):
-        raise SeriesError(f"h must be a real number, but was {h!r:.60}")
+        raise SeriesError(f"{argument} must be a real number, but was {h!r:.60}")
     try:
         return float(h)
     except OverflowError:
-        raise SeriesError("h must be within the range of floats, but was larger") from None
+        raise SeriesError(f"{argument} must be within the range of floats, but was larger") from None
+
+
+def read_symbolic_step(h: Any) -> Any:
+    """A step size for formulas: a number or an expression.
+
+    Raises:
+        SeriesError: `h` is neither.
+    """
+    import sympy
+
+    if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
+        raise SeriesError(f"h must be a number or a SymPy expression, but was {h!r:.60}")
+    return sympy.sympify(h, strict=True)
+
+
+def check_power(k: Any, last: int) -> None:
+    """Refuse what is no power of h.
+
+    Raises:
+        SeriesError: `k` is no integer from 0 to `last`.
+    """
+    if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
+        raise SeriesError(f"k must be a power of h from 0 to {last}, but was {k!r:.60}")

@@ -171,7 +171,7 @@ class PlanBuilder:
         colors = self.table.lists[1]
         for tree in self.trees_of[forest]:
             first, last = ranges[colors[tree]]
-            if first == last:
+            if needs.rank_for(self.needs.forests, forest, colors[tree]) is None:
                 continue
             if self.weights[tree] != 0:
                 self.rows["use"].append((0, first, last))

@@ -20,8 +20,8 @@ from .jets import jet_size
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from integrators.scenes.base import Scene
     from integrators.scenes.local_terms import LocalTerm
+    from integrators.scenes.system import System
     from trees.table import TreeTable
 
 Forest = int
@@ -69,12 +69,13 @@ def find_forests(table: TreeTable) -> Forests:
 class TermNeeds:
     """What one term has to compute: which forests, and up to which rank."""
 
-    def __init__(self, term: LocalTerm, scene: Scene, pieces: Sequence[Piece], moved: Sequence[frozenset[Family]]):
+    def __init__(self, term: LocalTerm, scene: System, pieces: Sequence[Piece], moved: Sequence[frozenset[Family]]):
         import sympy
 
         self.term = term
         self.outputs = [piece.outputs(term, scene) for piece in pieces]
-        self.lowest = 0 if any(output.derivative == VALUE for output in term.outputs) else 1
+        # Where the outputs of a colour are derivatives all are, so that their trees are read from rank 1.
+        self.lowest = [int(outputs[0].derivative != VALUE) if outputs else None for outputs in self.outputs]
         variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         self.degree = degree(term.formula, variables)
         self.directions = [
@@ -85,7 +86,7 @@ class TermNeeds:
 
     def alive(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
         """Whether the tower of a forest can be other than zero."""
-        if self.degree is not None and forests.children[forest] + self.lowest > self.degree:
+        if self.degree is not None and forests.children[forest] > self.degree:
             return False
         while forest:
             v = forests.right[forest]
@@ -93,6 +94,12 @@ class TermNeeds:
                 return False
             forest = forests.left[forest]
         return True
+
+    def rank_for(self, forests: Forests, forest: Forest, color: int) -> int | None:
+        """The rank that trees of a colour with these children are read from; None if the term adds nothing to them."""
+        rank = self.lowest[color]
+        beyond = rank is not None and self.degree is not None and forests.children[forest] + rank > self.degree
+        return None if beyond else rank
 
     def need(self, forest: Forest, rank: int) -> None:
         """Ask for the ranks of a tower up to one."""
@@ -114,7 +121,7 @@ class Needs(NamedTuple):
     forests: Forests
 
 
-def find_needs(table: TreeTable, wanted: Sequence[bool], scene: Scene, pieces: Sequence[Piece]) -> Needs:
+def find_needs(table: TreeTable, wanted: Sequence[bool], scene: System, pieces: Sequence[Piece]) -> Needs:
     """Which towers the wanted trees need, found from the largest trees down.
 
     Args:
@@ -137,15 +144,21 @@ def find_needs(table: TreeTable, wanted: Sequence[bool], scene: Scene, pieces: S
         while known <= forest:
             alive.append([term.alive(forests, known, colors, vanishes) for term in terms])
             known += 1
-        vanishes.append(not any(a and t.outputs[colors[tree]] for a, t in zip(alive[forest], terms, strict=True)))
+        vanishes.append(
+            not any(
+                a and t.rank_for(forests, forest, colors[tree]) is not None
+                for a, t in zip(alive[forest], terms, strict=True)
+            )
+        )
     is_child = [False] * len(table)
     for n in range(table.max_order, 0, -1):
         for tree in reversed(table.ids(n)):
             if (wanted[tree] or is_child[tree]) and not vanishes[tree]:
                 forest = forests.of_tree[tree]
                 for term, a in zip(terms, alive[forest], strict=True):
-                    if a and term.outputs[colors[tree]]:
-                        term.need(forest, term.lowest)
+                    rank = term.rank_for(forests, forest, colors[tree])
+                    if a and rank is not None:
+                        term.need(forest, rank)
         for forest in of_order[n]:
             for term in terms:
                 if forest and forest in term.ranks:

@@ -73,6 +73,13 @@ class TakahashiImada(ProgramMethod):
         self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference)
 
     @property
+    def symplectic_form(self) -> TakahashiImada:
+        """The method with the derivative of the force, of which the simplified form is a perturbation of order h⁵."""
+        if not self.simplified:
+            return self
+        return TakahashiImada(self.alpha, parts=self.names, name="takahashi-imada", reference=self.reference)
+
+    @property
     def stages(self) -> int:
         """The number of forces in a step: one at each end."""
         return 2

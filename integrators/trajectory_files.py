@@ -85,7 +85,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         if os.path.isdir(name) or (not os.path.exists(name) and os.path.isdir(name + PART)):
             return _from_arrays(folder_arrays(name if os.path.isdir(name) else name + PART))
         with zipfile.ZipFile(name) as archive:
-            return _from_arrays({i.filename.removesuffix(".npy"): _member(archive, i) for i in archive.infolist()})
+            return _from_arrays({i.filename.removesuffix(".npy"): read_member(archive, i) for i in archive.infolist()})
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise IntegratorError(
@@ -127,7 +127,7 @@ def _from_arrays(arrays: dict[str, Any]) -> Trajectory:
     return Trajectory(t, y, h=h, variables=variables, observed=observed, observed_t=times, meta=meta)
 
 
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     """An array in an archive, mapped if it is large and stored as it is."""
     import numpy as np
 

@@ -16,36 +16,44 @@ ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 
 
-def console_session():
-    """Pairs (command, output shown) of the console blocks in README."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    for block in re.findall(r"```console\n(.*?)```", text, re.DOTALL):
+def console_session(page):
+    """Pairs (command, output shown) of the console blocks of a page."""
+    for block in re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
         for command, _, output in (part.partition("\n") for part in block.split("$ ")[1:]):
             yield command, output
 
 
-SESSION = list(console_session())
+SESSIONS = {page.name: list(console_session(page)) for page in PAGES}
 
 
 def pattern(shown):
-    """A regular expression for an output; a line … stands for any lines."""
-    return "".join(r"(?:.*\n)*?" if line == "…\n" else re.escape(line) for line in shown.splitlines(keepends=True))
+    """A regular expression for an output; … stands for anything in a line, and a line … for any lines."""
+    lines = shown.splitlines(keepends=True)
+    return "".join(r"(?:.*\n)*?" if line == "…\n" else re.escape(line).replace("…", ".*") for line in lines)
 
 
-@pytest.mark.parametrize(("command", "shown"), [pair for pair in SESSION if pair[0].startswith("bseries ")])
-def test_commands_print_what_readme_shows(command, shown, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", [name for name, session in SESSIONS.items() if session])
+def test_commands_print_what_pages_show(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for other, content in SESSION:
-        if other.startswith("cat "):
-            Path(other.removeprefix("cat ")).write_text(content, encoding="utf-8")
-    output = CliRunner().invoke(application, shlex.split(command)[1:]).output
-    assert re.fullmatch(pattern(shown), output), output
+    for command, content in SESSIONS[page]:
+        if command.startswith("cat "):
+            Path(command.removeprefix("cat ")).write_text(content, encoding="utf-8")
+    for command, shown in SESSIONS[page]:
+        if command.startswith("bseries "):
+            output = None
+            for verb in command.split(" | "):
+                line = shlex.split(verb)[1:]
+                output = CliRunner().invoke(application, line, input=output, prog_name="bseries").output
+            assert output is not None
+            assert re.fullmatch(pattern(shown), output), f"{command}\n{output}"
 
 
 def test_a_wrong_output_would_be_noticed():
     assert re.fullmatch(pattern("a\n…\nc\n"), "a\nb\nb\nc\n")
     assert not re.fullmatch(pattern("a\n…\nc\n"), "a\nb\nb\n")
     assert not re.fullmatch(pattern("a\n1/2\n"), "a\n1/3\n")
+    assert re.fullmatch(pattern("a … c\n"), "a b c\n")
+    assert not re.fullmatch(pattern("a … c\n"), "a b\nc\n")
 
 
 def test_make_demo_shows_what_readme_shows():
@@ -53,7 +61,9 @@ def test_make_demo_shows_what_readme_shows():
     demo = re.search(r"^demo:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
     assert demo is not None
     commands = re.findall(r"(bseries .*)", demo[1])
-    assert commands == [command for command, _ in SESSION if command.startswith("bseries ")][: len(commands)]
+    assert (
+        commands == [command for command, _ in SESSIONS["README.md"] if command.startswith("bseries ")][: len(commands)]
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -24,7 +24,10 @@ LINE = 0.036
 
 
 def draw(curves: Sequence[Curve], problems: Sequence[Problem]) -> Figure:
-    """A panel for each problem; of a curve the points that no other of it beats, and its name beside the last."""
+    """A panel for each problem; of a curve the points that no other of it beats.
+
+    Curves that are somewhere the best of their package are strong and have their names beside their last points.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.5 * len(problems), 7.5))
@@ -41,14 +44,21 @@ def _panel(panel: Axes, curves: Sequence[Curve]) -> None:
     panel.grid(color="#dddddd", linewidth=0.5)
     panel.spines[["top", "right"]].set_visible(False)
     ends, drawn = [], Counter()
-    for curve in curves:
-        points = [point for point in front(curve.points) if ERRORS[1] < point.error < ERRORS[0]]
-        if not points:
+    fronts = [(curve, [p for p in front(curve.points) if ERRORS[1] < p.error < ERRORS[0]]) for curve in curves]
+    shown = [(curve, points) for curve, points in fronts if points]
+    best = {
+        package: set(front(p for curve, points in shown if curve.package == package for p in points))
+        for package in COLOURS
+    }
+    for curve, points in shown:
+        package, colour = curve.package, COLOURS[curve.package]
+        xy = [p.error for p in points], [p.seconds for p in points]
+        if best[package].isdisjoint(points):
+            panel.plot(*xy, color=colour, linewidth=0.7, alpha=0.3)
             continue
-        package, ours, colour = curve.package, curve.package == OURS, COLOURS[curve.package]
+        ours = package == OURS
         panel.plot(
-            [point.error for point in points],
-            [point.seconds for point in points],
+            *xy,
             color=colour,
             marker=MARKERS[package],
             linestyle=DASHES[drawn[package] % len(DASHES)],

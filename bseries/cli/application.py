@@ -18,12 +18,16 @@ VERBS = {
     "series": "series_verbs",
     "compose": "compose_verb",
     "equation": "equation_verb",
+    "hamiltonian": "hamiltonian_verb",
+    "drift": "drift_verb",
     "check": "check_verb",
     "conditions": "conditions_verb",
     "trees": "tree_verb",
     "methods": "catalogue_verb",
     "scenes": "scenes_verb",
     "simulate": "simulate_verb",
+    "shadow": "shadow_verb",
+    "figure": "figure_verb",
     "completion": "completion_verb",
 }
 """Every verb and the module that holds it."""
@@ -138,6 +142,7 @@ def application() -> None:
       bseries modified rk4 --order 6
       bseries modified stormer-verlet --order 3 --nonzero
       bseries modifying implicit-midpoint --order 5
+      bseries hamiltonian implicit-midpoint --scene pendulum
       bseries check gauss3
       bseries series --A "0,0;1/2,0" --b "0,1" --format csv
       bseries trees --order 5

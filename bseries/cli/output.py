@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import click
 
+from . import layout
 from .application import Refusal
 from .progress import Progress
 
@@ -56,6 +57,23 @@ class Output(NamedTuple):
             raise Refusal(
                 f"order must be smaller, or format csv, to write more than {MOST_ROWS:,} trees, but there are {count:,}"
             )
+
+    def listing(
+        self,
+        columns: Sequence[layout.Column],
+        rows: Sequence[layout.Row],
+        title: str,
+        notes: Sequence[str],
+        sections: int | None = None,
+    ) -> Iterable[str]:
+        """A title, a table and notes for readers, in Markdown or plain text.
+
+        In plain text an empty line stands wherever the column number `sections` changes.
+        """
+        if self.format == "markdown":
+            return [layout.markdown(columns, rows, title=title, notes=notes)]
+        text = layout.table(columns, rows if sections is None else layout.sections(rows, sections), self.width)
+        return [layout.paragraphs([title, ""], self.width), text, layout.paragraphs(["", *notes], self.width)]
 
     def write(self, chunks: Iterable[str]) -> None:
         """Write text piece by piece; a file appears when it is complete."""

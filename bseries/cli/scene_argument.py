@@ -157,6 +157,12 @@ def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[st
     return values
 
 
+def read_start(text: str, scene: Scene) -> Scene:
+    """The scene with the start values that ``p=0;q=-3/2`` says."""
+    given = read_assignments(filter(str.strip, text.split(";")), "start", '"p=0;q=-3/2"')
+    return scene.with_start(**{name: split_row(values) for name, values in given.items()})
+
+
 def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
     """Give a verb the option --parts, which says what the parts of a method are in a scene."""
     text = 'What the method\'s parts are: blocks or parts of the scene, as in "a=q;b=p".'

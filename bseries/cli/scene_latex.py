@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 from unicodedata import decomposition
@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 
     from integrators import Scene
 
-    Terms = Sequence[tuple[int, tuple[sympy.Expr, ...]]]
-
 LINE = 120
 """So many characters of LaTeX go on one line of an equation."""
+ENERGY = r"\widetilde{H}"
 GREEK = "GREEK SMALL LETTER "
 _SIGNS = {"−": "$-$", "<": "$<$", ">": "$>$"}
 _RAISED = {"<super>": "^", "<sub>": "_"}
@@ -34,21 +33,34 @@ def latex_formula(formula: sympy.Expr, scene: Scene) -> str:
     return sympy.latex(formula, symbol_names=names | _components(scene))
 
 
-def align(scene: Scene, terms: Terms) -> str:
+def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr]]]) -> str:
     """Equations for all variables by powers of h, as a displayed align.
 
     Args:
         scene: The scene.
         terms: Consecutive powers of h with what they multiply, one formula for each variable.
     """
-    first, last = terms[0][0], terms[-1][0]
-    rest = f"\\mathcal{{O}}(h^{{{last + 1}}})" if last else r"\mathcal{O}(h)"
-    equations = []
+    rows = []
     for i, symbol in enumerate(scene.symbols):
         base, *index = latex_formula(symbol, scene).partition("_{")
         summands = [_summand(k, field[i], scene) for k, field in terms if field[i] != 0]
+        rows.append((f"\\dot{{{base}}}{''.join(index)}", summands))
+    return align(rows, terms[0][0], terms[-1][0])
+
+
+def hamiltonian_equation(scene: Scene, terms: Sequence[tuple[int, sympy.Expr]]) -> str:
+    """A modified Hamiltonian by powers of h, as a displayed align."""
+    summands = [_summand(k, formula, scene) for k, formula in terms if formula != 0]
+    return align([(ENERGY, summands)], terms[0][0], terms[-1][0])
+
+
+def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int) -> str:
+    """Left sides and what they are equal to, sums of terms with consecutive powers of h."""
+    rest = f"\\mathcal{{O}}(h^{{{last + 1}}})" if last else r"\mathcal{O}(h)"
+    equations = []
+    for left, summands in rows:
         start = [r"\cdots"] if first else [] if summands else ["0"]
-        equations.append(f"\\dot{{{base}}}{''.join(index)} &= {_broken([*start, *summands, rest])}")
+        equations.append(f"{left} &= {_broken([*start, *summands, rest])}")
     return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
 
 

@@ -14,9 +14,9 @@ from . import layout
 from .application import Refusal, say
 from .ensemble_options import simulate_ensemble, takes_ensemble
 from .layout import Column
-from .method_argument import complete_method, read_method, split_row
+from .method_argument import complete_method, read_method
 from .output import WholeNumber, takes_output
-from .scene_argument import read_assignments, read_parts, takes_parts, takes_scene
+from .scene_argument import read_parts, read_start, takes_parts, takes_scene
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -163,8 +163,7 @@ def simulate(
     h = _number(step, "step")
     count = _steps(h, steps, span)
     if start is not None:
-        given = read_assignments(filter(str.strip, start.split(";")), "start", '"p=0;q=-3/2"')
-        scene = scene.with_start(**{name: split_row(values) for name, values in given.items()})
+        scene = read_start(start, scene)
     common: dict[str, Any] = {
         "h": h,
         "steps": count,

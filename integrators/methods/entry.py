@@ -31,6 +31,7 @@ class MethodEntry(NamedTuple):
         aliases: Other names that find it.
         parameters: Names of its free parameters.
         least_stages: The smallest number of stages a family has.
+        options: Names of parameters that have a customary value, and need not be given.
     """
 
     name: str
@@ -43,6 +44,7 @@ class MethodEntry(NamedTuple):
     aliases: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
     least_stages: int = 1
+    options: tuple[str, ...] = ()
 
     @property
     def is_tableau(self) -> bool:

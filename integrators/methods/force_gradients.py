@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .entry import MethodEntry
 
@@ -18,10 +18,10 @@ CHIN = "S. A. Chin, Phys. Lett. A 226 (1997) 344–348, doi:10.1016/S0375-9601(9
 
 
 def _takahashi_imada(*, simplified: bool) -> Callable[..., TakahashiImada]:
-    def build(*, name: str, reference: str) -> TakahashiImada:
+    def build(*, name: str, reference: str, alpha: Any = "1/12") -> TakahashiImada:
         from ..takahashi_imada import TakahashiImada
 
-        return TakahashiImada(simplified=simplified, name=name, reference=reference)
+        return TakahashiImada(alpha, simplified=simplified, name=name, reference=reference)
 
     return build
 
@@ -41,18 +41,20 @@ METHODS = (
         "force gradient",
         2,
         2,
-        "Störmer-Verlet with the force f + h^2/12 f' f; symplectic, and conjugate to a method of order 4",
+        "Störmer-Verlet with the force f + alpha h^2 f' f, alpha = 1/12: symplectic, conjugate to a method of order 4",
         TAKAHASHI_IMADA,
         _takahashi_imada(simplified=False),
+        options=("alpha",),
     ),
     MethodEntry(
         "simplified-takahashi-imada",
         "force gradient",
         2,
         2,
-        "Störmer-Verlet with the force f(q + h^2/12 f(q)); volume preserving, not symplectic",
+        "Störmer-Verlet with the force f(q + alpha h^2 f(q)), alpha = 1/12: preserves volume, not symplectic",
         SIMPLIFIED,
         _takahashi_imada(simplified=True),
+        options=("alpha",),
     ),
     MethodEntry(
         "chin4a",

@@ -72,7 +72,7 @@ def method(name: str, /, **parameters: Any) -> Method:
             is followed by its number of stages, as in ``gauss3``. What fits several methods, such as ``midpoint``, is
             refused and the candidates are named.
         parameters: Values of its free parameters, each an int, a Fraction, a text such as ``"1/2 - sqrt(3)/6"`` or a
-            SymPy expression. A parameter that is not given stays a symbol.
+            SymPy expression. A parameter that is not given stays a symbol, or has its customary value.
 
     Returns:
         The method with its source in ``reference``.
@@ -87,15 +87,17 @@ def method(name: str, /, **parameters: Any) -> Method:
         True
     """
     entry, stages = _find(name)
-    unknown = [key for key in parameters if key not in entry.parameters]
+    names = entry.parameters + entry.options
+    unknown = [key for key in parameters if key not in names]
     if unknown:
-        known = f"must be one of {', '.join(entry.parameters)}" if entry.parameters else "cannot be given, it has none"
+        known = f"must be one of {', '.join(names)}" if names else "cannot be given, it has none"
         raise IntegratorError(f"parameters of {entry.name} {known}, but {unknown[0]!r:.60} was given")
-    if entry.parameters:
+    if entry.parameters or parameters:
         from ..entries import read_entry
 
-        # A parameter that is not given is the symbol of its own name.
-        values = {key: read_entry(parameters.get(key, key), key, entry.parameters) for key in entry.parameters}
+        # A free parameter that is not given is the symbol of its own name.
+        given = dict(zip(entry.parameters, entry.parameters, strict=True)) | parameters
+        values = {key: read_entry(value, key, names) for key, value in given.items()}
         return entry.build(name=entry.name, reference=entry.reference, **values)
     return _build(entry, stages)
 

@@ -15,7 +15,7 @@ import bseries as bs
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import algebra_cases, cases, report, rivals, scene_cases, timing  # noqa: E402
+from benchmarks import algebra_cases, cases, hamiltonian_cases, report, rivals, scene_cases, timing  # noqa: E402
 from benchmarks.__main__ import main  # noqa: E402
 from benchmarks.timing import Sample  # noqa: E402
 
@@ -41,6 +41,8 @@ EULER = bs.RungeKutta([[0.0]], [1.0])
         scene_cases.per_point(lambda: bs.modified_field(bs.method("rk4"), bs.scene("riccati"), 3)),
         scene_cases.printed_formulas(compiled=False),
         scene_cases.compile_time(cached=True),
+        hamiltonian_cases.once(lambda: hamiltonian_cases.verlet_brackets(3, quadratic=True)),
+        hamiltonian_cases.per_point("implicit-midpoint", "pendulum", 3),
         cases.process(sys.executable, "-c", "pass"),
         cases.first_run(),
     ],
@@ -62,7 +64,8 @@ def test_the_rows_hold_every_bar_of_the_table():
     bars = {name: case.bar for name, case in rows.items() if case.bar is not None}
     assert bars["midpoint-9"] == 0.0002
     assert (bars["modifying-9"], bars["substitute-11"], bars["energy-9"]) == (0.001, 0.05, 0.01)
-    assert len(bars) == 37
+    assert (bars["brackets-9"], bars["hamiltonian-9"], bars["shadow-8"]) == (10, 2e-6, 2)
+    assert len(bars) == 43
     assert all(case.peak_bar is not None for case in rows.values() if case.full)
     assert {rival.opponent for rival in rivals.RIVALS} <= rows.keys()
     assert {figure.opponent for figure in rivals.PUBLISHED} <= rows.keys()

@@ -228,16 +228,17 @@ def test_rivals_that_are_not_installed_have_no_curves(tmp_path):
     assert precision.rival_curves(tmp_path, "rebound", precision.problems()[0]) == []
 
 
-def test_the_diagram_has_a_line_and_a_name_for_every_curve():
+def test_the_diagram_has_a_line_for_every_curve_and_names_for_the_best_of_each_package():
     kepler, solar = precision.problems()
     curves = [
         curve((1e-2, 1.0), (1e-4, 10.0), method="gauss3"),
+        curve((1e-2, 1.5), (1e-4, 15.0), method="rk4"),
         curve((1e-2, 1.1), (1e-4, 10.1), package="heyoka", method="Taylor"),
         curve((5.0, 1.0), package="scipy", method="RK45"),
         curve((1e-2, 1.1), package="rebound", method="IAS15", problem=solar.name),
     ]
     first, second = diagram.draw(curves, [kepler, solar]).axes
-    assert [line.get_linewidth() for line in first.lines] == [2, 1]
+    assert [line.get_linewidth() for line in first.lines] == [2, 0.7, 1]
     assert [text.get_text() for text in first.texts] == ["gauss3", "heyoka Taylor"]
     assert len(second.lines) == 1
 

@@ -1,0 +1,1 @@
+"""Action–angle variables: canonical transformations, Fourier polynomials, and the elimination of angles."""

@@ -1,0 +1,60 @@
+"""Momenta and positions: the two blocks of variables of a canonical system, as users give them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from integrators.scenes.base import Scene
+from integrators.scenes.blocks import Block, canonical_blocks, read_blocks
+
+from ..exceptions import SeriesError
+
+
+def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
+    """Momenta and positions, and nothing else.
+
+    Raises:
+        SeriesError: There are others, or another structure.
+    """
+    if isinstance(blocks, Scene) and blocks.poisson is not None:
+        raise SeriesError(f"{argument} must be canonical, but {blocks.name} has a Poisson structure of its own")
+    found = blocks.blocks if isinstance(blocks, Scene) else read_blocks(blocks, argument)
+    pair = canonical_blocks(found)
+    if pair is None or len(found) != 2:
+        names = ", ".join(block.name for block in found)
+        raise SeriesError(f"{argument} must be momenta and as many positions, but was {names or 'empty':.60}")
+    return pair
+
+
+def sizes(pair: Sequence[Block]) -> dict[str, Any]:
+    """What the blocks are read from, in the order of the state."""
+    return {block.name: block.size for block in sorted(pair, key=lambda block: block.offset)}
+
+
+def names_of(pair: Sequence[Block]) -> tuple[str, ...]:
+    """The names of all variables, in the order of the state."""
+    return tuple(name for block in sorted(pair, key=lambda block: block.offset) for name in block.variables)
+
+
+def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:
+    """The brackets of the variables among themselves: {q, p} = 1."""
+    momenta, positions = pair
+    size = momenta.dimension
+    matrix = [[0] * (2 * size) for _ in range(2 * size)]
+    for k in range(size):
+        p, q = momenta.offset + k, positions.offset + k
+        matrix[q][p], matrix[p][q] = 1, -1
+    return matrix
+
+
+def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
+    """Refuse what does not map just these names.
+
+    Raises:
+        SeriesError: One is missing, or there are others.
+    """
+    keys = list(formulas) if isinstance(formulas, Mapping) else None
+    if keys is None or set(keys) != set(names):
+        was = repr(formulas) if keys is None else f"for {', '.join(map(str, keys)) or 'none'}"
+        raise SeriesError(f"{argument} must have a formula for each of {', '.join(names):.60}, but was {was:.60}")

@@ -1,0 +1,141 @@
+"""Where chaos sets in: the implicit midpoint rule on the pendulum, for all starts and step sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import bseries as bs
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NUMBER = None
+TITLE = "Pendulum: where the implicit midpoint rule becomes chaotic as the step size grows"
+CAPTION = (
+    "Beyond the lecture, on its figure 6, whose text lets chaos begin soon after h = 0.7. Dark starts are "
+    "chaotic: two orbits that begin a relative 10⁻¹⁰ apart are more than 0.01 apart at t = 700. There is chaos "
+    "for every h, but in a layer at the separatrix that is exponentially thin, e^(−π²/2h) to leading order (here "
+    "its width in p, at the saddle point): about 0.03 for h = 0.7. Only from h ≈ 1 on is it a part of phase space "
+    "that can be seen."
+)
+SIZE = (16.0, 8.0)
+
+METHOD = "implicit-midpoint"
+SPAN = 700.0
+NEARBY, APART = 1e-10, 0.01
+"""The relative distance of two starts, and the distance at the end beyond which they are chaotic."""
+STEP_SIZES = (0.4, 1.8, 36)
+"""The least, the largest, and how many."""
+BOTTOM = (1.5, 3.0, 46)
+"""Momenta at q = 0, in the same way. The separatrix of the exact flow is at 2."""
+SADDLE = (-4.0, 0.0, 49)
+"""Decimal logarithms of momenta at q = −π. The separatrix is at 0."""
+
+
+class ChaosOnset(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        h: The step sizes.
+        bottom: Momenta of starts at q = 0.
+        saddle: Momenta of starts at q = −π.
+        chaotic_bottom: Whether they are chaotic, (step sizes, momenta).
+        chaotic_saddle: The same.
+    """
+
+    h: np.ndarray
+    bottom: np.ndarray
+    saddle: np.ndarray
+    chaotic_bottom: np.ndarray
+    chaotic_saddle: np.ndarray
+
+    @property
+    def width(self) -> np.ndarray:
+        """The width of the layer in p at the saddle point, by step size: in logarithmic scale, without its islands."""
+        import numpy as np
+
+        exponents = np.log10(self.saddle)
+        return 10 ** (exponents[0] + self.chaotic_saddle.mean(axis=1) * (exponents[-1] - exponents[0]))
+
+    @property
+    def coefficient(self) -> float:
+        """The c of the width c e^(−π²/2h)."""
+        import numpy as np
+
+        return float(np.exp(np.mean(np.log(self.width) + np.pi**2 / 2 / self.h)))
+
+
+def numbers() -> ChaosOnset:
+    """Pairs of orbits up to t = 700 for all step sizes and starts."""
+    import numpy as np
+
+    h, bottom, saddle = np.linspace(*STEP_SIZES), np.linspace(*BOTTOM), np.logspace(*SADDLE)
+    starts = np.array([*((p, 0.0) for p in bottom), *((p, -np.pi) for p in saddle)])
+    chaotic = np.array([is_chaotic(starts, size) for size in h])
+    return ChaosOnset(h, bottom, saddle, chaotic[:, : len(bottom)], chaotic[:, len(bottom) :])
+
+
+def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN) -> np.ndarray:
+    """For each start whether an orbit that begins nearby ends elsewhere."""
+    import numpy as np
+
+    steps, p = round(span / h), starts[:, 0]
+    nearby = np.column_stack([p + NEARBY * np.where(p == 0, 1, p), starts[:, 1]])
+    runs = bs.ensemble(
+        bs.scene("pendulum"),
+        METHOD,
+        h=h,
+        steps=steps,
+        y0=np.vstack([starts, nearby]),
+        observe=None,
+        observe_every=steps,
+        final=True,
+    )
+    first, second = np.split(runs.final, 2)
+    return np.linalg.norm(first - second, axis=1) > APART
+
+
+def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
+    """A line for each step size and start: 1 if it is chaotic; and the widths by step size."""
+    import numpy as np
+
+    table = {"h": numbers.h, "width": numbers.width}
+    for name, p, chaotic in (
+        ("bottom", numbers.bottom, numbers.chaotic_bottom),
+        ("saddle", numbers.saddle, numbers.chaotic_saddle),
+    ):
+        table |= {f"h_{name}": np.repeat(numbers.h, len(p)), f"p_{name}": np.tile(p, len(numbers.h))}
+        table[f"chaotic_{name}"] = chaotic.ravel().astype(int)
+    return table
+
+
+def draw(numbers: ChaosOnset, figure: Figure) -> None:
+    """To the left starts from the point at rest on, to the right those near the saddle point."""
+    import numpy as np
+
+    from .style import VERMILION
+
+    left, right = figure.subplots(1, 2)
+    _draw_map(left, numbers.h, numbers.bottom, numbers.chaotic_bottom)
+    separatrix = 2 / np.sqrt(1 - numbers.h**2 / 12)  # where H + h²H₃ is what it is at the saddle point
+    left.plot(numbers.h, separatrix, "--", color=VERMILION, label="separatrix of $H + h^2H_3$")
+    left.set(ylabel="momentum $p$ at $q = 0$", title="(a) starts at $q = 0$", ylim=BOTTOM[:2])
+    _draw_map(right, numbers.h, numbers.saddle, numbers.chaotic_saddle)
+    layer = numbers.coefficient * np.exp(-(np.pi**2) / 2 / numbers.h)
+    label = rf"${numbers.coefficient:.0f}\,e^{{-\pi^2/2h}}$"
+    right.plot(numbers.h, layer, "--", color=VERMILION, label=label)
+    right.set(ylabel=r"momentum $p$ at $q = -\pi$", title=r"(b) starts at $q = -\pi$, the saddle point", yscale="log")
+    right.set_ylim(*10 ** np.array(SADDLE[:2]))
+    for axes in (left, right):
+        axes.set(xlabel="step size $h$", xlim=STEP_SIZES[:2])
+        axes.legend(loc="upper left")
+
+
+def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
+    from matplotlib.colors import ListedColormap
+
+    from .style import BLUE, WHITE
+
+    axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, BLUE]), shading="nearest", rasterized=True)

@@ -1,0 +1,177 @@
+"""Figure 8: the simplified Takahashi–Imada method on a cluster of atoms, where the energy walks at random."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import bseries as bs
+
+from .options import check_count, check_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.random import Generator
+
+    from integrators import Scene
+
+NUMBER = 8
+TITLE = "Lennard-Jones cluster: random walk of the modified energy with the simplified Takahashi–Imada method"
+CAPTION = (
+    "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ + h⁴H₅ of "
+    "the symplectic Takahashi–Imada method along the simplified one: its mean over all trajectories stays zero, "
+    "and its standard deviation s grows like √t. The lecture's parameters are lost. Here 9 atoms in the plane, σ "
+    "= ε = m = 1, begin as a hexagonal cluster with random momenta of kinetic energy 2.4, so that all have the "
+    "same energy, and have 50 units of time to forget that. Without H₅ the oscillations of the energy would cover "
+    "the walk for long."
+)
+SIZE = (13.0, 12.0)
+
+SIMPLIFIED, SYMPLECTIC = "simplified-takahashi-imada", "takahashi-imada"
+KINETIC, EQUILIBRATION = 2.4, 50.0
+"""The kinetic energy at first, that of temperature 0.3, and how long runs are before they are looked at."""
+TERMS = 5
+"""Powers h⁰ … h⁴ of the modified energy."""
+TIMES = 1000
+"""How often energies are observed."""
+KEPT = 12
+"""How many trajectories are drawn one by one."""
+SHOWN = 150
+"""About how many points curves have in the logarithmic picture."""
+FIT_FROM = 0.1
+"""The deviation is fitted from this part of the span on."""
+
+
+class LennardJonesDrift(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        members: The number of trajectories.
+        h: The step size.
+        t: The times of observation.
+        mean: The mean of the error of the modified energy.
+        deviation: Its standard deviation.
+        single: The error along the first trajectories, (trajectories, times).
+    """
+
+    members: int
+    h: float
+    t: np.ndarray
+    mean: np.ndarray
+    deviation: np.ndarray
+    single: np.ndarray
+
+    @property
+    def exponent(self) -> float:
+        """The exponent of t in the deviation: the slope in logarithmic scales, at times of equal ratio."""
+        import numpy as np
+
+        t = np.geomspace(FIT_FROM * self.t[-1], self.t[-1], 100)
+        return float(np.polyfit(np.log(t), np.log(np.interp(t, self.t, self.deviation)), 1)[0])
+
+    @property
+    def coefficient(self) -> float:
+        """The c of s = c √t."""
+        import numpy as np
+
+        late = self.t >= FIT_FROM * self.t[-1]
+        return float(np.exp(np.mean(np.log(self.deviation[late] / np.sqrt(self.t[late])))))
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """That of the mean."""
+        return self.deviation / self.members**0.5
+
+
+def numbers(
+    *,
+    h: float = 0.01,
+    members: int = 400,
+    span: float = 2e4,
+    seed: int = 0,
+    checkpoint: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> LennardJonesDrift:
+    """Many trajectories up to t = 20,000, which takes minutes; in the folder `checkpoint` what is done is kept."""
+    h, members = check_number(h, "h", 0.002, 0.02), check_count(members, "members", 2, 100_000)
+    atoms: Any = bs.scene("lennard-jones")
+    steps = round(check_number(span, "span", 20, 1e6) / h)
+    energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
+    result = bs.ensemble(
+        atoms,
+        SIMPLIFIED,
+        h=h,
+        steps=steps,
+        sample=partial(start, atoms, bs.thermal_momenta(atoms, 1), h),
+        members=members,
+        seed=check_count(seed, "seed", 0, 2**63),
+        observe={"H": energy.observer(h)},
+        observe_every=max(1, steps // TIMES),
+        change="absolute",
+        keep=KEPT,
+        checkpoint=checkpoint,
+        progress=progress,
+    )
+    return LennardJonesDrift(members, h, result.t, result.mean["H"], result.std["H"], result.series["H"])
+
+
+def start(atoms: Scene, draw: Callable[[Generator], np.ndarray], h: float, random: Generator) -> np.ndarray:
+    """A state of the energy that all trajectories share, once nothing reminds of the ordered cluster.
+
+    That is not at an average place, so that the mean of energies less those at the start would not be zero.
+    """
+    y = draw(random)
+    momenta = y[: len(y) // 2]
+    momenta *= (2 * KINETIC / (momenta @ momenta)) ** 0.5
+    return bs.integrate(atoms, SIMPLIFIED, h=h, steps=round(EQUILIBRATION / h), y0=y, save_every=None).y[:, -1]
+
+
+def columns(numbers: LennardJonesDrift) -> dict[str, np.ndarray]:
+    """Mean, deviation and standard error at all times, and the errors along single trajectories."""
+    table = {"t": numbers.t, "mean": numbers.mean, "deviation": numbers.deviation}
+    table["standard_error"] = numbers.standard_error
+    return table | {f"error_{k}": errors for k, errors in enumerate(numbers.single, 1)}
+
+
+def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
+    """Above trajectories with their mean and deviation, below the deviation in logarithmic scales."""
+    above, below = figure.subplots(2, height_ratios=(1.5, 1))
+    _draw_trajectories(above, numbers)
+    _draw_deviation(below, numbers)
+
+
+def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
+    from .style import BLACK, BLUE, GREY, VERMILION
+
+    t, law = numbers.t, numbers.coefficient * numbers.t**0.5
+    label = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
+    for k, errors in enumerate(numbers.single):
+        axes.plot(t, errors, color=GREY, linewidth=0.5, label=None if k else label)
+    for sign, label in ((1, r"$\pm s$"), (-1, None)):
+        axes.plot(t, sign * numbers.deviation, color=BLUE, label=label)
+        axes.plot(t, sign * law, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
+    axes.plot(t, numbers.mean, color=VERMILION, label="mean")
+    axes.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
+    axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1.04), ncols=4)
+
+
+def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
+    import numpy as np
+
+    from .style import BLACK, BLUE, VERMILION
+
+    rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
+    t, deviation, mean, error = (
+        values[rows] for values in (numbers.t, numbers.deviation, numbers.mean, numbers.standard_error)
+    )
+    axes.loglog(t, deviation, color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
+    axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
+    axes.loglog(t, abs(mean), color=VERMILION, linewidth=0.8, label="|mean|")
+    axes.loglog(t, 3 * error, ":", color=VERMILION, label="3 standard errors")
+    axes.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1.04), ncols=4)

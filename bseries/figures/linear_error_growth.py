@@ -1,0 +1,186 @@
+"""Figure 10: why errors of symplectic methods grow linearly on integrable systems, step by step on two rotors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import bseries as bs
+
+from .options import check_number
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from integrators import Scene
+
+NUMBER = 10
+TITLE = "Two coupled rotors: linear growth of the global error, by the steps of the proof of theorem 7"
+CAPTION = (
+    "Lecture, figure 10: its diagram as a computation. H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + q_i²)/2 is "
+    "integrable; ω₂/ω₁ is the golden ratio. The modified Hamiltonian of Störmer–Verlet, through h⁴ and in "
+    "action-angle variables, loses its angles by the series of Lindstedt and Poincaré with N terms; then b is "
+    "constant and φ = φ₀ + ω(b)t. (a) Errors so far: linear for Störmer–Verlet, quadratic for Kutta's method of "
+    "order 3, which is not symplectic; and how far the steps of Störmer–Verlet are from these solutions, taken "
+    "back. (b) How much actions change: a, and the new ones b."
+)
+SIZE = (17.0, 10.5)
+
+SYMPLECTIC, OTHER = "stormer-verlet", "kutta3"
+OLD, NEW = {"p": 2, "q": 2}, {"a": 2, "theta": 2}
+ENERGY = "{0} + 3/2*{1} + {0}*{1}/2"
+START = (1.0, 2 * 5**0.5 - 4, 0.5, 1.0)
+"""Actions and angles. The frequencies 1 + a₂/2 and 3/2 + a₁/2 are 2/φ and 2, where φ is the golden ratio."""
+SPAN, FIT_FROM = 1000.0, 30.0
+TERMS = 2
+"""Powers h² and h⁴ of the modified Hamiltonian, ε and ε²."""
+EVERY = 5
+"""Steps from one state that is looked at to the next."""
+SHOWN = 150
+"""Points of a curve."""
+
+
+class LinearErrorGrowth(NamedTuple):
+    """What the figure shows: for all times the largest distances up to then.
+
+    Attributes:
+        h: The step size.
+        t: The times.
+        symplectic: The global error of Störmer–Verlet.
+        other: That of Kutta's method of order 3.
+        predicted: The distance of Störmer–Verlet from the solutions after N = 1, 2 terms, (terms, times).
+        actions: The changes of the actions with Störmer–Verlet.
+        other_actions: Those with Kutta's method.
+        new_actions: The changes of the actions b after N = 1, 2 terms with Störmer–Verlet, (terms, times).
+    """
+
+    h: float
+    t: np.ndarray
+    symplectic: np.ndarray
+    other: np.ndarray
+    predicted: np.ndarray
+    actions: np.ndarray
+    other_actions: np.ndarray
+    new_actions: np.ndarray
+
+
+def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
+    """The diagram: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, and back."""
+    import numpy as np
+
+    h = check_number(h, "h", 0.01, 0.05)
+    rotors, change = scene(), bs.harmonic_action_angle(OLD, NEW, [1, 1])
+    start = np.array(START)
+    first, second = (
+        bs.integrate(rotors, method, h=h, steps=round(SPAN / h), y0=change.to_old(start), save_every=EVERY)
+        for method in (SYMPLECTIC, OTHER)
+    )
+    exact = change.to_old(_turning(start, _frequencies(change.hamiltonian(rotors), start), first.t))
+    states, predicted, new = _action_angles(first.y), [], []
+    for form in normal_forms(rotors, change):
+        eps = h**2
+        b = form.to_normal(start, eps)
+        omega = _frequencies(form.normal_scene.with_parameters(eps=eps), b)
+        solution = change.to_old(form.from_normal(_turning(b, omega, first.t), eps))
+        predicted.append(_largest(first.y - solution))
+        new.append(_changes(form.to_normal(states, eps)))
+    return LinearErrorGrowth(
+        h,
+        first.t,
+        _largest(first.y - exact),
+        _largest(second.y - exact),
+        np.array(predicted),
+        _changes(states),
+        _changes(_action_angles(second.y)),
+        np.array(new),
+    )
+
+
+def scene() -> Scene:
+    """The rotors in Cartesian coordinates, where the method is applied to them."""
+    actions = [f"(p{i}^2 + q{i}^2)/2" for i in (1, 2)]
+    return bs.Scene(OLD, hamiltonian=ENERGY.format(*actions), name="rotors")
+
+
+def normal_forms(rotors: Scene, change: bs.CoordinateChange) -> list[bs.NormalForm]:
+    """The modified Hamiltonian of Störmer–Verlet without its angles, through ε, ε², … where ε = h²."""
+    energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), rotors, 2 * TERMS + 1)
+    terms = (bs.Scene(OLD, hamiltonian=energy.symbolic(2 * k)) for k in range(1, TERMS + 1))
+    perturbations = [change.hamiltonian(term).hamiltonian for term in terms]
+    integrable = change.hamiltonian(rotors)
+    return [bs.lindstedt_poincare(integrable, n, perturbations=perturbations[:n]) for n in range(1, TERMS + 1)]
+
+
+def _frequencies(system: Scene, state: np.ndarray) -> np.ndarray:
+    """The velocities of the angles."""
+    return bs.right_hand_side(system)(0.0, state)[2:]
+
+
+def _turning(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Constant actions, and angles that turn with frequencies ω, (4, times)."""
+    import numpy as np
+
+    return state[:, None] + np.concatenate([0 * omega, omega])[:, None] * t
+
+
+def _action_angles(states: np.ndarray) -> np.ndarray:
+    import numpy as np
+
+    p, q = np.split(states, 2)
+    return np.vstack([(p**2 + q**2) / 2, np.arctan2(q, p)])
+
+
+def _changes(states: np.ndarray) -> np.ndarray:
+    """The largest changes of actions so far."""
+    return _largest(states[:2] - states[:2, :1])
+
+
+def _largest(differences: np.ndarray) -> np.ndarray:
+    """The largest Euclidean norms so far."""
+    import numpy as np
+
+    return np.maximum.accumulate(np.linalg.norm(differences, axis=0))
+
+
+def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
+    """The slope, in logarithmic scales, at times of equal ratio from t = 30 on."""
+    import numpy as np
+
+    times = np.geomspace(FIT_FROM, SPAN, SHOWN)
+    return float(np.polyfit(np.log(times), np.log(np.interp(times, t, error)), 1)[0])
+
+
+def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
+    """All curves by time."""
+    table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{OTHER}": numbers.other}
+    table |= {f"error_after_{n}_terms": row for n, row in enumerate(numbers.predicted, 1)}
+    table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{OTHER}": numbers.other_actions}
+    table |= {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
+    return {name.replace("-", "_"): column for name, column in table.items()}
+
+
+def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
+    """To the left global errors, to the right the actions."""
+    left, right = figure.subplots(1, 2)
+    _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "solution after")
+    _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "new actions,")
+    left.set(title="(a) solutions", ylabel="largest error so far")
+    right.set(title="(b) actions", ylabel="largest change so far")
+
+
+def _draw_curves(
+    axes: Axes, numbers: LinearErrorGrowth, other: np.ndarray, symplectic: np.ndarray, series: np.ndarray, what: str
+) -> None:
+    import numpy as np
+
+    from .style import BLUE, GREEN, PURPLE, VERMILION
+
+    rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
+    names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))
+    looks = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
+    for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, looks, strict=True):
+        label = f"{name}: $t^{{{growth_exponent(numbers.t, curve):.2f}}}$"
+        axes.loglog(numbers.t[rows], curve[rows], linestyle=dashes, color=colour, label=label)
+    axes.set(xlabel="time $t$", xlim=(numbers.t[1], SPAN))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17))

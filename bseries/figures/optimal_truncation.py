@@ -1,0 +1,184 @@
+"""Exponentially small errors: the modified equation truncated where it is best."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import bseries as bs
+
+from .options import check_count
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from integrators import Scene
+
+NUMBER = None
+TITLE = "Störmer–Verlet: the error of the modified equation after N terms, and after the best number of them"
+CAPTION = (
+    "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a step "
+    "from the flow of the modified equation with N terms. It shrinks at first, then the series diverges. The best N is "
+    "proportional to 1/h, and the error there exponentially small: both are told by x = 2πδ/h, where δ is the distance "
+    "of the solution's singularities in complex time. The pendulum starts from (p, q) = (2.5, 0). For the quadrature, "
+    "H = p − ½ log(1 + q²) from (0, 0), steps are those of the trapezoidal rule, and there are terms enough."
+)
+SIZE = (17.0, 7.0)
+
+METHOD = "stormer-verlet"
+PENDULUM_START, QUADRATURE_START = (2.5, 0.0), (0.0, 0.0)
+PENDULUM_RANGE, QUADRATURE_RANGE = (10.0, 17.0, 8), (6.0, 32.0, 14)
+"""The least and largest x, and how many of them."""
+QUADRATURE_TERMS = 35
+QUADRATURE_DISTANCE = 1.0
+"""The solution p = ½ log(1 + t²) is singular at ±i."""
+SHOWN = (0, 4, 7)
+"""Which step sizes of the pendulum the left picture shows."""
+NODES, ITERATIONS, ROUNDING = "gauss16", 80, 1e-15
+TINY_STEP = 1e-15
+"""No order is beyond the optimum of such a step, which `bseries.reach` would warn of."""
+
+
+class Truncations(NamedTuple):
+    """The errors on a scene.
+
+    Attributes:
+        distance: The distance δ of the singularities.
+        h: The step sizes, from large to small.
+        terms: The numbers of terms N. The method is symmetric: only odd ones differ.
+        errors: The error of a step by step size and number of terms; not a number where it was not found.
+        expected: The best N that the sizes of the terms amid the step tell (`bseries.reach`), by step size.
+    """
+
+    distance: float
+    h: np.ndarray
+    terms: np.ndarray
+    errors: np.ndarray
+    expected: np.ndarray
+
+    @property
+    def x(self) -> np.ndarray:
+        """2πδ/h."""
+        import numpy as np
+
+        return 2 * np.pi * self.distance / self.h
+
+    @property
+    def least(self) -> np.ndarray:
+        """The smallest error, by step size."""
+        import numpy as np
+
+        return np.nanmin(self.errors, axis=1)
+
+    @property
+    def best(self) -> np.ndarray:
+        """The N that it is for."""
+        import numpy as np
+
+        return self.terms[np.nanargmin(self.errors, axis=1)]
+
+
+class OptimalTruncation(NamedTuple):
+    """What the figure shows."""
+
+    pendulum: Truncations
+    quadrature: Truncations
+
+
+def numbers(*, terms: int = 17) -> OptimalTruncation:
+    """The errors, on the pendulum for up to so many terms."""
+    terms = check_count(terms, "terms", 5, 19)
+    quadrature = bs.parse_hamiltonian("p - log(1 + q^2)/2")
+    return OptimalTruncation(
+        _truncations(bs.scene("pendulum"), PENDULUM_START, terms, pendulum_distance(), PENDULUM_RANGE),
+        _truncations(quadrature, QUADRATURE_START, QUADRATURE_TERMS, QUADRATURE_DISTANCE, QUADRATURE_RANGE),
+    )
+
+
+def pendulum_distance() -> float:
+    """The time in which a pendulum that turns over goes from q = 0 to q = i∞, without the factor i.
+
+    It is the integral of dy/p for q = iy, where p² = 2(H + cosh y); the trapezoidal rule is exact but for rounding.
+    """
+    import numpy as np
+
+    energy = PENDULUM_START[0] ** 2 / 2 - 1
+    y, width = np.linspace(-80, 80, 1601, retstep=True)
+    return float((width / np.sqrt(2 * (energy + np.cosh(y)))).sum() / 2)
+
+
+def _truncations(
+    scene: Scene, start: tuple[float, float], terms: int, distance: float, x: tuple[float, float, int]
+) -> Truncations:
+    """The errors of all truncations, for step sizes with equidistant 2πδ/h."""
+    import numpy as np
+
+    h, odd = 2 * np.pi * distance / np.linspace(*x), np.arange(1, terms + 1, 2)
+    steps = [bs.integrate(scene, METHOD, h=size, steps=1, y0=start).y[:, 1] for size in h]
+    fields = [bs.modified_field(bs.method(METHOD), scene, int(n), route="towers") for n in odd]
+    gauss = cast(bs.RungeKutta, bs.method(NODES)).to_float()
+    flow = partial(_flow, np.array(gauss.A, dtype=float), np.array(gauss.b, dtype=float), np.array(start))
+    errors = [[np.linalg.norm(flow(f, size) - end) for f in fields] for size, end in zip(h, steps, strict=True)]
+    middles = (np.array(start) + steps) / 2
+    sizes = (bs.reach(fields[-1], middle, TINY_STEP)._replace(h=size) for middle, size in zip(middles, h, strict=True))
+    return Truncations(distance, h, odd, np.array(errors), np.array([found.optimal_order for found in sizes]))
+
+
+def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.SceneSeries, h: float) -> np.ndarray:
+    """Where the flow of a field is after a time h, by one step of a Gauss method; not a number if it fails."""
+    import numpy as np
+
+    slopes = np.zeros((len(start), len(b)))
+    with np.errstate(all="ignore"):
+        for _ in range(ITERATIONS):
+            before, slopes = slopes, f(start[:, None] + h * slopes @ A.T, h)
+            if abs(slopes - before).max() < ROUNDING:
+                return start + h * slopes @ b
+    return np.full(len(start), np.nan)
+
+
+def columns(numbers: OptimalTruncation) -> dict[str, np.ndarray]:
+    """For each scene, a line for each step size; the errors have a column for each number of terms."""
+    table = {}
+    for scene, found in numbers._asdict().items():
+        errors = zip(found.terms, found.errors.T, strict=True)
+        table |= {f"x_{scene}": found.x, f"h_{scene}": found.h}
+        table |= {f"error_{scene}_{n}_terms": column for n, column in errors}
+        table |= {f"best_terms_{scene}": found.best, f"expected_terms_{scene}": found.expected}
+    return table
+
+
+def draw(numbers: OptimalTruncation, figure: Figure) -> None:
+    """From left to right: errors by N, the least ones by 1/h, the N that they are for."""
+    import numpy as np
+
+    from .style import BLACK, BLUE, VERMILION
+
+    left, middle, right = figure.subplots(1, 3)
+    _draw_errors(left, numbers.pendulum)
+    looks = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
+    for found, (label, marker, colour) in zip(numbers, looks, strict=True):
+        middle.semilogy(found.x, found.least, marker, color=colour, label=label)
+        right.plot(found.x, found.expected, marker, color=colour, fillstyle="none", markersize=6, label="smallest term")
+        right.plot(found.x, found.best, marker, color=colour, label="least error")
+    ends = np.array([0, QUADRATURE_RANGE[1] + 2])
+    middle.semilogy(ends, np.exp(-ends), "--", color=BLACK, linewidth=0.8, label="$e^{-x}$")
+    right.plot(ends, ends, "--", color=BLACK, linewidth=0.8, label="$N = x$")
+    middle.set(ylabel="least error", title="(b) the least of these errors")
+    right.set(ylabel="number of terms $N$", ylim=ends, title="(c) the best $N$")
+    for axes, shown in ((middle, slice(None)), (right, slice(2, None))):
+        axes.set(xlabel=r"$x = 2\pi\delta/h$", xlim=ends)
+        axes.legend(handles=axes.lines[shown])
+
+
+def _draw_errors(axes: Axes, found: Truncations) -> None:
+    """Errors by the number of terms, the least of them marked."""
+    from .style import BLUE, GREEN, VERMILION
+
+    for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
+        axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")
+        axes.semilogy(found.best[k], found.least[k], "o", color=colour, markersize=5)
+    axes.set(xlabel="number of terms $N$", ylabel="error of a step", title="(a) pendulum", ylim=(None, 8))
+    axes.legend(loc="upper right")

@@ -1,0 +1,185 @@
+"""Figure 4: three methods on the pendulum, in the phase space that they live in, a cylinder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import bseries as bs
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NUMBER = 4
+TITLE = "Pendulum: phase portraits of explicit Euler, symplectic Euler and Störmer–Verlet on the cylinder"
+CAPTION = (
+    "Lecture, figure 4. The angle q is that of a circle, so that states (p, q) lie on a cylinder: above seen from the "
+    "front, with what is behind it pale; below cut open at q = ±π. Grey are level curves of the energy. Explicit Euler "
+    "gains energy; the other two stay near level curves, even with large steps. Störmer–Verlet starts where symplectic "
+    "Euler does, as the lecture's values are lost."
+)
+SIZE = (17.0, 12.5)
+
+TILT = 0.5
+"""How far the view of the cylinder is from above: the half axis of the ellipse that a circle becomes."""
+LEVELS = (-0.9, -0.6, -0.2, 0.3, 0.75, 1.0, 1.5, 2.3, 3.2)
+"""Energies of the level curves; that of the separatrix is 1."""
+POINTS = 201
+BEHIND = 0.35
+"""The opacity of what is behind the cylinder."""
+TOP = 2.9
+"""The largest |p| in the picture."""
+MOST_DRAWN = 120
+"""More steps would fill the curves."""
+
+
+class Portrait(NamedTuple):
+    """A method on the pendulum.
+
+    Attributes:
+        method: Its name.
+        title: What it is called.
+        h: The step size.
+        steps: How many steps.
+        starts: The states (p, q) that it starts from.
+    """
+
+    method: str
+    title: str
+    h: float
+    steps: int
+    starts: tuple[tuple[float, float], ...]
+
+
+STARTS = ((0.7, 0.0), (1.4, 0.0), (2.1, 0.0))
+PORTRAITS = (
+    Portrait("explicit-euler", "explicit Euler", 0.2, 50, ((0.0, 0.5),)),
+    Portrait("symplectic-euler-p", "symplectic Euler", 0.3, 1000, STARTS),
+    Portrait("stormer-verlet", "Störmer–Verlet", 0.6, 1000, STARTS),
+)
+
+
+class PendulumPortraits(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        runs: The states by method, (starts, 2, steps + 1); angles are not reduced.
+        energies: Their energies, (starts, steps + 1).
+        levels: The level curves, (curves, 2, points), with angles from −π to π.
+    """
+
+    runs: dict[str, np.ndarray]
+    energies: dict[str, np.ndarray]
+    levels: np.ndarray
+
+
+def numbers() -> PendulumPortraits:
+    """The runs of all methods, and level curves of the energy."""
+    import numpy as np
+
+    pendulum = bs.scene("pendulum")
+    states, energies = {}, {}
+    for method, _, h, steps, starts in PORTRAITS:
+        runs = [bs.integrate(pendulum, method, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
+        states[method] = np.array([run.y for run in runs])
+        energies[method] = np.array([run.observed["energy"] for run in runs])
+    return PendulumPortraits(states, energies, np.array([curve for level in LEVELS for curve in _level_curves(level)]))
+
+
+def _level_curves(energy: float) -> list[np.ndarray]:
+    """Where p²/2 − cos q has a value: one closed curve, or one for each direction of turning."""
+    import numpy as np
+
+    if energy < 1:
+        phase = np.linspace(0, 2 * np.pi, POINTS)
+        q = 2 * np.arcsin(np.sqrt((1 + energy) / 2) * np.sin(phase))  # p = √(2(1 + H)) cos(phase)
+        return [np.array([np.sqrt(2 * (1 + energy)) * np.cos(phase), q])]
+    q = np.linspace(-np.pi, np.pi, POINTS)
+    p = np.sqrt(2 * (energy + np.cos(q)).clip(0))
+    return [np.array([sign * p, q]) for sign in (1, -1)]
+
+
+def columns(numbers: PendulumPortraits) -> dict[str, np.ndarray]:
+    """States and energies of the runs, and the level curves by their number."""
+    table = {}
+    for method, runs in numbers.runs.items():
+        for k, ((p, q), energy) in enumerate(zip(runs, numbers.energies[method], strict=True), 1):
+            key = f"{method}_{k}".replace("-", "_")
+            table |= {f"p_{key}": p, f"q_{key}": q, f"energy_{key}": energy}
+    for k, (p, q) in enumerate(numbers.levels, 1):
+        table |= {f"p_level_{k}": p, f"q_level_{k}": q}
+    return table
+
+
+def draw(numbers: PendulumPortraits, figure: Figure) -> None:
+    """A column for each method."""
+    panels = figure.subplots(2, len(PORTRAITS), height_ratios=(1.25, 1))
+    for (above, below), portrait in zip(panels.T, PORTRAITS, strict=True):
+        runs = numbers.runs[portrait.method][:, :, :MOST_DRAWN]
+        above.set_title(f"{portrait.title}, $h = {portrait.h:g}$", loc="center")
+        _draw_cylinder(above, numbers.levels, runs)
+        _draw_strip(below, numbers.levels, runs)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("momentum $p$")
+
+
+def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
+    """The cylinder from outside, with q = 0 in front."""
+    import numpy as np
+
+    from .style import BLACK, GREY
+
+    for p, q in levels:
+        for is_front in (False, True):
+            visible = (np.cos(q) >= 0) == is_front
+            x, z = _seen(np.where(visible, p, np.nan), q)
+            axes.plot(x, z, color=GREY, linewidth=0.8, alpha=1 if is_front else BEHIND)
+    edge = {"color": BLACK, "linewidth": 0.7}
+    half = np.linspace(-np.pi / 2, np.pi / 2, POINTS)
+    for p, q, alpha in ((TOP, half, 1), (TOP, half + np.pi, 1), (-TOP, half, 1), (-TOP, half + np.pi, BEHIND)):
+        axes.plot(*_seen(np.full(POINTS, p), q), **edge, alpha=alpha)
+    for side in (-np.pi / 2, np.pi / 2):
+        axes.plot(*_seen(np.array([-TOP, TOP]), np.full(2, side)), **edge)
+    for (p, q), look in zip(runs, _looks(), strict=False):
+        for is_front in (False, True):
+            visible = (np.cos(q) >= 0) == is_front
+            axes.plot(*_seen(p[visible], q[visible]), **look, alpha=1 if is_front else BEHIND)
+    axes.set(
+        xlabel="in front: $q = 0$", xticks=[], yticks=[-2, -1, 0, 1, 2]
+    )  # at the sides, where q = ±π/2, the height is p
+    axes.spines["left"].set_bounds(-TOP, TOP)
+    axes.spines["left"].set_position(("data", -1.15))
+    axes.spines["bottom"].set_visible(False)
+
+
+def _seen(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the picture shows a state."""
+    import numpy as np
+
+    return np.sin(q), p - TILT * np.cos(q)
+
+
+def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
+    """The cylinder cut open."""
+    import numpy as np
+
+    from .style import GREY
+
+    for p, q in levels:
+        axes.plot(q, p, color=GREY, linewidth=0.8)
+    for (p, q), look in zip(runs, _looks(), strict=False):
+        axes.plot(np.remainder(q + np.pi, 2 * np.pi) - np.pi, p, **look)
+    axes.set(xlabel="angle $q$", xlim=(-np.pi, np.pi), ylim=(-TOP, TOP))
+    axes.set_xticks([-np.pi, 0, np.pi], [r"$-\pi$", "0", r"$\pi$"])
+
+
+def _looks() -> list[dict[str, Any]]:
+    """How runs are drawn, by their number."""
+    from .style import BLUE, GREEN, VERMILION
+
+    common = {"linestyle": "none", "markersize": 2.2}
+    return [
+        {"marker": marker, "color": colour, **common}
+        for marker, colour in zip("o^s", (VERMILION, BLUE, GREEN), strict=True)
+    ]

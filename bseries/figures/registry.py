@@ -1,0 +1,147 @@
+"""Figures by name. Each is a file of this folder with a TITLE; adding such a file adds a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+from ..exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.figure import Figure
+
+PROGRESS = "progress"
+"""An option of figures that take long: a function of what is done and of all."""
+
+
+class FigureFile(Protocol):
+    """What the file of a figure has.
+
+    Attributes:
+        NUMBER: The number of the figure in the lecture; None beyond it.
+        TITLE: What is shown, in a line.
+        CAPTION: What there is to see.
+        SIZE: Width and height in centimetres.
+    """
+
+    NUMBER: int | None
+    TITLE: str
+    CAPTION: str
+    SIZE: tuple[float, float]
+
+    @property
+    def numbers(self) -> Callable[..., Any]:
+        """Compute what is shown; options are keyword arguments with the lecture's values as defaults."""
+        ...
+
+    def columns(self, numbers: Any) -> Mapping[str, np.ndarray]:
+        """The same as columns of a table, which may have different lengths."""
+        ...
+
+    def draw(self, numbers: Any, figure: Figure) -> None:
+        """Draw it on an empty figure."""
+        ...
+
+
+def figure_names() -> list[str]:
+    """The names of all figures: those of the lecture in its order, then the others.
+
+    Example:
+        >>> figure_names()[:2]
+        ['riccati', 'lotka-volterra']
+    """
+    files = {name.replace("_", "-"): file for name in _modules() if hasattr(file := _load(name), "TITLE")}
+    return sorted(files, key=lambda name: (files[name].NUMBER is None, files[name].NUMBER or 0, name))
+
+
+def figure_file(name: str) -> FigureFile:
+    """The file of a figure.
+
+    Raises:
+        SeriesError: There is no such figure.
+    """
+    wanted = str(name).lower().replace("-", "_")
+    if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
+        return file
+    raise SeriesError(f"name must be one of {', '.join(figure_names())}, but was {name!r:.60}")
+
+
+def _modules() -> list[str]:
+    return [module.name for module in iter_modules(import_module(__package__ or "").__path__)]
+
+
+def _load(module: str) -> FigureFile:
+    return cast(FigureFile, import_module(f".{module}", __package__))
+
+
+def options_of(file: FigureFile) -> dict[str, Any]:
+    """The options of a figure with their defaults."""
+    return {key: value for key, value in _accepted(file).items() if key != PROGRESS}
+
+
+def takes_progress(file: FigureFile) -> bool:
+    """Whether a figure takes long enough to say how far it is."""
+    return PROGRESS in _accepted(file)
+
+
+def _accepted(file: FigureFile) -> dict[str, Any]:
+    return getattr(file.numbers, "__kwdefaults__", None) or {}
+
+
+def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
+    """The numbers of a figure.
+
+    Raises:
+        SeriesError: There is no such option, or it has no such value.
+    """
+    known = _accepted(file)
+    for option in options:
+        if option not in known:
+            choice = f"one of {', '.join(known)}" if known else "left out, as there are none"
+            raise SeriesError(f"option must be {choice}, but was {option!r:.60}")
+    return file.numbers(**options)
+
+
+def drawn(file: FigureFile, numbers: Any) -> Figure:
+    """The picture of numbers.
+
+    Raises:
+        IntegratorError: matplotlib is not installed.
+    """
+    from integrators.optional_modules import optional_module
+
+    from .style import new_figure, print_style
+
+    optional_module("matplotlib", "figures")
+    with print_style():
+        figure = new_figure(file.SIZE)
+        file.draw(numbers, figure)
+        figure.draw_without_rendering()  # ticks take the settings of the moment when they are laid out
+    return figure
+
+
+def figure(name: str, **options: Any) -> Figure:
+    """A figure of the lecture (E. Hairer, on backward error analysis), or one beyond it, computed and drawn.
+
+    Args:
+        name: One of `figure_names`.
+        options: Those of the figure; `bseries figure --list` shows them with their defaults.
+
+    Returns:
+        A figure of matplotlib, to be shown in a notebook or saved with its method ``savefig``.
+
+    Raises:
+        SeriesError: There is no such figure or option.
+        IntegratorError: matplotlib is not installed.
+
+    Example:
+        >>> import bseries as bs
+        >>> picture = bs.figure("riccati", h=0.04)
+        >>> [axes.get_xlabel() for axes in picture.axes]
+        ['time $t$']
+    """
+    file = figure_file(name)
+    return drawn(file, compute(file, options))

@@ -1,0 +1,174 @@
+"""Small divisors: the non-resonance condition of theorem 7 for the frequencies of the outer planets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import bseries as bs
+
+from .options import check_count
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NUMBER = None
+TITLE = "Outer solar system: small divisors k·ω among the mean motions of the planets"
+CAPTION = (
+    "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where ω "
+    "are the mean motions of the planets over 80,000 years of a run. Dashed: γ|k|^(−ν) with the largest γ that "
+    "fits, for ν = d − 1, the border of what almost all frequencies satisfy. Triangles: commensurabilities that "
+    "astronomers know. Neptune and Pluto are in 3:2 resonance; what is left of that divisor is how slowly Pluto's "
+    "perihelion moves."
+)
+SIZE = (17.0, 8.5)
+
+PLANETS = "JSUNP"
+"""Jupiter, Saturn, Uranus, Neptune, Pluto."""
+GIANTS = 4
+YEAR = 365.25
+METHOD, STEP, STEPS, EVERY = "blanes-moan-rkn6", 200.0, 150_000, 5
+"""Days to a step, and how many of them to a state that is kept; Jupiter's year has 4333 days."""
+KNOWN = ((2, -5, 0, 0, 0), (0, 0, 1, -2, 0), (0, 0, 0, 2, -3))
+"""Jupiter and Saturn, Uranus and Neptune, Neptune and Pluto."""
+
+
+class Divisors(NamedTuple):
+    """The divisors of some planets.
+
+    Attributes:
+        norm: |k| = 1, 2, …
+        least: The least |k·ω| with such k, in radians per year.
+        k: The k that it is for, (norms, planets).
+    """
+
+    norm: np.ndarray
+    least: np.ndarray
+    k: np.ndarray
+
+    @property
+    def nu(self) -> int:
+        """ν = d − 1, where d is the number of planets; for larger ν almost all frequencies have such a γ > 0."""
+        return self.k.shape[1] - 1
+
+    @property
+    def gamma(self) -> float:
+        """The largest γ such that |k·ω| ≥ γ |k|^(−ν) for all of them."""
+        return float((self.least * self.norm ** float(self.nu)).min())
+
+
+class SmallDivisors(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        frequencies: The mean motions of the planets, in radians per year.
+        giants: The divisors without Pluto.
+        planets: Those with Pluto.
+    """
+
+    frequencies: np.ndarray
+    giants: Divisors
+    planets: Divisors
+
+
+def numbers(*, reach: int = 20) -> SmallDivisors:
+    """The divisors for |k| up to a number."""
+    reach = check_count(reach, "reach", 5, 30)
+    omega = mean_motions()
+    return SmallDivisors(omega, divisors(omega[:GIANTS], reach), divisors(omega, reach))
+
+
+def mean_motions() -> np.ndarray:
+    """The mean rates of the planets' longitudes, about the axis of the total angular momentum.
+
+    What is periodic in the rates drops out of means with smooth weights that vanish at both ends.
+    """
+    import numpy as np
+
+    scene = bs.scene("outer-solar-system")
+    run = bs.integrate(scene, METHOD, h=STEP, steps=STEPS, save_every=EVERY)
+    p, q = run.y.reshape(2, len(PLANETS) + 1, 3, -1)
+    axis = np.cross(q[:, :, 0], p[:, :, 0]).sum(axis=0)
+    first = np.cross(axis, (1.0, 0.0, 0.0))
+    frame = np.array([row / np.linalg.norm(row) for row in (first, np.cross(axis, first))])
+    x, y = np.einsum("rc,bcn->rbn", frame, q[1:] - q[0])
+    longitudes = np.unwrap(np.arctan2(y, x))
+    rates = np.diff(longitudes) / (EVERY * STEP / YEAR)
+    count = rates.shape[1]
+    weights = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 4
+    return rates @ weights / weights.sum()
+
+
+def divisors(omega: np.ndarray, reach: int) -> Divisors:
+    """The least divisors of all k with |k| ≤ reach. Of k and −k only one is there, whose last entry is positive."""
+    import numpy as np
+
+    k, norms = np.zeros((1, 0), dtype=np.int8), np.zeros(1, dtype=np.int64)
+    for _ in omega:
+        values = np.arange(-reach, reach + 1, dtype=np.int8)
+        sums = norms[:, None] + abs(values)
+        row, column = np.nonzero(sums <= reach)
+        k, norms = np.column_stack([k[row], values[column]]), sums[row, column]
+    sizes, norm = abs(k @ omega), np.arange(1, reach + 1)
+    best = [(chosen := np.flatnonzero(norms == n))[sizes[chosen].argmin()] for n in norm]
+    found = k[best]
+    return Divisors(norm, sizes[best], found * np.where(found @ omega < 0, -1, 1)[:, None])
+
+
+def columns(numbers: SmallDivisors) -> dict[str, np.ndarray]:
+    """The frequencies, and for each |k| the least divisor and its k."""
+    table = {"frequency": numbers.frequencies}
+    for name, found in (("giants", numbers.giants), ("planets", numbers.planets)):
+        table |= {f"norm_{name}": found.norm, f"least_{name}": found.least}
+        table |= {f"k_{planet}_{name}": row for planet, row in zip(PLANETS, found.k.T, strict=False)}
+    return table
+
+
+def draw(numbers: SmallDivisors, figure: Figure) -> None:
+    """To the left the four giants, to the right all planets."""
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, found in ((left, numbers.giants), (right, numbers.planets)):
+        _draw_divisors(axes, found)
+        _draw_known(axes, numbers.frequencies[: found.k.shape[1]])
+    ticks = [1, 2, 3, 5, 7, 10, 20]
+    for axes in (left, right):
+        axes.set(xlabel="$|k|$", xlim=(0.9, numbers.giants.norm[-1] * 1.1))
+        axes.set_xticks(ticks, map(str, ticks))
+        axes.minorticks_off()
+    left.set(title="(a) Jupiter, Saturn, Uranus, Neptune", ylabel=r"least $|k\cdot\omega|$ (radians per year)")
+    right.set(title="(b) with Pluto")
+
+
+def _draw_divisors(axes: Axes, found: Divisors) -> None:
+    from .style import BLACK, BLUE
+
+    axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
+    law = found.gamma * found.norm ** -float(found.nu)
+    label = rf"$\gamma\,|k|^{{-{found.nu}}}$ with $\gamma = {found.gamma:.1g}$"
+    axes.loglog(found.norm, law, "--", color=BLACK, linewidth=0.8, label=label)
+    axes.legend(loc="lower left")
+
+
+def _draw_known(axes: Axes, omega: np.ndarray) -> None:
+    """The divisors that have a name, if all of their planets are there."""
+    import numpy as np
+
+    from .style import VERMILION
+
+    for k in KNOWN:
+        if not any(k[len(omega) :]):
+            norm, size = sum(map(abs, k)), abs(float(np.dot(k[: len(omega)], omega)))
+            axes.loglog(norm, size, "^", color=VERMILION, markersize=5, fillstyle="none")
+            axes.annotate(_written(k), (norm, size), xytext=(5, 3), textcoords="offset points", fontsize=7.5)
+
+
+def _written(k: Sequence[int]) -> str:
+    """A divisor in the letters of planets, as 2J−5S."""
+    terms = (
+        f"{'-' if n < 0 else '+'}{abs(n) if abs(n) > 1 else ''}{planet}"
+        for planet, n in zip(PLANETS, k, strict=True)
+        if n
+    )
+    return "$" + "".join(terms).removeprefix("+") + "$"

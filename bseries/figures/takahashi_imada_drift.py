@@ -1,0 +1,159 @@
+"""Figure 7: the simplified Takahashi–Imada method on the pendulum, where energy drifts and where it does not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import bseries as bs
+
+from .options import check_number
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from integrators import Scene
+
+NUMBER = 7
+TITLE = "Simplified Takahashi–Imada method on a pendulum, with and without a symmetric potential"
+CAPTION = (
+    "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ of the "
+    "symplectic Takahashi–Imada method along the simplified one, which is not symplectic: means, and bands of how "
+    "far it goes up and down. Where U is not symmetric, every turn of the pendulum adds −h⁴/288 ∫U‴U′² dq = "
+    "−πh⁴/240, or the opposite the other way round; for U = −cos q the integral is zero."
+)
+SIZE = (12.0, 11.0)
+
+SIMPLIFIED, SYMPLECTIC = "simplified-takahashi-imada", "takahashi-imada"
+SPAN = 5000.0
+MOMENTUM = 2.5
+"""Runs start from q = 0 with this momentum; the pendulum turns over."""
+TERMS = 3
+"""H + h²H₃."""
+WINDOWS = 200
+"""The picture shows means, and bands around them: every single turn would be a point."""
+
+
+class Drift(NamedTuple):
+    """The modified energy along runs on a scene.
+
+    Attributes:
+        forwards: Its error along the simplified method, from p = 2.5.
+        backwards: The same from p = −2.5.
+        symplectic: Its error along the symplectic method, from p = 2.5.
+        slope: The slope that is predicted for the run forwards.
+    """
+
+    forwards: np.ndarray
+    backwards: np.ndarray
+    symplectic: np.ndarray
+    slope: float
+
+
+class TakahashiImadaDrift(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        h: The step size.
+        t: The times of the steps.
+        perturbed: The pendulum with U = −cos q + sin(2q)/5.
+        pendulum: The pendulum with U = −cos q.
+    """
+
+    h: float
+    t: np.ndarray
+    perturbed: Drift
+    pendulum: Drift
+
+
+def numbers(*, h: float = 0.2) -> TakahashiImadaDrift:
+    """Runs up to t = 5000 on both pendulums."""
+    import numpy as np
+
+    h = check_number(h, "h", 0.02, 0.4)
+    t = np.arange(round(SPAN / h) + 1) * h
+    perturbed, pendulum = bs.scene("pendulum", effects=["asymmetry"]), bs.scene("pendulum")
+    return TakahashiImadaDrift(h, t, _drift(perturbed, h), _drift(pendulum, h))
+
+
+def _drift(scene: Scene, h: float) -> Drift:
+    energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), scene, TERMS).observer(h)
+
+    def error(method: str, p: float) -> np.ndarray:
+        run = bs.integrate(
+            scene,
+            method,
+            h=h,
+            steps=round(SPAN / h),
+            y0=[p, 0],
+            save_every=None,
+            observe={"H": energy},
+            observe_every=1,
+        )
+        return run.observed["H"] - run.observed["H"][0]
+
+    report = bs.energy_drift(bs.method(SIMPLIFIED), scene, y0=[MOMENTUM, 0], h=h)
+    errors = error(SIMPLIFIED, MOMENTUM), error(SIMPLIFIED, -MOMENTUM), error(SYMPLECTIC, MOMENTUM)
+    return Drift(*errors, slope=report.slope())
+
+
+def columns(numbers: TakahashiImadaDrift) -> dict[str, np.ndarray]:
+    """The errors at all times, and the predicted slopes."""
+    import numpy as np
+
+    table = {"t": numbers.t}
+    for name in ("perturbed", "pendulum"):
+        drift: Drift = getattr(numbers, name)
+        table |= {f"{key}_{name}": errors for key, errors in drift._asdict().items() if key != "slope"}
+        table[f"predicted_slope_{name}"] = np.array([drift.slope])
+    return table
+
+
+def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
+    """Above the pendulum whose energy drifts, below the one whose energy does not."""
+    from .style import BLACK, BLUE, GREEN, VERMILION
+
+    (above, below), (h, t) = figure.subplots(2, height_ratios=(1.7, 1), sharex=True), numbers[:2]
+    predicted = numbers.perturbed.slope
+    for sign, label in ((1, f"predicted: slopes $\\mp${_written(-predicted)}"), (-1, None)):
+        above.plot([0, SPAN], [0, sign * predicted * SPAN], "--", color=BLACK, linewidth=0.8, zorder=3, label=label)
+    forwards, backwards, symplectic, _ = numbers.perturbed
+    for errors, what, colour in (
+        (forwards, "simplified, $p_0 = 2.5$", VERMILION),
+        (backwards, "simplified, $p_0 = -2.5$", BLUE),
+        (symplectic, "symplectic, $p_0 = 2.5$", GREEN),
+    ):
+        _draw_band(above, t, errors, colour, f"{what}: slope {_written(slope(t, errors))}")
+    forwards = numbers.pendulum.forwards
+    _draw_band(below, t, forwards, VERMILION, f"simplified, $p_0 = 2.5$: slope {_written(slope(t, forwards))}")
+    above.set(
+        title=f"$U = -\\cos\\,q + 0.2\\,\\sin\\,2q$, $h = {h:g}$",
+        ylim=(1.1 * predicted * SPAN, -2.1 * predicted * SPAN),
+    )
+    below.set(title=f"$U = -\\cos\\,q$, $h = {h:g}$", xlabel="time $t$", xlim=(0, SPAN), ylim=(0, 1.4 * forwards.max()))
+    for axes in (above, below):
+        axes.set_ylabel("error of $H + h^2H_3$")
+        axes.legend(loc="upper left")
+    below.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+
+
+def slope(t: np.ndarray, errors: np.ndarray) -> float:
+    """The slope of the line that fits the errors best."""
+    import numpy as np
+
+    return float(np.polyfit(t, errors, 1)[0])
+
+
+def _draw_band(axes: Axes, t: np.ndarray, errors: np.ndarray, colour: str, label: str) -> None:
+    """The mean of the errors in each of many windows, and how far they go up and down there."""
+    width = max(1, len(t) // WINDOWS)
+    t, errors = (values[: width * (len(t) // width)].reshape(-1, width) for values in (t, errors))
+    axes.fill_between(t.mean(1), errors.min(1), errors.max(1), color=colour, alpha=0.3, linewidth=0)
+    axes.plot(t.mean(1), errors.mean(1), color=colour, label=label)
+
+
+def _written(value: float) -> str:
+    """A number with a power of ten, for labels."""
+    digits, power = f"{value:.2e}".split("e")
+    return f"${digits}\\cdot10^{{{int(power)}}}$"

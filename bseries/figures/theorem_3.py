@@ -1,0 +1,114 @@
+"""Theorem 3: how well the modified Hamiltonian with N terms is conserved, for N = 1 … 8."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import bseries as bs
+
+from .options import check_count
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NUMBER = None
+TITLE = "Pendulum: conservation of the modified Hamiltonian of symplectic Euler, truncated after 1 to 8 terms"
+CAPTION = (
+    "Beyond the lecture, on its theorem 3: H with N terms is conserved up to O(t hᴺ). (a) The largest errors for "
+    "t ≤ 100; their exponents of h are N. (b) How errors grow with time: not at all, since the further terms of "
+    "the series are as good as conserved too. Symplectic Euler implicit in p, from (p, q) = (2.5, 0), where the "
+    "pendulum turns over."
+)
+SIZE = (17.0, 9.0)
+
+METHOD = "symplectic-euler-p"
+START = (2.5, 0.0)
+STEP_SIZES = (0.2, 0.16, 0.125, 0.1, 0.08, 0.0625, 0.05, 0.04)
+FIT_TO = 0.1
+"""The largest step size of the fitted exponents."""
+SPAN = 100.0
+LONG_H, LONG_SPAN = 0.1, 1e4
+SHOWN = 120
+"""Points of the curves by time."""
+
+
+class Conservation(NamedTuple):
+    """What the figure shows.
+
+    Attributes:
+        terms: The numbers of terms N.
+        h: The step sizes.
+        errors: The largest error of H with N terms for t ≤ 100, (terms, step sizes).
+        t: Times of the longer run.
+        growth: The largest error up to these times for h = 0.1, (terms, times).
+    """
+
+    terms: np.ndarray
+    h: np.ndarray
+    errors: np.ndarray
+    t: np.ndarray
+    growth: np.ndarray
+
+    @property
+    def exponents(self) -> np.ndarray:
+        """The exponents of h in the errors, by N."""
+        import numpy as np
+
+        fitted = self.h <= FIT_TO
+        return np.polyfit(np.log(self.h[fitted]), np.log(self.errors[:, fitted].T), 1)[0]
+
+
+def numbers(*, terms: int = 8) -> Conservation:
+    """Errors of the truncations with up to so many terms."""
+    import numpy as np
+
+    energy = bs.modified_hamiltonian(bs.method(METHOD), bs.scene("pendulum"), check_count(terms, "terms", 1, 10))
+    errors = [largest_errors(energy, h, SPAN)[:, -1] for h in STEP_SIZES]
+    growth = largest_errors(energy, LONG_H, LONG_SPAN)
+    shown = np.unique(np.geomspace(1, growth.shape[1] - 1, SHOWN).astype(int))
+    return Conservation(
+        np.arange(1, energy.order + 1), np.array(STEP_SIZES), np.array(errors).T, shown * LONG_H, growth[:, shown]
+    )
+
+
+def largest_errors(energy: bs.ModifiedHamiltonian, h: float, span: float) -> np.ndarray:
+    """The largest error up to each step of H with 1, 2, … terms, (terms, steps + 1)."""
+    import numpy as np
+
+    run = bs.integrate(energy.scene, METHOD, h=h, steps=round(span / h), y0=START)
+    truncations = np.cumsum(energy.terms(run.y) * h ** np.arange(energy.order)[:, None], axis=0)
+    return np.maximum.accumulate(abs(truncations - truncations[:, :1]), axis=1)
+
+
+def columns(numbers: Conservation) -> dict[str, np.ndarray]:
+    """The errors by step size, and by time for h = 0.1; a column for each N."""
+    table = {"h": numbers.h}
+    table |= {f"error_{n}_terms": row for n, row in zip(numbers.terms, numbers.errors, strict=True)}
+    table |= {"terms": numbers.terms, "exponent": numbers.exponents, "t": numbers.t}
+    return table | {f"error_until_t_{n}_terms": row for n, row in zip(numbers.terms, numbers.growth, strict=True)}
+
+
+def draw(numbers: Conservation, figure: Figure) -> None:
+    """To the left errors by step size, to the right errors by time."""
+    left, right = figure.subplots(1, 2)
+    _draw_curves(left, numbers.h, numbers.errors, numbers)
+    left.set(xlabel="step size $h$", ylabel="largest error of $H^{[N]}$", title=f"(a) $t \\leq {SPAN:g}$")
+    left.set_xticks(numbers.h[::3], [f"{h:g}" for h in numbers.h[::3]])
+    left.minorticks_off()
+    _draw_curves(right, numbers.t, numbers.growth, numbers)
+    right.set(xlabel="time $t$", ylabel="largest error of $H^{[N]}$ so far", title=f"(b) $h = {LONG_H:g}$")
+    right.set_xlim(numbers.t[0], numbers.t[-1])
+    figure.legend(handles=left.lines, loc="outside lower center", ncols=4)
+
+
+def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservation) -> None:
+    from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+
+    colours = (BLACK, ORANGE, BLUE, VERMILION, GREEN, PURPLE, SKY)
+    is_short = len(x) < SHOWN // 2
+    for k, (n, row) in enumerate(zip(numbers.terms, rows, strict=True)):
+        label = f"$N = {n}$: $h^{{{numbers.exponents[k]:.2f}}}$"
+        look = {"color": colours[k % len(colours)], "linestyle": ("-", "--", "-.", ":")[k % 4]}
+        axes.loglog(x, row, marker="o" if is_short else None, label=label, **look)

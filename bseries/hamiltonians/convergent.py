@@ -1,0 +1,184 @@
+"""Modified Hamiltonians in closed form: where the series is known to converge, and its sum."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ..coefficients import check_method
+from ..exceptions import SeriesError
+from ..states import read_states, read_step, read_symbolic_step
+from .symplectic_stages import canonical_pairs
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+    from integrators.scenes.base import Scene
+
+    from ..coefficients import Method
+
+
+class ClosedForm(Protocol):
+    """What a closed form has to offer; `values` and `radii` are for the rows of an array of points."""
+
+    kind: str
+    radius: Any
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The formula."""
+        ...
+
+    def values(self, y: np.ndarray, h: float) -> np.ndarray:
+        """H̃ at points."""
+        ...
+
+    def radii(self, y: np.ndarray) -> np.ndarray:
+        """Radii of convergence at points."""
+        ...
+
+
+class ClosedHamiltonian:
+    """A modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
+
+    Attributes:
+        label: Of what.
+        scene: The scene.
+        kind: ``"linear"`` or ``"field-nijhoff"``.
+        radius: The series converges for |h| < radius: a number, or a formula in the variables.
+
+    Example:
+        >>> import bseries as bs
+        >>> closed = bs.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff"))
+        >>> closed.kind, closed.radius
+        ('field-nijhoff', (p + 1)*(q + 1))
+    """
+
+    def __init__(self, method: Method, scene: Scene, parts: Any, form: ClosedForm):
+        self.label = f"{method.name} on {scene.name}"
+        self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
+        self.kind, self.radius = form.kind, form.radius
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _closed, self._arguments
+
+    def __repr__(self) -> str:
+        return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
+
+    def __str__(self) -> str:
+        heading = f"modified Hamiltonian of {self.label}, for |h| < {self._shown_radius}"
+        return heading if self._shown_formula is None else f"{heading}\n{self._shown_formula}"
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables."""
+        return self.scene.variables
+
+    @property
+    def _shown_radius(self) -> str:
+        return f"{self.radius:.6g}" if isinstance(self.radius, float) else str(self.radius)
+
+    @property
+    def _shown_formula(self) -> str | None:
+        """The formula, where it can be written down."""
+        import sympy
+
+        try:
+            return str(self.expression(sympy.Symbol("h")))
+        except SeriesError:
+            return None
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The formula for a step size, a number or a symbol; additive constants are dropped.
+
+        For linear systems roots and arcs are those for steps up to the first at which an eigenvalue of the step is −1.
+
+        Raises:
+            SeriesError: `h` is neither, or the frequencies of the linear system are no square roots.
+        """
+        return self._form.expression(read_symbolic_step(h))
+
+    def __call__(self, y: Any, h: float) -> Any:
+        """The value at one point or many.
+
+        Args:
+            y: The state, of shape (variables,), or (variables, n) for n points.
+            h: The step size.
+
+        Returns:
+            A float, or an array of n.
+
+        Raises:
+            SeriesError: |h| is not less than the radius of convergence, or `y` is of another shape.
+        """
+        states, shape = read_states(y, self.scene.dimension)
+        step = read_step(h)
+        smallest = float(self._form.radii(states).min(initial=float("inf")))
+        if not abs(step) < smallest:
+            raise SeriesError(
+                f"h must be less than {smallest:.6g}, the radius of convergence, in absolute value, but was {step}"
+            )
+        values = self._form.values(states, step)
+        return float(values[0]) if len(shape) == 1 else values
+
+    def to_dict(self) -> dict[str, Any]:
+        """The closed form as plain data."""
+        return {
+            "schema": 1,
+            "kind": "closed-hamiltonian",
+            "label": self.label,
+            "closed_form": self.kind,
+            "variables": list(self.variables),
+            "radius": self._shown_radius,
+            "hamiltonian": self._shown_formula,
+        }
+
+
+def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> ClosedHamiltonian:
+    """The modified Hamiltonian of a symplectic method as the sum of its series, where that is known.
+
+    - Linear systems, H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step Φ_h, a matrix; for Runge–Kutta methods it is
+      R(hA), A = J⁻¹S, and the series converges for |hλ| < ρ with the zero or pole of R nearest to 0 and all
+      eigenvalues λ. Other methods of kicks and drifts too, where H = T(p) + U(q).
+    - H = ln(α + p) + ln(β + q) with the symplectic Euler methods, of which I = (α + p)(β + q) is an invariant.
+
+    Args:
+        method: The method, exact.
+        scene: The scene.
+        parts: As for `modified_field`.
+
+    Raises:
+        SeriesError: No closed form is known, or the method is not symplectic.
+
+    Example:
+        >>> import bseries as bs
+        >>> oscillator = bs.Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", name="oscillator")
+        >>> print(closed_hamiltonian(bs.method("implicit-midpoint"), oscillator))
+        modified Hamiltonian of implicit-midpoint on oscillator, for |h| < 2
+        2*(p**2/2 + q**2/2)*atan(h/2)/h
+        >>> print(closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff")))
+        modified Hamiltonian of symplectic-euler-p on field-nijhoff, for |h| < (p + 1)*(q + 1)
+        -1 + (-(-h + (p + 1)*(q + 1))*log(-h + (p + 1)*(q + 1)) + (p + 1)*(q + 1)*log((p + 1)*(q + 1)))/h
+
+    References:
+        E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
+        (2003) 1673–1683.
+    """
+    return _closed(method, scene, parts)
+
+
+def _closed(method: Method, scene: Scene, parts: Any) -> ClosedHamiltonian:
+    from .field_nijhoff import FieldNijhoff
+    from .linear_hamiltonians import LinearHamiltonian, quadratic_form
+
+    check_method(method)
+    canonical_pairs(scene)
+    form = quadratic_form(scene)
+    found: Any = (
+        FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
+    )
+    if found is None:
+        raise SeriesError(
+            "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "
+            f"{scene.name} with {method.name}"
+        )
+    return ClosedHamiltonian(method, scene, parts, found)

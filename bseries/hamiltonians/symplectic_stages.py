@@ -1,0 +1,215 @@
+"""Symplectic methods as stages that kick and drift, with the condition under which they have a generating function.
+
+With a stage for every point and every part H^k of the Hamiltonian that is evaluated there,
+
+    P_i = p − h Σ_j a_ij H^j_q(P_j, Q_j),    Q_i = q + h Σ_j â_ij H^j_p(P_j, Q_j),
+
+and the step is the same with weights b and b̂. It is symplectic if b_i â_ij + b̂_j a_ji = b_i b̂_j wherever stage i kicks
+and stage j drifts, and b_i = b̂_i for stages that do both (HLW, theorems VI.4.3 and VI.4.6, here for any number of
+parts).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.entries import cancels, multiply_entries, sum_entries
+from integrators.evaluations import Field, Flow
+from integrators.scenes.base import Scene
+from integrators.scenes.blocks import canonical_blocks
+from integrators.scenes.degrees import Piece
+from integrators.scenes.expansion import flat_hamiltonian
+from integrators.scenes.parts import pieces_of
+
+from ..coefficients import check_method
+from ..exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.evaluations import Evaluation
+    from integrators.linear_forms import LinearForm
+
+    from ..coefficients import Method
+
+Multiples = Mapping[int, Any]
+"""What multiple of h H_q or h H_p at a stage the evaluations k_e of a program are."""
+
+
+class Stage(NamedTuple):
+    """A part of the Hamiltonian, evaluated at a point.
+
+    Attributes:
+        hamiltonian: The formula.
+        kicks: Whether it depends on positions, and so changes momenta.
+        drifts: Whether it depends on momenta, and so changes positions.
+        at: The point.
+        forces: The evaluations that are multiples of its −h H_q.
+        velocities: The evaluations that are multiples of its h H_p.
+        number: What the method calls it.
+    """
+
+    hamiltonian: sympy.Expr
+    kicks: bool
+    drifts: bool
+    at: LinearForm
+    forces: Multiples
+    velocities: Multiples
+    number: int
+
+
+class Stages(NamedTuple):
+    """The stages of a symplectic method, and where its step ends."""
+
+    stages: tuple[Stage, ...]
+    end: LinearForm
+
+    def weight(self, stage: Stage) -> Any:
+        """b_i or b̂_i, the weight of the Hamiltonian at a stage."""
+        return entry(self.end, stage.forces if stage.kicks else stage.velocities)
+
+
+def entry(at: LinearForm, multiples: Multiples) -> Any:
+    """What multiple of the increment of a stage a point contains."""
+    return sum_entries(
+        multiply_entries(at.terms[e], multiple) for e, multiple in multiples.items() if e in at.terms
+    )  # fmt: skip
+
+
+def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
+    """Where p_i and q_i stand in the state of a canonical Hamiltonian scene.
+
+    Raises:
+        SeriesError: The scene is none.
+    """
+    if not isinstance(scene, Scene):
+        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+    pair = canonical_blocks(scene.blocks)
+    if (
+        not scene.is_hamiltonian
+        or scene.poisson is not None
+        or pair is None
+        or 2 * pair[0].dimension != scene.dimension
+    ):
+        raise SeriesError(f"scene must be Hamiltonian in canonical variables p and q, but {scene.name} is not")
+    return list(zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True))
+
+
+def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages:
+    """The stages of a symplectic method on a canonical Hamiltonian scene.
+
+    Args:
+        method: The method: a tableau, or a program of evaluations of the field and of flows that only kick or drift.
+        scene: The scene.
+        parts: What the method's parts are; see `integrators.scenes.parts.pieces_of`.
+
+    Raises:
+        SeriesError: The scene is not canonical, the method is not exact or does something else, or is not symplectic:
+            the message says which condition fails, and where.
+    """
+    canonical_pairs(scene)
+    program = check_method(method).program
+    if method.domain in ("decimal", "float"):
+        raise SeriesError(f"method must be exact, but the coefficients of {method.name} are decimals")
+    pieces = pieces_of(method.names, scene, parts)
+    groups: dict[tuple[str | None, LinearForm], list[int]] = {}
+    for e, evaluation in enumerate(program.evaluations):
+        if not isinstance(evaluation, Field | Flow) or (isinstance(evaluation, Flow) and evaluation.forcing):
+            raise SeriesError(f"method must evaluate the field itself only, but k{e + 1} of {method.name} does not")
+        groups.setdefault((_piece(evaluation, pieces).part, evaluation.at), []).append(e)
+    found: list[Stage] = []
+    for (part, at), members in groups.items():
+        evaluations = {e: program.evaluations[e] for e in members}
+        found += _stages_at(at, evaluations, part, pieces, scene, method)
+    stages = Stages(tuple(found), program.result)
+    _check_symplectic(stages, method)
+    return stages
+
+
+def _piece(evaluation: Evaluation, pieces: Sequence[Piece]) -> Piece:
+    return Piece() if evaluation.part is None else pieces[evaluation.part]
+
+
+def _stages_at(
+    at: LinearForm,
+    evaluations: Mapping[int, Any],
+    part: str | None,
+    pieces: Sequence[Piece],
+    scene: Scene,
+    method: Method,
+) -> Iterator[Stage]:
+    """The stages of one part of the Hamiltonian at one point: for T(p), for U(q), and for the rest."""
+    forces, velocities = (
+        {
+            e: evaluation.time if isinstance(evaluation, Flow) else Fraction(1)
+            for e, evaluation in evaluations.items()
+            if (covered := _piece(evaluation, pieces).blocks) is None or block.name in covered
+        }
+        for block in canonical_blocks(scene.blocks) or ()
+    )
+    first = min(evaluations)
+    size = len(method.names) if isinstance(method, RungeKutta | PartitionedRungeKutta) else 1
+    separated = list(_separated(scene, part))
+    kicking = any(forces and kicks for _, kicks, _ in separated)
+    drifting = any(velocities and drifts for _, _, drifts in separated)
+    both = any(kicks and drifts for _, kicks, drifts in separated) or (kicking and drifting)
+    if both and any(isinstance(evaluation, Flow) for evaluation in evaluations.values()):
+        raise SeriesError(f"method must have flows that kick or drift, but k{first + 1} of {method.name} does both")
+    for formula, kicks, drifts in separated:
+        if (forces and kicks) or (velocities and drifts):
+            yield Stage(formula, kicks, drifts, at, forces, velocities, first // size + 1)
+
+
+def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, bool, bool]]:
+    """T(p), U(q) and the rest of (a part of) a Hamiltonian, each with whether it depends on q, and on p."""
+    import sympy
+
+    momenta, positions = (
+        {scene.symbols[place] for place in places} for places in zip(*canonical_pairs(scene), strict=True)
+    )
+    summands = [summand for summand in scene.summands if part in (None, summand.part)]
+    energy: Any = flat_hamiltonian(summands, scene)
+    sums: dict[tuple[bool, bool], list[Any]] = {}
+
+    def kind(formula: Any) -> tuple[bool, bool]:
+        return bool(formula.free_symbols & positions), bool(formula.free_symbols & momenta)
+
+    for summand in sympy.Add.make_args(energy):
+        pieces = sympy.Add.make_args(summand.expand()) if all(kind(summand)) else (summand,)
+        for piece in pieces:
+            sums.setdefault(kind(piece), []).append(piece)
+    for (kicks, drifts), terms in sums.items():
+        if kicks or drifts:
+            yield sympy.Add(*terms), kicks, drifts
+
+
+def _check_symplectic(stages: Stages, method: Method) -> None:
+    """Refuse methods without a generating function."""
+    if isinstance(method, RungeKutta | PartitionedRungeKutta) and method.is_symplectic:
+        return
+    equal, pairs = "b_i = b̂_i", "b_i â_ij + b̂_j a_ji = b_i b̂_j"
+    if isinstance(method, RungeKutta):
+        pairs = "b_i a_ij + b_j a_ji = b_i b_j"
+    end = stages.end
+    for one in stages.stages:
+        b = entry(end, one.forces)
+        if one.kicks and one.drifts and not cancels((b, -entry(end, one.velocities)), 0):
+            raise _not_symplectic(method, equal, f"i = {one.number}, where H depends on p and q")
+        for other in stages.stages:
+            if not (one.kicks and other.drifts):
+                continue
+            b_hat = entry(end, other.velocities)
+            products = (
+                multiply_entries(b, entry(one.at, other.velocities)),
+                multiply_entries(b_hat, entry(other.at, one.forces)),
+                -multiply_entries(b, b_hat),
+            )
+            if not cancels(products, 0):
+                raise _not_symplectic(method, pairs, f"i = {one.number}, j = {other.number}")
+
+
+def _not_symplectic(method: Method, condition: str, where: str) -> SeriesError:
+    return SeriesError(f"method must be symplectic, but {method.name} is not: {condition} does not hold for {where}")

@@ -1,0 +1,218 @@
+"""How far the modified equation of a method is Hamiltonian: for a class of Hamiltonians, by trees, and on a scene.
+
+A field f keeps the structure B(y) if Df B + B Dfᵀ = DB[f]; for an invertible B this means that B^(−1) f is a gradient,
+in any region without holes. On a scene this is decided at a random point, with random vectors u and v, in many digits:
+
+    u · Df[B v] − v · Df[B u] = u · DB[f] v.
+
+Both sides are analytic functions, which agree there only if they agree everywhere (but for a set of measure zero); two
+directional derivatives are enough in any dimension. Where parameters are symbols, formulas decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.child_bounds import common_bounds
+from integrators.scenes.degrees import degrees
+from trees.table import tree_table
+
+from ..coefficients import check_method, own_trees
+from ..conditions import trusted
+from ..differential_rings import MOST_MONOMIALS
+from ..differentials import refusing_large
+from ..evaluation import SceneSeries, modified_field
+from ..modified import modified_equation
+from ..modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
+from ..structure import hamiltonian_field
+from ..structure_conditions import SEPARABLE
+from ..truncated import BSeries
+from ..verdicts import failing, samples_of
+from .result import name_of
+
+if TYPE_CHECKING:
+    from integrators import Scene
+
+    from ..coefficients import Method
+    from ..verdicts import Verdict
+
+DIGITS = 100
+STEP = "1e-33"
+NOISE = 1e-50
+"""What counts as zero, relative to the terms that cancel: difference quotients leave about 1e-66. What masses and
+distances of very different sizes make small is larger than that."""
+
+
+class HamiltonianVerdict(NamedTuple):
+    """How far a modified equation is Hamiltonian.
+
+    Attributes:
+        method: The name of the method, or of the series.
+        scene: The name of the scene.
+        general: The verdict on a class of Hamiltonians, with the first tree that breaks it; None where trees do not
+            tell, since the structure of the scene is not the canonical one.
+        kind: That class in words.
+        names: The names of the colours of that tree; empty for one colour.
+        order: The largest n such that the terms with h^0, …, h^(n−1) are Hamiltonian on the scene.
+        tested_to: The largest order that was looked at.
+
+    Example:
+        >>> import bseries as bs
+        >>> verdict = bs.hamiltonian_verdict(bs.method("simplified-takahashi-imada"), bs.scene("pendulum"), 6)
+        >>> print(verdict)
+        simplified-takahashi-imada is Hamiltonian for all H = T(p) + U(q) with quadratic T to order 4, where
+        p[q[p[q[p]]]] breaks it, and on pendulum to order 6, as far as tested
+        >>> verdict.holds, verdict.general.holds
+        (True, False)
+    """
+
+    method: str
+    scene: str
+    general: Verdict | None
+    kind: str
+    names: tuple[str, ...]
+    order: int
+    tested_to: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether the modified equation is Hamiltonian on the scene, as far as it was looked at."""
+        return self.order == self.tested_to
+
+    def __str__(self) -> str:
+        end = "as far as tested" if self.holds else f"where the term with h^{self.order} breaks it"
+        here = f"on {self.scene} to order {self.order}, {end}"
+        if self.general is None:
+            return f"{self.method} is Hamiltonian {here}"
+        tree = self.general.breaks
+        end = "as far as tested" if tree is None else f"where {tree.text(self.names or None)} breaks it"
+        return f"{self.method} is Hamiltonian for {self.kind} to order {self.general.order}, {end}, and {here}"
+
+
+def hamiltonian_verdict(
+    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None
+) -> HamiltonianVerdict:
+    """How far the modified equation of a method is Hamiltonian, for all H and on one scene.
+
+    On a scene it may be Hamiltonian although the method is not symplectic: with one degree of freedom every
+    divergence-free field is. Then H̃ need not have the periods of H: the simplified Takahashi–Imada method has one on
+    any pendulum, but only with ∫ U'''U'² dq = 0 over a period is it a function on the cylinder.
+
+    Args:
+        method: A method, or a field series.
+        scene: A canonical scene, or a Poisson system. (For a singular structure its Casimir functions must be kept as
+            well, which is not looked at.)
+        order: The largest number of nodes; for a series None means its own order.
+        parts: As for `modified_field`.
+
+    Returns:
+        A `HamiltonianVerdict`.
+
+    Raises:
+        SeriesError: The scene has no structure, or an argument is out of its range.
+
+    Example:
+        >>> import bseries as bs
+        >>> print(bs.hamiltonian_verdict(bs.method("rk4"), bs.scene("pendulum"), 6))
+        rk4 is Hamiltonian for all H to order 4, where [τ,[[τ]]] breaks it, and on pendulum to order 5, where the term
+        with h^5 breaks it
+
+    References:
+        HLW, theorems IX.3.1 and IX.9.8; E. Hairer, lecture on long-time behaviour, sections 3 and 4.
+    """
+    if not isinstance(method, BSeries):
+        check_method(method)
+        method = trusted(method)
+    field = modified_field(method, scene, order, parts=parts)
+    here = hamiltonian_order(field)
+    general, kind = _general(method, field) if scene.poisson is None else (None, "")
+    names = tuple(method.names) if len(method.names) > 1 else ()
+    return HamiltonianVerdict(name_of(method), scene.name, general, kind, names, here, field.order)
+
+
+def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str]:
+    """The verdict by trees, and in words for which Hamiltonians."""
+    pieces = field.trees.pieces
+    in_blocks = len(pieces) > 1 and pieces[0].blocks is not None
+    if isinstance(method, BSeries):
+        return hamiltonian_field(field.series, colors_are="blocks" if in_blocks else "parts"), "all H"
+    if len(method.names) == 1:
+        return hamiltonian_field(modified_equation(trusted(method), field.order)), "all H"
+    if not in_blocks:
+        whole = modified_equation(trusted(method), field.order)
+        return hamiltonian_field(whole, colors_are="parts"), f"all H = {' + '.join(method.names)}"
+    limits, kind = None, "all H"
+    bounds = degrees(field.scene, pieces)
+    if bounds[0][0] == bounds[1][1] == 0:
+        own = own_trees(method)
+        limits, kind = common_bounds(SEPARABLE, own), "all H = T(p) + U(q)" + (" with quadratic T" if own else "")
+    whole = modified_equation(trusted(method), tree_table(field.order, 2, limits))
+    return hamiltonian_field(whole, colors_are="blocks"), kind
+
+
+def hamiltonian_order(f: SceneSeries) -> int:
+    """The largest n such that the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene.
+
+    Raises:
+        SeriesError: The scene has no structure.
+    """
+    structure = structure_matrix(f.scene)
+    symbols = [*f.scene.parameter_values.values(), *f.weights]
+    test = _by_formulas if any(getattr(x, "free_symbols", ()) for x in symbols) else _by_numbers
+    failures = (k for k, holds in enumerate(test(f, structure)) if not holds)
+    return next(failures, f.order)
+
+
+def _by_formulas(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool]:
+    with refusing_large(MOST_MONOMIALS):
+        inverse = inverse_structure(f)
+        return [is_gradient(f.formulas.ring, covector(f, inverse, k)) for k in range(f.order)]
+
+
+def _by_numbers(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool]:
+    import mpmath
+
+    with mpmath.workdps(DIGITS):
+        samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
+        residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
+        broken = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
+    return [k not in broken for k in range(f.order)]
+
+
+def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
+    """u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, by power of h, and the size of the three terms."""
+    import mpmath
+
+    from ..precise import PreciseSeries
+
+    terms, matrix = PreciseSeries(f, DIGITS).terms, _function(f.scene, structure)
+    random, step = Random(1), mpmath.mpf(STEP)
+    centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()
+    y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
+    u, v = ([mpmath.mpf(random.uniform(-1, 1)) for _ in y] for _ in range(2))
+
+    def slope(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
+        ahead, behind = ([a + s * d for a, d in zip(y, direction, strict=True)] for s in (step, -step))
+        return [
+            [(a - b) / (2 * step) for a, b in zip(*rows, strict=True)]
+            for rows in zip(function(ahead), function(behind), strict=True)
+        ]
+
+    here = matrix(y)
+    bv, bu = ([mpmath.fdot(row, x) for row in here] for x in (v, u))
+    found = []
+    for value, first, second in zip(terms(y), slope(terms, bv), slope(terms, bu), strict=True):
+        turned = [mpmath.fdot(row, v) for row in slope(matrix, value)]
+        parts = mpmath.fdot(u, first), -mpmath.fdot(v, second), -mpmath.fdot(u, turned)
+        found.append((mpmath.fsum(parts), mpmath.fsum(parts, absolute=True)))
+    return found
+
+
+def _function(scene: Scene, structure: Sequence[Sequence[Any]]) -> Callable[[Sequence[Any]], list[list[Any]]]:
+    """The structure matrix as a function of numbers of mpmath."""
+    import sympy
+
+    function = sympy.lambdify(scene.symbols, structure, "mpmath", dummify=True)
+    return lambda y: function(*y)

@@ -1,0 +1,1 @@
+"""Shadow energies: modified Hamiltonians measured along finished trajectories, from their forces."""

@@ -1,0 +1,88 @@
+"""How far stored numbers are from those that a program computed: by the precision of arrays, by the digits of text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+
+ULPS = 16
+"""How many roundings a number has gone through that was computed with the precision it is stored in."""
+DOUBLE = 2.0**-52
+MOST_DIGITS = 15
+"""More digits than that hold a double."""
+
+
+class Rounding(NamedTuple):
+    """How far numbers of a role may be off.
+
+    Attributes:
+        relative: As a part of the largest number of the column; one for all columns, or one for each.
+        absolute: What is added, in the same way.
+    """
+
+    relative: Any = ULPS * DOUBLE
+    absolute: Any = 0.0
+
+    def of(self, rows: np.ndarray) -> np.ndarray:
+        """How far each column of finite numbers (states, …) may be off."""
+        import numpy as np
+
+        return self.relative * np.max(np.abs(rows), axis=0) + self.absolute
+
+
+class Roundings(NamedTuple):
+    """How far mass-weighted states, their energies, and the step size may be off at most."""
+
+    q: float = 0.0
+    p: float = 0.0
+    g: float = 0.0
+    energy: float = 0.0
+    h: float = 0.0
+
+
+def precision(*arrays: np.ndarray) -> float:
+    """The relative distance of neighbouring numbers in the coarsest of arrays, at least that of doubles."""
+    import numpy as np
+
+    return max([DOUBLE, *(float(np.finfo(array.dtype).eps) for array in arrays if array.dtype.kind == "f")])
+
+
+def written(columns: Sequence[Sequence[str]]) -> list[Rounding]:
+    """The roundings of columns of text.
+
+    Where all numbers of a column have as many decimals ("%.8f"), the last decimal is rounded; where all have exponents
+    ("%.8e"), the last digit of the longest. Others are of programs that leave zeros out ("%g"), which write as many
+    digits at most in each such column. Whole numbers are exact, unless such programs wrote them.
+
+    Args:
+        columns: The numbers of each column, as they are written in some lines.
+    """
+    kinds, digits = list(map(_kind, columns)), list(map(_digits, columns))
+    most = max((count for count, kind in zip(digits, kinds, strict=True) if kind == "any"), default=MOST_DIGITS + 1)
+    found = []
+    for column, count, kind in zip(columns, digits, kinds, strict=True):
+        if kind == "fixed":
+            found.append(Rounding(absolute=10.0 ** -len(column[0].partition(".")[2])))
+        else:
+            count = count if kind == "exponents" else most
+            found.append(Rounding() if count > MOST_DIGITS else Rounding(relative=10.0 ** (1 - count)))
+    return found
+
+
+def _kind(column: Sequence[str]) -> str:
+    """Whether numbers are whole, all have as many decimals, all have exponents, or none of these."""
+    exponents = sum("e" in cell.lower() for cell in column)
+    if exponents:
+        return "exponents" if exponents == len(column) else "any"
+    decimals = {len(cell.partition(".")[2]) for cell in column}
+    return "any" if len(decimals) > 1 else "whole" if decimals <= {0} else "fixed"
+
+
+def _digits(column: Sequence[str]) -> int:
+    """How many digits count in the longest number."""
+    mantissas = (re.split("[eE]", cell)[0] for cell in column)
+    return max((len(mantissa.lstrip("+-0.").replace(".", "")) for mantissa in mantissas), default=1) or 1

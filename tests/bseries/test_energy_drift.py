@@ -1,0 +1,548 @@
+"""Energy drift: section 4 of the lecture (Takahashi–Imada), and methods that are not symplectic, against long runs."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from functools import cache, partial
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+
+import bseries as bs
+from bseries.differential_rings import DifferentialRing
+from bseries.drift.forms import breaks, common_period
+from bseries.drift.mean_rates import energy_drift
+from bseries.drift.orbits import closed_orbit
+from bseries.drift.periodic_means import mean_of_samples
+from bseries.drift.perturbations import Perturbation
+from bseries.drift.statistics import rate_statistics
+from bseries.drift.turn_integrals import takahashi_imada_integral
+from integrators.takahashi_imada import TakahashiImada
+
+REFERENCE = Path(__file__).parent.parent / "reference"
+LECTURE = json.loads((REFERENCE / "lecture_values.json").read_text())["section4_takahashi_imada"]
+PENDULUM = bs.scene("pendulum")
+ASYMMETRIC = bs.scene("pendulum", effects=["asymmetry"])
+ANY_ASYMMETRY = bs.scene("pendulum", effects=["asymmetry"], epsilon="epsilon")
+SIMPLIFIED, SYMPLECTIC = bs.method("simplified-takahashi-imada"), bs.method("takahashi-imada")
+ANY_SIMPLIFIED = bs.method("simplified-takahashi-imada", alpha="alpha")
+P, Q, K, ALPHA, EPSILON = sympy.symbols("p q k alpha epsilon")
+COUPLED = "(p1^2 + p2^2)/2 - cos(q1) - cos(q2) - cos(q1 - q2) + sin(2*q1)/5"
+
+
+def coupled_pendulums(p, q):
+    return bs.Scene({"p": 2, "q": 2}, hamiltonian=COUPLED, start={"p": p, "q": q})
+
+
+def oscillator(potential, **parameters):
+    energy = f"p^2/2 + {potential}"
+    return bs.Scene({"p": 1, "q": 1}, hamiltonian=energy, parameters=parameters, start={"p": [1], "q": [0]})
+
+
+ANY_WAVE_NUMBER = oscillator("-cos(k*q)", k="k")
+
+
+def lecture_formula(name, potential):
+    symbols = {"p": P, "alpha": ALPHA} | {f"U{k}": potential.diff(Q, k) for k in range(1, 5)}
+    return sympy.sympify(LECTURE[name], locals=symbols)
+
+
+@cache
+def verdict_on(method, scene):
+    """The report on all orbits, computed once."""
+    return energy_drift(method, scene)
+
+
+@cache
+def modified_energy(scene):
+    return energy_drift(SIMPLIFIED, scene).hamiltonian
+
+
+def energies(scene, run, powers=3):
+    """H + h H2 + h² H3 of the symplectic form along a run."""
+    return run.h ** np.arange(powers) @ modified_energy(scene).terms(run.y)[:powers]
+
+
+def vanishes(formula):
+    ring = DifferentialRing([formula], [P, Q])
+    return ring.is_zero(ring.elements[0])
+
+
+def measured_slope(scene, method, h, y0, time, energy):
+    """The least-squares slope of a function of the states along a run."""
+    run = bs.integrate(scene, method, h=h, steps=round(time / h), y0=y0)
+    values = energy(run)
+    return np.polyfit(run.t, values - values[0], 1)[0]
+
+
+# The methods, for every α.
+
+
+def test_alpha_is_a_parameter_with_its_customary_value():
+    assert bs.method("takahashi-imada", alpha="1/12") == bs.method("takahashi-imada") == SYMPLECTIC
+    assert (SIMPLIFIED.alpha, SIMPLIFIED.parameters) == (Fraction(1, 12), ())
+    assert (ANY_SIMPLIFIED.alpha, ANY_SIMPLIFIED.parameters, ANY_SIMPLIFIED.domain) == (ALPHA, ("alpha",), "symbolic")
+    assert bs.method("takahashi-imada", alpha=Fraction(1, 5)).alpha == Fraction(1, 5)
+
+
+@pytest.mark.parametrize("name", ["takahashi-imada", "simplified-takahashi-imada"])
+def test_alpha_zero_is_stormer_verlet(name):
+    children = [[0, None], [1, 0]]
+    verlet = bs.modified_equation(bs.method("stormer-verlet"), 5, max_children=children)
+    found = bs.modified_equation(bs.method(name, alpha=0), 5, max_children=children)
+    assert found.coefficients() == verlet.coefficients()
+
+
+def test_the_simplified_method_differs_from_its_symplectic_form_by_one_tree():
+    assert ANY_SIMPLIFIED.symplectic_form == bs.method("takahashi-imada", alpha="alpha")
+    for method in (SIMPLIFIED, TakahashiImada(simplified=True, name="mine"), TakahashiImada(simplified=True)):
+        assert method.symplectic_form.name == "takahashi-imada"
+    assert SYMPLECTIC.symplectic_form is SYMPLECTIC
+    pair = (bs.modified_equation(method, 5) for method in (ANY_SIMPLIFIED, ANY_SIMPLIFIED.symplectic_form))
+    difference = next(pair) - next(pair)
+    assert [(str(t), x) for t, x in difference.items() if x != 0] == [("p[q[p],q[p]]", ALPHA**2)]
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("takahashi-imada", {"beta": 1}, "parameters of takahashi-imada must be one of alpha, but 'beta' was given"),
+        ("takahashi-imada", {"alpha": "beta"}, "alpha must be a formula, but 'beta' has the unknown name 'beta'"),
+        ("chin4a", {"alpha": 1}, "parameters of chin4a cannot be given, it has none, but 'alpha' was given"),
+    ],
+)
+def test_wrong_parameters_are_refused(name, parameters, message):
+    with pytest.raises(bs.errors, match=message):
+        bs.method(name, **parameters)
+
+
+# Equations (15) to (18).
+
+
+@pytest.mark.parametrize("scene", [ANY_ASYMMETRY, oscillator("q^3/3 - q^4/7 + 2*q^5")], ids=["pendulum", "quintic"])
+def test_the_modified_hamiltonian_for_every_alpha(scene):
+    potential = scene.hamiltonian.subs(P, 0)
+    found = verdict_on(ANY_SIMPLIFIED, scene).hamiltonian
+    assert found.order == 7
+    terms = [found.symbolic(k) for k in range(7)]
+    assert terms[1] == terms[3] == terms[5] == 0
+    for k, name in ((2, "H3_general_alpha"), (4, "H5_general_alpha")):
+        difference = terms[k] - lecture_formula(name, potential)
+        assert all(vanishes(difference.diff(x)) for x in (P, Q))
+
+
+def test_h7_leaves_errors_of_order_eight():
+    runs = [bs.integrate(ASYMMETRIC, SYMPLECTIC, h=h, steps=round(20 / h), y0=[1.2, 0.3]) for h in (0.4, 0.2)]
+    for powers, exponent in ((1, 2), (3, 4), (5, 6), (7, 8)):
+        spans = [np.ptp(energies(ASYMMETRIC, run, powers)) for run in runs]
+        assert abs(np.log2(spans[0] / spans[1]) - exponent) < 0.4
+
+
+def test_the_perturbation_and_the_rate_of_change():
+    report = verdict_on(ANY_SIMPLIFIED, ANY_ASYMMETRY)
+    potential = ANY_ASYMMETRY.hamiltonian.subs(P, 0)
+    expected = -(ALPHA**2) / 2 * potential.diff(Q, 3) * potential.diff(Q) ** 2
+    in_p, in_q = report.perturbation.terms(4)
+    assert (vanishes(in_p - expected), in_q, report.power) == (True, 0, 4)
+    assert vanishes(report.rate - P * expected)
+    assert not vanishes(report.rate - expected)
+
+
+def test_the_rate_with_two_degrees_of_freedom():
+    scene = bs.scene("henon-heiles")
+    report = energy_drift(ANY_SIMPLIFIED, scene)
+    p, q = scene.symbols[:2], scene.symbols[2:]
+    potential = scene.hamiltonian.subs(dict.fromkeys(p, 0))
+    third = sum(
+        potential.diff(q[i], q[j], q[k]) * p[i] * potential.diff(q[j]) * potential.diff(q[k])
+        for i in range(2)
+        for j in range(2)
+        for k in range(2)
+    )
+    assert sympy.expand(report.rate + ALPHA**2 / 2 * third) == 0
+    assert (report.verdict, report.power) == ("undecided", 4)
+
+
+def test_rates_compiled_and_written():
+    scene = coupled_pendulums([1, 2], [3, 4])
+    r = Perturbation(SIMPLIFIED, scene, 5)
+    points = np.random.default_rng(1).standard_normal((4, 7))
+    written = sympy.lambdify(scene.symbols, r.rate(4), "numpy")(*points)
+    np.testing.assert_allclose(r.rates(points, 4), written, rtol=1e-12)
+
+
+# The criterion.
+
+
+@pytest.mark.parametrize(
+    ("scene", "value"),
+    [
+        (ASYMMETRIC, 6 * sympy.pi / 5),
+        (PENDULUM, 0),
+        (ANY_ASYMMETRY, 6 * sympy.pi * EPSILON),
+        (ANY_WAVE_NUMBER, 0),
+        (oscillator("cos(k*q + q) + sin(2*(k + 1)*q)", k="k"), 6 * sympy.pi * (K + 1) ** 4),
+        (oscillator("sin(3*q/2) + cos(2*q/2)/3"), None),
+        (oscillator("sin(2*pi*q) + cos(4*pi*q)"), None),
+    ],
+)
+def test_the_integral_over_a_period(scene, value):
+    found = takahashi_imada_integral(scene)
+    if value is not None:
+        assert found == value
+    if not (found.free_symbols or scene.hamiltonian.free_symbols - {P, Q}):
+        potential = scene.hamiltonian.subs(P, 0)
+        period = common_period([potential], Q)
+        product = sympy.lambdify(Q, potential.diff(Q, 3) * potential.diff(Q) ** 2, "mpmath")
+        assert abs(mpmath.quad(product, mpmath.linspace(0, sympy.N(period), 9)) - found) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (oscillator("q^4"), r"scene must have a potential that is periodic in q, but scene has q\*\*4"),
+        (bs.scene("kepler"), "scene must be canonical with one degree of freedom, but kepler is not"),
+        (bs.scene("lotka-volterra"), "scene must be canonical with one degree of freedom, but lotka-volterra is not"),
+        (bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2*cos(q)"), r"scene must have a Hamiltonian T\(p\) \+ U\(q\), but"),
+        (oscillator("1/(3 + sin(q))"), "scene must have a potential simple enough to integrate, but scene has not"),
+    ],
+)
+def test_potentials_that_the_integral_is_not_for(scene, message):
+    with pytest.raises(bs.SeriesError, match=message):
+        takahashi_imada_integral(scene)
+
+
+def test_the_gain_of_a_turn_is_the_flux_of_the_map():
+    """A kick p + h F(q) lifts a loop round the cylinder by h ∫F dq, a drift does not: so it is exactly ∫f(q + αh²f)."""
+    scene = oscillator("-cos(q) + sin(2*q)/5 + sin(3*q)/7")
+    f = -scene.hamiltonian.subs(P, 0).diff(Q)
+    r = Perturbation(ANY_SIMPLIFIED, scene, 7)
+    for k, least in ((4, 1), (6, 5)):
+        found = next(breaks(r, least))
+        m = k // 2
+        term = sympy.lambdify(Q, f.diff(Q, m) * f**m / sympy.factorial(m), "mpmath")
+        flux = mpmath.quad(term, mpmath.linspace(0, 2 * mpmath.pi, 9))
+        (turn,) = found.turns
+        assert (found.power, found.is_closed, turn.variable, turn.digits) == (k, True, "q", None)
+        assert abs(sympy.N(turn.gain / ALPHA**m) - flux) < 1e-12
+
+
+def test_gains_beyond_the_rules_are_found_by_quadrature():
+    scene = oscillator("1/(3 + sin(q) + sin(2*q))")
+    (turn,) = energy_drift(SIMPLIFIED, scene).turns
+    potential = scene.hamiltonian.subs(P, 0)
+    product = sympy.lambdify(Q, potential.diff(Q, 3) * potential.diff(Q) ** 2, "mpmath")
+    expected = -mpmath.quad(product, mpmath.linspace(0, 2 * mpmath.pi, 17)) / 288
+    assert turn.digits == 15
+    assert abs(turn.gain - expected) < 1e-14 * abs(expected)
+
+
+@pytest.mark.parametrize(
+    ("formulas", "period"),
+    [
+        (["sin(x)", "cos(2*x)"], 2 * sympy.pi),
+        (["sin(2*x/3)", "cos(x/2 + y)"], 12 * sympy.pi),
+        (["y*sin(-pi*x)"], 2),
+        (["exp(cos(k*x))/(2 + sin(3*k*x))"], 2 * sympy.pi / K),
+        (["sin(-k*x) + cos(-2*k*x)"], 2 * sympy.pi / K),
+        (["cos((1 - sqrt(2))*x)"], 2 * sympy.pi / (sympy.sqrt(2) - 1)),
+        (["x + sin(x)"], None),
+        (["sin(x^2)"], None),
+        (["sin(x)", "sin(sqrt(2)*x)"], None),
+        (["y"], None),
+    ],
+)
+def test_periods_of_formulas(formulas, period):
+    assert common_period(map(sympy.sympify, formulas), sympy.Symbol("x")) == period
+
+
+# One degree of freedom: Figures 5 and 7, and what is not closed.
+
+
+@pytest.mark.parametrize(("p0", "slope"), [(2.5, -6.543e-6), (-2.5, 6.543e-6), (0.5, 0)])
+def test_the_drift_of_figure_7(p0, slope):
+    report = energy_drift(SIMPLIFIED, ASYMMETRIC, y0=[p0, 0], h=0.2)
+    measured = measured_slope(ASYMMETRIC, SIMPLIFIED, 0.2, [p0, 0], 5000, partial(energies, ASYMMETRIC))
+    assert report.verdict == ("linear drift" if slope else "bounded")
+    assert report.slope() == pytest.approx(slope, rel=2e-4)
+    assert measured == pytest.approx(report.slope(), rel=0.02, abs=1e-10)
+
+
+@pytest.mark.parametrize(("method", "scene"), [(SIMPLIFIED, PENDULUM), (SYMPLECTIC, ASYMMETRIC)])
+def test_where_figure_7_shows_no_drift(method, scene):
+    report = energy_drift(method, scene, y0=[2.5, 0], h=0.2)
+    measured = measured_slope(scene, method, 0.2, [2.5, 0], 5000, partial(energies, scene))
+    assert (report.verdict, report.power, report.turns, report.slope()) == ("bounded", None, (), 0)
+    assert abs(measured) < 1e-10
+
+
+def test_a_verdict_for_all_orbits():
+    report = verdict_on(ANY_SIMPLIFIED, ANY_ASYMMETRY)
+    assert (report.verdict, report.turns[0].gain) == ("linear drift", -3 * sympy.pi * ALPHA**2 * EPSILON)
+    with pytest.raises(bs.SeriesError, match="h must be given for a slope, but was not"):
+        report.slope()
+    with pytest.raises(bs.SeriesError, match="y0 must be given for a slope, but the verdict is about all orbits"):
+        report.slope(0.1)
+
+
+def test_turns_of_any_wave_number():
+    report = energy_drift(SIMPLIFIED, ANY_WAVE_NUMBER)
+    assert (report.verdict, report.broken) == ("bounded", None)
+    (turn,) = energy_drift(SIMPLIFIED, oscillator("-cos(k*q) + sin(2*k*q)/5", k="k")).turns
+    assert (turn.period, turn.gain) == (2 * sympy.pi / K, -sympy.pi * K**4 / 240)
+
+
+def test_a_potential_on_the_line_has_no_turns():
+    assert energy_drift(SIMPLIFIED, oscillator("q^4/4 - q^3/3")).verdict == "bounded"
+    assert energy_drift(SIMPLIFIED, oscillator("q/10 - cos(q) + sin(2*q)/5")).verdict == "bounded"
+
+
+def test_rk4_on_the_pendulum_is_one_order_better_than_its_bound():
+    y0 = [2.5, 0]
+    report = energy_drift(bs.method("rk4"), PENDULUM, y0=y0)
+    assert (report.verdict, report.breaks.order, report.power, report.drift[0]) == ("linear drift", 5, 5, 5)
+    energy = sympy.lambdify((P, Q), PENDULUM.hamiltonian, "numpy")
+    for h, tolerance in ((0.1, 0.06), (0.05, 0.03)):
+        measured = measured_slope(PENDULUM, "rk4", h, y0, 400, lambda run: energy(*run.y))
+        assert measured == pytest.approx(report.slope(h), rel=tolerance)
+
+
+def test_explicit_euler_as_in_figure_5():
+    report = energy_drift(bs.method("explicit-euler"), PENDULUM, y0=[2.5, 0], h=0.005)
+    assert sympy.simplify(report.rate - (P**2 * sympy.cos(Q) + sympy.sin(Q) ** 2) / 2) == 0
+    assert report.slope() == pytest.approx(0.00244, abs=5e-6)
+
+
+def test_a_symmetric_method_that_is_not_symplectic():
+    """Time reversal maps an oscillation to itself, a rotation to the opposite one: only the latter can drift."""
+    lobatto, y0 = bs.method("lobatto-iiib3"), [2.5, 0]
+    assert energy_drift(lobatto, PENDULUM, y0=y0).verdict == "bounded"
+    assert energy_drift(lobatto, ASYMMETRIC, y0=[0.5, 0]).verdict == "bounded"
+    report = energy_drift(lobatto, ASYMMETRIC, y0=y0, h=0.15)
+    energy = sympy.lambdify((P, Q), ASYMMETRIC.hamiltonian, "numpy")
+    measured = measured_slope(ASYMMETRIC, lobatto, 0.15, y0, 600, lambda run: energy(*run.y))
+    assert (report.verdict, report.drift[0]) == ("linear drift", 4)
+    assert measured == pytest.approx(report.slope(), rel=0.06)
+
+
+def test_poisson_systems():
+    lotka_volterra = bs.scene("lotka-volterra")
+    assert energy_drift(bs.method("symplectic-euler-p"), lotka_volterra, 5).verdict == "bounded"
+    report = energy_drift(bs.method("explicit-euler"), lotka_volterra, h=0.001)
+    energy = sympy.lambdify(lotka_volterra.symbols, lotka_volterra.hamiltonian, "numpy")
+    measured = measured_slope(lotka_volterra, "explicit-euler", 1e-3, None, 20, lambda run: energy(*run.y))
+    assert (report.verdict, report.power, report.breaks) == ("linear drift", 1, None)
+    assert measured == pytest.approx(report.slope(), rel=0.05)
+
+
+def test_decimals_go_by_trees():
+    report = energy_drift(bs.method("tsit5"), PENDULUM, 6)
+    assert (report.verdict, report.power, report.broken.is_closed) == ("linear drift", 5, False)
+    assert "dH~/dt =" not in str(report)
+
+
+def test_a_series_is_as_good_as_its_method():
+    scene, method = PENDULUM, bs.method("explicit-midpoint")
+    series = bs.modified_field(method, scene, 5).series
+    given, expected = energy_drift(series, scene, y0=[1, 1]), energy_drift(method, scene, 5, y0=[1, 1])
+    assert given.drift == expected.drift
+    assert given.drift[0] == 3
+    assert given.perturbation.field.order == 5
+
+
+def test_what_turns_leave_is_looked_for_behind_them():
+    """A field that is closed at h⁴, with a gain in every turn, and at h⁵ is damped by what no orbit escapes."""
+    r = Perturbation(SIMPLIFIED, ASYMMETRIC, 7)
+    closed, damping = r.field.series, bs.Tree("p[q,q,q,q,q]", names=("p", "q"))
+    bounds = {"empty": 0, "colors": 2, "max_children": closed.table.limits, "names": closed.names}
+    damped = bs.BSeries.from_rule(lambda tree: closed[tree] + (tree == damping), 7, **bounds)
+    swing, rotation = (energy_drift(damped, ASYMMETRIC, y0=[p, 0]) for p in (0.5, 2.5))
+    force = ASYMMETRIC.field[0]
+    expected = swing.orbit.mean(P**6 * force.diff(Q, 5)) / damping.symmetry
+    assert (swing.orbit.kind, swing.verdict, swing.power, swing.drift[0]) == ("oscillating", "linear drift", 4, 5)
+    assert swing.means[0] == (4, 0)
+    assert swing.drift[1] == pytest.approx(expected, rel=1e-12)
+    assert (rotation.orbit.kind, rotation.drift[0]) == ("rotating", 4)
+    assert "nothing before h^5 on orbits that do not go round" in energy_drift(damped, ASYMMETRIC).reason
+
+
+# Orbits.
+
+
+@pytest.mark.parametrize("p0", [0.1, 1, 1.9, np.nextafter(2, 0), np.nextafter(2, 3), 2.5, -20])
+def test_periods_of_the_pendulum(p0):
+    orbit = closed_orbit(PENDULUM, [p0, 0.0], {1: 2 * sympy.pi})
+    m = mpmath.mpf(p0) ** 2 / 4
+    expected = 4 * mpmath.ellipk(m) if m < 1 else 2 * mpmath.ellipk(1 / m) / mpmath.sqrt(m)
+    assert abs(orbit.period / expected - 1) < 1e-14
+    assert (orbit.kind, orbit.turns) == (("rotating", {1: int(np.sign(p0))}) if m > 1 else ("oscillating", {1: 0}))
+
+
+def test_an_orbit_that_is_a_point():
+    assert closed_orbit(PENDULUM, [0.0, np.pi], {1: 2 * sympy.pi}).kind == "equilibrium"
+    report = energy_drift(bs.method("rk4"), PENDULUM, y0=[0, 0])
+    assert (report.verdict, report.slope(0.1)) == ("bounded", 0)
+
+
+@pytest.mark.parametrize(("potential", "y0"), [("-q^2/2", [1, 1]), ("q/10", [1, 0]), ("-q^4", [1, 0])])
+def test_orbits_that_do_not_close_are_refused(potential, y0):
+    with pytest.raises(bs.SeriesError, match=r"y0 must lie on a closed orbit, but from .* nothing returned up to t = "):
+        closed_orbit(oscillator(potential), y0, {})
+
+
+@pytest.mark.parametrize(
+    ("scene", "y0"),
+    [(PENDULUM, [2, 0]), (PENDULUM, [-2, 0]), (oscillator("-4*cos(q)"), [4, 0]), (PENDULUM, [0, np.pi - 1e-12])],
+)
+def test_separatrices_are_refused(scene, y0):
+    """A return there is made by rounding; beside them, one place of a double away, it is certain."""
+    with pytest.raises(bs.SeriesError, match=r"y0 must lie on a closed orbit, but from .* rounding decides when it"):
+        closed_orbit(scene, y0, {1: 2 * sympy.pi})
+
+
+def test_means_that_vanish_do_so_exactly():
+    orbit = closed_orbit(PENDULUM, [2.5, 0.0], {1: 2 * sympy.pi})
+    sine, cosine = sympy.sin(Q), sympy.cos(Q)
+    assert orbit.mean(P * sine) == 0  # the derivative of −cos q
+    assert abs(orbit.mean(P**2 / 2 - cosine) - mpmath.mpf("2.125")) < 1e-20
+    with pytest.raises(bs.SeriesError, match="method must have numbers for its parameters, but has alpha"):
+        orbit.mean(ALPHA * P)
+
+
+def test_rough_functions_have_no_mean():
+    random = np.random.default_rng(0)
+    with pytest.raises(bs.SeriesError, match="rates must be smoother: 16384 points of an orbit do not give their mean"):
+        mean_of_samples(lambda n: [mpmath.mpf(x) for x in random.standard_normal(n)])
+
+
+# Several degrees of freedom.
+
+
+def test_regular_motion_is_bounded():
+    report = energy_drift(SIMPLIFIED, bs.scene("henon-heiles"), h=0.1, steps=20_000)
+    assert (report.verdict, report.power, report.drift, report.spread) == ("bounded", 4, None, None)
+    with pytest.raises(bs.SeriesError, match="verdict must be square-root drift for a deviation, and h given, but it "):
+        report.deviation(1.0)
+
+
+def test_rk4_dissipates_with_two_degrees_of_freedom():
+    scene, h = bs.scene("henon-heiles"), 0.1
+    report = energy_drift(bs.method("rk4"), scene, h=h, steps=20_000)
+    energy = sympy.lambdify(scene.symbols, scene.hamiltonian, "numpy")
+    measured = measured_slope(scene, "rk4", h, None, 2000, lambda run: energy(*run.y))
+    assert (report.verdict, report.power, report.drift[0]) == ("linear drift", 4, 5)
+    assert measured == pytest.approx(report.slope(), rel=0.02)
+
+
+def test_rotations_of_coupled_pendulums_drift():
+    scene, h = coupled_pendulums(["5/2", 2], [0, 1]), 0.1
+    report = energy_drift(SIMPLIFIED, scene, h=h, steps=40_000)
+    measured = measured_slope(scene, SIMPLIFIED, h, None, 4000, lambda run: report.hamiltonian(run.y, h))
+    assert report.verdict == "linear drift"
+    assert measured == pytest.approx(report.slope(), rel=0.15)
+
+
+def test_chaos_makes_a_random_walk():
+    """As in Figure 8: the modified energy of a long run changes by h⁴ √(2Dt) in a time t, on average by nothing."""
+    scene, h, steps = coupled_pendulums([1, -2], [2, 1]), 0.1, 160_000
+    report = energy_drift(SIMPLIFIED, scene, h=h, steps=steps)
+    assert report.verdict == "square-root drift"
+    run = bs.integrate(scene, SIMPLIFIED, h=h, steps=steps, save_every=steps // 128)
+    values = report.hamiltonian(run.y, h)
+    assert abs(values[-1] - values[0]) < 4 * report.deviation(run.t[-1])
+    for blocks in (32, 128):
+        gains = np.diff(values[:: 128 // blocks])
+        assert gains.std() == pytest.approx(report.deviation(run.t[-1] / blocks), rel=0.5)
+
+
+def test_statistics_of_a_process_with_memory():
+    """x' = a x + noise has correlations a^k/(1 − a²), so that D = dt/(1 − a)²/2."""
+    random, a, dt = np.random.default_rng(3), 0.9, 0.1
+    noise, x = random.standard_normal(2**17), np.zeros(2**17)
+    for n in range(1, len(x)):
+        x[n] = a * x[n - 1] + noise[n]
+    found = rate_statistics(x, dt)
+    assert found.kind == "square-root drift"
+    assert found.diffusion == pytest.approx(dt / (1 - a) ** 2 / 2, rel=0.3)
+    assert found.error == pytest.approx(1 / (1 - a) / len(x) ** 0.5, rel=0.4)
+    assert rate_statistics(x + 0.5, dt).kind == "linear drift"
+    assert rate_statistics(np.zeros(2**10), dt).kind == "bounded"
+    assert rate_statistics(np.exp(-0.01 * np.arange(2**13)), dt).kind == "undecided"
+    assert rate_statistics(np.sin(1e-3 * np.arange(2**13)), dt).kind == "undecided"
+    with pytest.raises(bs.SeriesError, match="rates must be 512 or more to tell drifts apart, but were 9"):
+        rate_statistics(np.ones(9), dt)
+    with pytest.raises(bs.SeriesError, match="rates must be finite, but one was not"):
+        rate_statistics(np.full(600, np.nan), dt)
+
+
+def test_the_field_of_rk4_on_kepler_is_hamiltonian_at_h4():
+    """Not for every H, but for this one: seen in formulas, and in the compiled field by differences."""
+    scene = bs.scene("kepler")
+    report = energy_drift(bs.method("rk4"), scene)
+    assert (report.breaks.order, report.power, report.verdict) == (5, 5, "undecided")
+    field, e = report.perturbation.field, 1e-5
+    y = np.array([0.3, -0.7, 1.1, 0.6])
+    J = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    for k, is_closed in ((4, True), (5, False)):
+        slopes = np.array([(field.terms(y + d)[k] - field.terms(y - d)[k]) / (2 * e) for d in e * np.eye(4)]).T
+        assert bool(abs(J @ slopes - (J @ slopes).T).max() < 1e-6 * abs(slopes).max()) == is_closed
+
+
+# Reports and refusals.
+
+
+def test_reports_in_text_and_as_data():
+    report = energy_drift(SIMPLIFIED, ASYMMETRIC, y0=[2.5, 0], h=0.2)
+    text = str(report)
+    title = "the modified equation of simplified-takahashi-imada on pendulum with asymmetry, to h^6: linear drift"
+    assert text.startswith(title)
+    assert "gain in a turn of q by 2*pi: -pi/240 h^4" in text
+    assert "predicted slope at h = 0.2: -6.542905263e-06" in text
+    data = json.loads(json.dumps(report.to_dict()))
+    assert (data["schema"], data["kind"], data["verdict"], data["power"]) == (1, "drift", "linear drift", 4)
+    assert data["turns"] == [{"variable": "q", "period": "2*pi", "gain": "-pi/240", "digits": None}]
+    assert (data["orbit"]["kind"], data["drift"]["power"]) == ("rotating", 4)
+
+
+def test_reports_of_trajectories():
+    report = energy_drift(bs.method("rk4"), bs.scene("lennard-jones", particles=3), h=0.01, steps=1000)
+    data = json.loads(json.dumps(report.to_dict()))
+    assert data["statistics"][0]["power"] == 4
+    assert "rate" not in data
+    assert "mean of dH~/dt at h^4, over t = " in str(report)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "message"),
+    [
+        (
+            ("rk4", bs.scene("pendulum", effects=["damping"])),
+            {},
+            "scene must have a Hamiltonian, but pendulum has none",
+        ),
+        (("rk4", PENDULUM), {"h": 0}, "h must be a number other than 0, but was 0"),
+        (("rk4", PENDULUM), {"h": "x"}, "h must be a number other than 0, but was 'x'"),
+        (("rk4", PENDULUM), {"steps": 10}, "steps must be a whole number from 512 on, but was 10"),
+        (("rk4", PENDULUM), {"y0": [1]}, r"y0 must be 2 finite numbers, but was \[1\]"),
+        (("rk4", PENDULUM), {"y0": 7}, "y0 must be 2 finite numbers, but was 7"),
+        (("rk4", PENDULUM), {"y0": [1, float("nan")]}, r"y0 must be 2 finite numbers, but was \[1, nan\]"),
+        (("rk4", PENDULUM), {"y0": [0, 3.141592653589793 - 1e-200]}, None),
+        (("rk4", bs.scene("rigid-body")), {"h": 0.1, "steps": 600}, "scene must be canonical, but rigid-body is not"),
+        (
+            ("rk4", ANY_ASYMMETRY),
+            {"y0": [1, 0]},
+            "scene must have numbers for its parameters, but pendulum has symbols",
+        ),
+    ],
+)
+def test_what_is_refused(arguments, options, message):
+    name, scene = arguments
+    if message is None:
+        assert energy_drift(bs.method(name), scene, **options).verdict == "bounded"
+        return
+    with pytest.raises(bs.SeriesError, match=message):
+        energy_drift(bs.method(name), scene, **options)

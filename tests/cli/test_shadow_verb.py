@@ -1,0 +1,144 @@
+"""`bseries shadow`, against the library and against itself in all formats; the commands of its page."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import bseries as bs
+
+PAGE = Path(__file__).parents[2] / "docs" / "shadow.md"
+
+
+@pytest.fixture
+def stored(tmp_path, monkeypatch):
+    """A run of this package, in a file and as text, in the folder that commands work in."""
+    monkeypatch.chdir(tmp_path)
+    run = bs.integrate(bs.scene("pendulum"), "stormer-verlet", h=0.1, steps=500)
+    run.save("run.npz")
+    lines = (f"{t!r},{p!r},{q!r}" for t, p, q in zip(run.t.tolist(), *run.y.tolist(), strict=True))
+    Path("run.csv").write_text("t,p,q\n" + "\n".join(lines), encoding="utf-8")
+    return run
+
+
+def test_json_says_what_the_library_computes(answer, stored):
+    report = bs.shadow_energy(stored, order=8)
+    data = json.loads(answer("shadow", "run.npz", "--order", "8", "--bound", "1e-4", "--format", "json"))
+    assert data == report.to_dict() | {
+        "trajectory": "run.npz",
+        "bound": {"energy": 1e-4, "step": report.step_for(1e-4)},
+    }
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run.csv", "--scene", "pendulum"),
+        ("run.csv", "--hamiltonian", "p^2/2 - cos(q)", "--step", "1/10"),
+        ("run.npz", "--scene", "pendulum"),
+        ("run.csv", "--scene", "pendulum", "--columns", "q=q;p=p;t=t", "--layout", "full", "--tolerance", "1e-8"),
+        ("run.csv", "--scene", "pendulum", "--period", "100"),
+    ],
+)
+def test_every_way_in_gives_the_same(arguments, answer, stored):
+    wanted = bs.shadow_energy(stored, order=6).rows
+    found = json.loads(answer("shadow", *arguments, "--order", "6", "--format", "json"))["rows"]
+    assert [row["deviation"] for row in found] == pytest.approx([row.deviation for row in wanted], rel=1e-6)
+
+
+def test_text_comes_from_standard_input(answer, stored):
+    text = Path("run.csv").read_text(encoding="utf-8")
+    shown = answer("shadow", "-", "--scene", "pendulum", "--order", "4", stdin=text)
+    assert shown.startswith("standard input: 501 states, h = 0.1, t = 0 to 50\n")
+
+
+def test_csv_and_markdown(answer, stored):
+    report = bs.shadow_energy(stored, order=4)
+    rows = list(csv.DictReader(io.StringIO(answer("shadow", "run.npz", "--order", "4", "--format", "csv"))))
+    assert [float(row["deviation"]) for row in rows] == [row.deviation for row in report.rows]
+    assert rows[0]["gap"] == ""
+    answer("shadow", "run.npz", "--order", "4", "-o", "run.md")
+    assert "| order | mean | ± |" in Path("run.md").read_text(encoding="utf-8")
+
+
+def test_pictures(answer, stored, monkeypatch):
+    pytest.importorskip("matplotlib")
+    drawn = []
+    monkeypatch.setattr(bs.ShadowReport, "save_plot", lambda report, path: drawn.append((report.rows[-1].order, path)))
+    answer("shadow", "run.npz", "--order", "6", "--plot", "run.svg")
+    assert drawn == [(6, "run.svg")]
+
+
+def test_a_bound_can_be_anything(answer, stored):
+    data = json.loads(answer("shadow", "run.npz", "--bound", "1e300", "--format", "json"))
+    assert data["bound"]["step"] == data["largest_step"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ((), "FILE must be given: a trajectory, as NPZ or text, or - for text on standard input"),
+        (("none.npz",), "none.npz must be a trajectory file, but there is none"),
+        (("run.csv",), "run.csv must have the potential (U), but has p, q, t; a scene would supply it"),
+        (
+            ("run.npz", "--plot", "run.gif"),
+            "the ending of the plot 'run.gif' must be one of png, svg, pdf, but was 'gif'",
+        ),
+        (("run.npz", "--plot", "no/run.png"), "plot must be a file in a folder that is there, but was 'no/run.png'"),
+        (("run.npz", "--format", "latex"), "format must be one of table, json, csv, markdown, but was 'latex'"),
+        (("run.npz", "--order", "7"), "order must be an even number from 2 to 24, but was 7"),
+        (("run.npz", "--order", "x"), "order must be a whole number, but was 'x'"),
+        (("run.npz", "--step", "x"), "step"),
+        (("run.npz", "--mass", "2"), "mass must be left out where a scene is given, which has masses, but was given"),
+        (("run.npz", "--bound", "1e400"), "bound must be a number that a double can hold, but was '1e400'"),
+        (("run.npz", "--bound", "0"), "bound must be a positive energy, but was 0.0"),
+        (("run.npz", "--columns", "q"), "columns must be NAME=VALUE"),
+        (
+            ("run.npz", "--layout", "x"),
+            "layout must be one of full, half-behind, half-ahead, drift-kick-drift, but was 'x'",
+        ),
+        (("run.npz", "--scene", "kepler"), "run.npz must have the variable p1 of the scene, but has p, q"),
+        (("run.npz", "--scene", "lotka-volterra"), "scene must have a Hamiltonian of momenta and positions"),
+    ],
+)
+def test_refusals_are_one_sentence(arguments, reason, run, stored):
+    result = run("shadow", *arguments)
+    assert result.exit_code == 2
+    assert not result.stdout
+    assert result.stderr.startswith("bseries: error: ")
+    assert reason in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_own_thinned_runs_are_refused(run, stored):
+    bs.integrate(bs.scene("pendulum"), "stormer-verlet", h=0.1, steps=500, save_every=10).save("thin.npz")
+    result = run("shadow", "thin.npz")
+    assert result.stderr == (
+        "bseries: error: thin.npz must have every step, one after the other, but its states are every 10th of a run\n"
+    )
+
+
+def test_the_commands_of_the_page_print_what_it_shows(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```console\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    commands = [part for block in blocks for part in block.split("$ ")[1:]]
+    assert len(commands) == 3
+    for command, _, shown in (part.partition("\n") for part in commands):
+        printed = None
+        for piece in command.split(" | "):
+            result = run(*shlex.split(piece)[1:], stdin=printed)
+            assert result.exit_code == 0, result.output
+            printed = result.stdout
+        assert re.fullmatch(pattern(shown), printed), printed
+
+
+def pattern(shown):
+    """A regular expression for an output: … stands for anything in a line, or alone for any lines."""
+    lines = shown.splitlines(keepends=True)
+    return "".join(r"(?:.*\n)*?" if line == "…\n" else re.escape(line).replace("…", ".*") for line in lines)
