@@ -1,19 +1,15 @@
-"""`bseries shadow`, against the library and against itself in all formats; the commands of its page."""
+"""`bseries shadow`, against the library and against itself in all formats."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-import re
-import shlex
 from pathlib import Path
 
 import pytest
 
 import bseries as bs
-
-PAGE = Path(__file__).parents[2] / "docs" / "shadow.md"
 
 
 @pytest.fixture
@@ -122,23 +118,3 @@ def test_own_thinned_runs_are_refused(run, stored):
     assert result.stderr == (
         "bseries: error: thin.npz must have every step, one after the other, but its states are every 10th of a run\n"
     )
-
-
-def test_the_commands_of_the_page_print_what_it_shows(run, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```console\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    commands = [part for block in blocks for part in block.split("$ ")[1:]]
-    assert len(commands) == 3
-    for command, _, shown in (part.partition("\n") for part in commands):
-        printed = None
-        for piece in command.split(" | "):
-            result = run(*shlex.split(piece)[1:], stdin=printed)
-            assert result.exit_code == 0, result.output
-            printed = result.stdout
-        assert re.fullmatch(pattern(shown), printed), printed
-
-
-def pattern(shown):
-    """A regular expression for an output: … stands for anything in a line, or alone for any lines."""
-    lines = shown.splitlines(keepends=True)
-    return "".join(r"(?:.*\n)*?" if line == "…\n" else re.escape(line).replace("…", ".*") for line in lines)
