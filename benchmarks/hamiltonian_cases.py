@@ -11,9 +11,9 @@ from typing import Any
 import bseries as bs
 
 from .kinds import Case
+from .scene_cases import per_point
 from .timing import Sample, Sampler, time_calls
 
-POINTS = 400
 STATES, ATOM_STEP = 10**6, 0.001
 
 
@@ -38,18 +38,9 @@ def written_out(route: str) -> object:
     return [H.symbolic(k) for k in range(7)]
 
 
-def per_point(method: str, scene: str, order: int) -> Callable[[], Sampler]:
-    """A value at one of many points near the start, compiled."""
-
-    def prepare() -> Sampler:
-        import numpy as np
-
-        H = bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
-        points = H.scene.y0[:, None] + 0.01 * np.random.default_rng(1).random((H.scene.dimension, POINTS))
-        H(points, 0.01)
-        return lambda: Sample(time_calls(lambda: H(points, 0.01)).seconds / POINTS)
-
-    return prepare
+def energy(method: str, scene: str, order: int) -> bs.ModifiedHamiltonian:
+    """H̃ of a method on a scene."""
+    return bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
 
 
 def stored_trajectory() -> Sampler:
@@ -87,13 +78,13 @@ def cases() -> list[Case]:
         Case(
             "hamiltonian-9",
             "H of implicit-midpoint on the pendulum, order 9, per point",
-            per_point("implicit-midpoint", "pendulum", 9),
+            per_point(lambda: energy("implicit-midpoint", "pendulum", 9)),
             2e-6,
         ),
         Case(
             "hamiltonian-atoms",
             "H of stormer-verlet-kdk on lennard-jones, order 5, per point, N = 9",
-            per_point("stormer-verlet-kdk", "lennard-jones", 5),
+            per_point(lambda: energy("stormer-verlet-kdk", "lennard-jones", 5)),
         ),
         Case("shadow-8", "shadow energies to order 8, 9 planar atoms, 10^6 states on disk", stored_trajectory, 2.0),
     ]

@@ -41,14 +41,14 @@ def pendulum_points() -> Any:
     return np.random.default_rng(1).uniform(-1, 1, (POINTS, 2))
 
 
-def per_point(make: Callable[[], SceneSeries]) -> Callable[[], Sampler]:
+def per_point(make: Callable[[], SceneSeries | bs.ModifiedHamiltonian]) -> Callable[[], Sampler]:
     """A value at one of many points near the start, in a compiled loop."""
 
     def prepare() -> Sampler:
         import numpy as np
 
         f = make()
-        points = f.scene.y0[:, None] + 0.01 * np.random.default_rng(1).random((f.dimension, POINTS))
+        points = f.scene.y0[:, None] + 0.01 * np.random.default_rng(1).random((f.scene.dimension, POINTS))
         f(points, 0.01)
 
         def sample() -> Sample:

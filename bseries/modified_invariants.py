@@ -179,16 +179,11 @@ def inverse_structure(f: SceneSeries) -> list[list[Element]]:
 
 def structure_matrix(scene: Scene) -> list[list[Any]]:
     """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
-    from integrators.scenes.blocks import canonical_blocks
+    from integrators.scenes.blocks import poisson_matrix
     from integrators.scenes.expansion import filled
 
-    n = scene.dimension
-    if scene.poisson is not None and len(scene.poisson) == n:
+    if scene.poisson is not None and len(scene.poisson) == scene.dimension:
         return [[filled(entry, scene) for entry in row] for row in scene.poisson]
-    pair = canonical_blocks(scene.blocks)
-    if scene.poisson is not None or pair is None or 2 * pair[0].dimension != n:
+    if scene.canonical_pair is None:
         raise SeriesError(f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not")
-    matrix = [[0] * n for _ in range(n)]
-    for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
-        matrix[p][q], matrix[q][p] = -1, 1
-    return matrix
+    return poisson_matrix(scene.canonical_pair)

@@ -65,8 +65,8 @@ def read_step(h: Any, argument: str = "h") -> float:
         raise SeriesError(f"{argument} must be within the range of floats, but was larger") from None
 
 
-def read_symbolic_step(h: Any) -> Any:
-    """A step size for formulas: a number or an expression.
+def read_symbolic_step(h: Any, argument: str = "h") -> Any:
+    """A step size, or another small number, for formulas: a number or an expression.
 
     Raises:
         SeriesError: `h` is neither.
@@ -74,15 +74,15 @@ def read_symbolic_step(h: Any) -> Any:
     import sympy
 
     if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
-        raise SeriesError(f"h must be a number or a SymPy expression, but was {h!r:.60}")
+        raise SeriesError(f"{argument} must be a number or a SymPy expression, but was {h!r:.60}")
     return sympy.sympify(h, strict=True)
 
 
-def check_power(k: Any, last: int) -> None:
-    """Refuse what is no power of h.
+def check_power(k: Any, last: int, of: str = "h") -> None:
+    """Refuse what is no power of h, or of another small number.
 
     Raises:
         SeriesError: `k` is no integer from 0 to `last`.
     """
     if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
-        raise SeriesError(f"k must be a power of h from 0 to {last}, but was {k!r:.60}")
+        raise SeriesError(f"k must be a power of {of} from 0 to {last}, but was {k!r:.60}")

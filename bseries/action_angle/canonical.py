@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.frozen import Frozen
 from integrators.scenes.base import Scene
-from integrators.scenes.blocks import Block, check_symbols
+from integrators.scenes.blocks import Block, check_symbols, poisson_matrix
 from integrators.tableau_input import items
 
 from ..exceptions import SeriesError
 from ..sparse_polynomials import TooLarge
 from .simplification import MOST_MONOMIALS, simplified_from_within
-from .variable_pairs import check_mapping, names_of, poisson_matrix, read_pair, sizes
+from .variable_pairs import check_mapping, names_of, read_pair, sizes
 
 if TYPE_CHECKING:
     import numpy as np

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.scenes.base import Scene
 
 from ..exceptions import SeriesError
+from ..states import check_power, read_symbolic_step
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -94,9 +94,8 @@ class NormalForm:
         """
         import sympy
 
-        if isinstance(eps, bool) or not isinstance(eps, Real | sympy.Expr):
-            raise SeriesError(f"{self.parameter} must be a number or a SymPy expression, but was {eps!r:.60}")
-        return sympy.Add(*(term * eps**k for k, term in enumerate(self._hamiltonians)))
+        value = read_symbolic_step(eps, self.parameter)
+        return sympy.Add(*(term * value**k for k, term in enumerate(self._hamiltonians)))
 
     def generating_function(self, k: int) -> sympy.Expr:
         """S_k(b, θ), the term of the generating function with ε^k; S_0 = 0.
@@ -107,8 +106,7 @@ class NormalForm:
         return self._elimination.fourier.expression(self._elimination.generating[self._power(k)])
 
     def _power(self, k: int) -> int:
-        if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= self.order:
-            raise SeriesError(f"k must be a power of {self.parameter} from 0 to {self.order}, but was {k!r:.60}")
+        check_power(k, self.order, self.parameter)
         return k
 
     @property

@@ -37,17 +37,6 @@ def names_of(pair: Sequence[Block]) -> tuple[str, ...]:
     return tuple(name for block in sorted(pair, key=lambda block: block.offset) for name in block.variables)
 
 
-def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:
-    """The brackets of the variables among themselves: {q, p} = 1."""
-    momenta, positions = pair
-    size = momenta.dimension
-    matrix = [[0] * (2 * size) for _ in range(2 * size)]
-    for k in range(size):
-        p, q = momenta.offset + k, positions.offset + k
-        matrix[q][p], matrix[p][q] = 1, -1
-    return matrix
-
-
 def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
     """Refuse what does not map just these names.
 

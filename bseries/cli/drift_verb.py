@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,8 +11,7 @@ from . import layout
 from .layout import Column
 from .method_argument import takes_method
 from .output import WholeNumber, takes_output
-from .powers import place
-from .scene_argument import read_parts, read_start, takes_parts, takes_scene
+from .scene_argument import place, read_parts, read_start, takes_parts, takes_scene
 
 if TYPE_CHECKING:
     import sympy
@@ -98,6 +97,8 @@ def drift(
 
 def _facts(report: DriftReport) -> Iterator[Fact]:
     """What was found: text, or formulas."""
+    from ..drift.report import shown_number
+
     r = report.perturbation
     yield "verdict", report.verdict
     yield "reason", report.reason
@@ -109,7 +110,7 @@ def _facts(report: DriftReport) -> Iterator[Fact]:
     if report.orbit is not None:
         yield f"orbit through {list(report.orbit.y0)}", f"{report.orbit.kind}, period {float(report.orbit.period):.10g}"
     for k, mean in report.means:
-        yield f"mean of dH~/dt at h^{k}", _number(mean)
+        yield f"mean of dH~/dt at h^{k}", shown_number(mean)
     for k, found in report.statistics:
         yield (
             f"mean of dH~/dt at h^{k}",
@@ -139,10 +140,7 @@ def _slope(report: DriftReport) -> str | sympy.Expr | None:
     """The predicted slope of the energy; None where there is none."""
     if report.h is None or report.drift is None:
         return None
+    from ..drift.report import shown_number
+
     power, mean = report.drift
-    return _number(mean * report.h**power)
-
-
-def _number(value: Any) -> str | sympy.Expr:
-    """A number to ten digits; formulas of parameters as they are."""
-    return value if getattr(value, "free_symbols", None) else f"{float(value):.10g}"
+    return shown_number(mean * report.h**power)

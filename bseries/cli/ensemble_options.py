@@ -13,6 +13,7 @@ from . import layout
 from .application import Refusal, say
 from .layout import Column
 from .output import WholeNumber
+from .scene_argument import head, place
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -163,15 +164,14 @@ def _text(
     """The answer in any format."""
     if output.format == "csv":
         return _csv(result)
-    on = f" with {', '.join(effects)}" if effects else ""
     h, steps, last = result.meta["h"], result.meta["steps"], result.t[-1]
-    title = f"{method.name} on {scene.name}{on}: {many.members:,} runs of {steps:,} steps of {h:g}, to t = {last:g}"
+    title = f"{place(method, scene, effects)}: {many.members:,} runs of {steps:,} steps of {h:g}, to t = {last:g}"
     if output.format == "json":
-        head = {"schema": 1, "kind": "ensemble", "method": method.name, "scene": scene.name, "effects": list(effects)}
-        head |= {"h": h, "steps": steps, "t": [float(result.t[0]), float(last)], "members": many.members}
-        head |= {"seed": many.seed, "change": many.change, "file": to}
+        facts = head("ensemble", method, scene, effects)
+        facts |= {"h": h, "steps": steps, "t": [float(result.t[0]), float(last)], "members": many.members}
+        facts |= {"seed": many.seed, "change": many.change, "file": to}
         failures = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in result.failures]
-        return [layout.json({**head, "failures": failures, "rows": list(_records(result))}, "rows")]
+        return [layout.json({**facts, "failures": failures, "rows": list(_records(result))}, "rows")]
     rows = [[record["what"], *(_shown(record[key]) for key in list(record)[1:])] for record in _records(result)]
     notes = list(_notes(result, many, to))
     if output.format == "markdown":

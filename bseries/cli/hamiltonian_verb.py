@@ -12,8 +12,8 @@ from .application import Refusal
 from .layout import Column
 from .method_argument import takes_method
 from .output import takes_output
-from .powers import head, notes, place, read_powers, remarks, span, takes_powers
-from .scene_argument import read_parts, takes_parts, takes_scene
+from .powers import notes, read_powers, remarks, span, takes_powers
+from .scene_argument import head, place, read_parts, takes_parts, takes_scene
 
 if TYPE_CHECKING:
     from integrators import Scene

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -43,19 +43,9 @@ def read_powers(order: int | None, power: int | None) -> tuple[int, range]:
     return order, range(order) if power is None else range(power, power + 1)
 
 
-def place(method: Method, scene: Scene, effects: Sequence[str]) -> str:
-    """For titles: the method and the scene."""
-    return f"{method.name} on {scene.name}" + (f" with {', '.join(effects)}" if effects else "")
-
-
 def span(powers: range) -> str:
     """For titles: the powers of h."""
     return f"powers h^{powers[0]} to h^{powers[-1]}" if len(powers) > 1 else f"power h^{powers[0]}"
-
-
-def head(kind: str, method: Method, scene: Scene, effects: Iterable[str]) -> dict[str, Any]:
-    """What JSON begins with."""
-    return {"schema": 1, "kind": kind, "method": method.name, "scene": scene.name, "effects": list(effects)}
 
 
 def remarks(series: BSeries, method: Method, scene: Scene) -> dict[str, Any]:

@@ -209,3 +209,13 @@ def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
         f"parts must say what {names} of {method.name} are in {scene.name} ({known}), as in "
         f'--parts "{example}", but were not given'
     )
+
+
+def place(method: Method, scene: Scene, effects: Sequence[str]) -> str:
+    """For titles: the method and the scene."""
+    return f"{method.name} on {scene.name}" + (f" with {', '.join(effects)}" if effects else "")
+
+
+def head(kind: str, method: Method, scene: Scene, effects: Iterable[str]) -> dict[str, Any]:
+    """What JSON begins with."""
+    return {"schema": 1, "kind": kind, "method": method.name, "scene": scene.name, "effects": list(effects)}

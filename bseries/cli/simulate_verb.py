@@ -16,7 +16,7 @@ from .ensemble_options import simulate_ensemble, takes_ensemble
 from .layout import Column
 from .method_argument import complete_method, read_method
 from .output import WholeNumber, takes_output
-from .scene_argument import read_parts, read_start, takes_parts, takes_scene
+from .scene_argument import head, place, read_parts, read_start, takes_parts, takes_scene
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -237,12 +237,11 @@ def _text(
     """The answer in any format."""
     if output.format == "csv":
         return _csv(run)
-    on = f" with {', '.join(effects)}" if effects else ""
-    title = f"{method.name} on {scene.name}{on}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
+    title = f"{place(method, scene, effects)}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
     if output.format == "json":
-        head = {"schema": 1, "kind": "simulation", "method": method.name, "scene": scene.name, "effects": list(effects)}
-        head |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
-        return [layout.json({**head, "file": to, "rows": list(_records(run))}, "rows")]
+        facts = head("simulation", method, scene, effects)
+        facts |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
+        return [layout.json({**facts, "file": to, "rows": list(_records(run))}, "rows")]
     rows = [_row(record) for record in _records(run)]
     notes = list(_notes(run, rows, cost, to))
     shown = rows[:MOST_ROWS]

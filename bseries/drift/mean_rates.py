@@ -14,8 +14,8 @@ from ..truncated import BSeries
 from .forms import Break, angle_periods, breaks
 from .orbits import Orbit, closed_orbit
 from .perturbations import Perturbation
-from .report import BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED, DriftReport
-from .statistics import BLOCKS, HALVINGS, RateStatistics, rate_statistics
+from .report import DriftReport
+from .statistics import BLOCKS, BOUNDED, HALVINGS, LINEAR, SQUARE_ROOT, UNDECIDED, RateStatistics, rate_statistics
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..exceptions import SeriesError
+from .statistics import LINEAR, SQUARE_ROOT, UNDECIDED
 
 if TYPE_CHECKING:
     import sympy
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from .perturbations import Perturbation
     from .statistics import RateStatistics
 
-BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
 LONGEST_FORMULA = 300
 
 
@@ -124,9 +124,8 @@ class DriftReport(NamedTuple):
 
     @property
     def _title(self) -> str:
-        scene = self.perturbation.scene
-        effects = f" with {', '.join(scene.active)}" if scene.active else ""
-        return f"{self.perturbation.field.label} on {scene.name}{effects}, to h^{self.perturbation.field.order - 1}"
+        r = self.perturbation
+        return f"{r.field.label} on {r.scene.title}, to h^{r.field.order - 1}"
 
     def _lines(self) -> Iterator[str]:
         r = self.perturbation
@@ -144,12 +143,12 @@ class DriftReport(NamedTuple):
         if self.orbit is not None:
             yield f"  orbit through {list(self.orbit.y0)}: {self.orbit.kind}, period {float(self.orbit.period):.10g}"
         for k, mean in self.means:
-            yield f"  mean of dH~/dt along it at h^{k}: {_number(mean)}"
+            yield f"  mean of dH~/dt along it at h^{k}: {shown_number(mean)}"
         for k, s in self.statistics:
             yield f"  mean of dH~/dt at h^{k}, over t = {s.time:.6g}: {s.mean:.4g} ± {s.error:.2g}: {s.kind}"
             yield f"  variance of its integral: 2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
         if self.h is not None and self.drift is not None:
-            yield f"  predicted slope at h = {self.h:g}: {_number(self.drift[1] * self.h ** self.drift[0])}"
+            yield f"  predicted slope at h = {self.h:g}: {shown_number(self.drift[1] * self.h ** self.drift[0])}"
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data."""
@@ -176,11 +175,11 @@ class DriftReport(NamedTuple):
             ]
         if self.orbit is not None:
             data["orbit"] = {"y0": list(self.orbit.y0), "kind": self.orbit.kind, "period": float(self.orbit.period)}
-            data["means"] = [{"power": k, "mean": _number(mean)} for k, mean in self.means]
+            data["means"] = [{"power": k, "mean": str(shown_number(mean))} for k, mean in self.means]
         if self.statistics:
             data["statistics"] = [{"power": k, **s._asdict()} for k, s in self.statistics]
         if self.drift is not None:
-            data["drift"] = {"power": self.drift[0], "coefficient": _number(self.drift[1])}
+            data["drift"] = {"power": self.drift[0], "coefficient": str(shown_number(self.drift[1]))}
         return data
 
 
@@ -189,6 +188,6 @@ def _short(formula: Any) -> str:
     return text if len(text) <= LONGEST_FORMULA else f"{text[:LONGEST_FORMULA]}..."
 
 
-def _number(value: Any) -> str:
+def shown_number(value: Any) -> str | sympy.Expr:
     """A number to ten digits; formulas of parameters as they are."""
-    return str(value) if getattr(value, "free_symbols", None) else f"{float(value):.10g}"
+    return value if getattr(value, "free_symbols", None) else f"{float(value):.10g}"

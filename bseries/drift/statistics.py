@@ -9,6 +9,7 @@ from ..exceptions import SeriesError
 if TYPE_CHECKING:
     import numpy as np
 
+BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
 BLOCKS = 32
 """The number of blocks that a trajectory is cut into for its standard error."""
 HALVINGS = 4
@@ -62,10 +63,10 @@ class RateStatistics(NamedTuple):
         law all the time, as when a trajectory leaves its energy, or whose correlations last longer than blocks.
         """
         if self.largest > MOST_OF_ALL or self.growth > STEEPEST:
-            return "undecided"
+            return UNDECIDED
         if abs(self.mean) > CERTAIN * self.error:
-            return "linear drift"
-        return "square-root drift" if self.diffusion > CERTAIN * self.diffusion_error else "bounded"
+            return LINEAR
+        return SQUARE_ROOT if self.diffusion > CERTAIN * self.diffusion_error else BOUNDED
 
 
 def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.scenes.blocks import canonical_blocks
-
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
 from ..states import check_power, read_states, read_step, read_symbolic_step
@@ -209,7 +207,7 @@ class ModifiedHamiltonian:
             return self._energy.gradient(states, read_step(h), workers).T.reshape(shape)
         field = self.field(y, h, workers=workers)
         gradient = np.empty_like(field)
-        momenta, positions = (slice(block.offset, block.end) for block in canonical_blocks(self.scene.blocks) or ())
+        momenta, positions = (slice(block.offset, block.end) for block in self.scene.canonical_pair or ())
         gradient[momenta], gradient[positions] = field[positions], -field[momenta]
         return gradient
 

@@ -117,7 +117,7 @@ def _found(
 def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, canonical: bool) -> EnergySeries | None:
     """H̃ by trees; None if the modified equation is not Hamiltonian for all Hamiltonians like that of the scene."""
     if not canonical:
-        raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {_titled(scene)} is not")
+        raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {scene.title} is not")
     trees = energy_trees(method, scene, order, parts)
     return energy_series(trees) if trees.verdict.holds else None
 
@@ -126,11 +126,7 @@ def _check_hamiltonian(method: Method | BSeries, scene: Scene, order: int, parts
     """Refuse a modified equation that is not Hamiltonian on the scene."""
     verdict = hamiltonian_verdict(method, scene, order, parts=parts)
     if verdict.order == 0:
-        raise SeriesError(f"scene must be Hamiltonian, but the field of {_titled(scene)} is not")
+        raise SeriesError(f"scene must be Hamiltonian, but the field of {scene.title} is not")
     if not verdict.holds:
         kind = "symplectic" if scene.poisson is None else "a Poisson integrator"
-        raise SeriesError(f"method must be {kind} on {_titled(scene)}, but {verdict}")
-
-
-def _titled(scene: Scene) -> str:
-    return f"{scene.name} with {', '.join(scene.active)}" if scene.active else scene.name
+        raise SeriesError(f"method must be {kind} on {scene.title}, but {verdict}")

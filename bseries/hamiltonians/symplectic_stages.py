@@ -19,7 +19,6 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.entries import cancels, multiply_entries, sum_entries
 from integrators.evaluations import Field, Flow
 from integrators.scenes.base import Scene
-from integrators.scenes.blocks import canonical_blocks
 from integrators.scenes.degrees import Piece
 from integrators.scenes.expansion import flat_hamiltonian
 from integrators.scenes.parts import pieces_of
@@ -87,13 +86,8 @@ def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
     """
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
-    pair = canonical_blocks(scene.blocks)
-    if (
-        not scene.is_hamiltonian
-        or scene.poisson is not None
-        or pair is None
-        or 2 * pair[0].dimension != scene.dimension
-    ):
+    pair = scene.canonical_pair
+    if not scene.is_hamiltonian or pair is None:
         raise SeriesError(f"scene must be Hamiltonian in canonical variables p and q, but {scene.name} is not")
     return list(zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True))
 
@@ -148,7 +142,7 @@ def _stages_at(
             for e, evaluation in evaluations.items()
             if (covered := _piece(evaluation, pieces).blocks) is None or block.name in covered
         }
-        for block in canonical_blocks(scene.blocks) or ()
+        for block in scene.canonical_pair or ()
     )
     first = min(evaluations)
     size = len(method.names) if isinstance(method, RungeKutta | PartitionedRungeKutta) else 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from integrators import Scene
-from integrators.scenes.blocks import canonical_blocks
 
 from ..exceptions import SeriesError
 
@@ -86,8 +85,8 @@ def _blocks(scene: Any) -> tuple[Block, Block]:
 
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
-    blocks = canonical_blocks(scene.blocks) if scene.is_hamiltonian and scene.poisson is None else None
-    if blocks is None or sum(block.dimension for block in blocks) != scene.dimension:
+    blocks = scene.canonical_pair if scene.is_hamiltonian else None
+    if blocks is None:
         raise SeriesError(f"scene must have a Hamiltonian of momenta and positions, but {scene.name} has none")
     momenta, positions = blocks
     of_p, of_q = degrees(scene, [Piece(frozenset({block.name})) for block in blocks])

@@ -145,8 +145,12 @@ class Scene(System):
         return hash((self.blocks, self.summands, self.active))
 
     def __repr__(self) -> str:
-        on = f" with {', '.join(self.active)}" if self.active else ""
-        return f"<Scene {self.name}{on}: {self.dimension} variables in {len(self.blocks)} blocks>"
+        return f"<Scene {self.title}: {self.dimension} variables in {len(self.blocks)} blocks>"
+
+    @property
+    def title(self) -> str:
+        """The name, and the effects that are on."""
+        return f"{self.name} with {', '.join(self.active)}" if self.active else self.name
 
     def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
         """The same scene with exactly these effects on.

@@ -151,3 +151,14 @@ def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
     named = {block.name: block for block in blocks if block.name != TIME}
     pair = (named["p"], named["q"]) if named.keys() >= {"p", "q"} else tuple(named.values())[:2]
     return pair if len(pair) == 2 and pair[0].dimension == pair[1].dimension else None
+
+
+def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:
+    """The brackets of the variables among themselves: {q, p} = 1."""
+    momenta, positions = pair
+    size = momenta.dimension
+    matrix = [[0] * (2 * size) for _ in range(2 * size)]
+    for k in range(size):
+        p, q = momenta.offset + k, positions.offset + k
+        matrix[q][p], matrix[p][q] = 1, -1
+    return matrix

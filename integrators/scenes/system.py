@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..errors import IntegratorError
 from ..frozen import Frozen
 from . import expansion
-from .blocks import Block
+from .blocks import Block, canonical_blocks
 from .declarations import numbered
 from .terms import Summand
 
@@ -62,6 +62,12 @@ class System(Frozen):
     def dimension(self) -> int:
         """The number of variables."""
         return self.blocks[-1].end
+
+    @property
+    def canonical_pair(self) -> tuple[Block, Block] | None:
+        """Momenta and positions, where these are the whole state and their structure is the canonical one."""
+        pair = canonical_blocks(self.blocks) if self.poisson is None else None
+        return pair if pair is not None and 2 * pair[0].dimension == self.dimension else None
 
     @cached_property
     def symbols(self) -> tuple[sympy.Symbol, ...]:

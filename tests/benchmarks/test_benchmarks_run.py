@@ -42,7 +42,7 @@ EULER = bs.RungeKutta([[0.0]], [1.0])
         scene_cases.printed_formulas(compiled=False),
         scene_cases.compile_time(cached=True),
         hamiltonian_cases.once(lambda: hamiltonian_cases.verlet_brackets(3, quadratic=True)),
-        hamiltonian_cases.per_point("implicit-midpoint", "pendulum", 3),
+        scene_cases.per_point(lambda: hamiltonian_cases.energy("implicit-midpoint", "pendulum", 3)),
         cases.process(sys.executable, "-c", "pass"),
         cases.first_run(),
     ],
