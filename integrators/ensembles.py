@@ -21,7 +21,7 @@ from .expressions import shorten
 from .observers import observers
 from .run_description import description, identity
 from .runs import Grid
-from .steppers.run_input import read_array, read_whole
+from .steppers.run_input import check_end, read_array, read_whole
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 
@@ -130,6 +130,7 @@ def ensemble(
     made, seen = stepper(scene, method, parts=parts, **numerics), observers(scene, observe)
     origin = made.start([0.0] * scene.dimension, h=h, t0=t0)
     steps = _whole(steps, "steps", 0)
+    check_end(origin.t0, origin.h, steps)
     every = max(1, steps // TIMES) if observe_every is None else _whole(observe_every, "observe_every", 1)
     starts, count = _starts(y0, sample, members, scene.dimension)
     work = Members(

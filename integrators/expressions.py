@@ -159,6 +159,14 @@ def shorten(text: str, length: int = 60) -> str:
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
+def shown(value: Any) -> str:
+    """What a value was, for a message; Python refuses to print integers of more than 4300 digits."""
+    try:
+        return shorten(repr(value))
+    except ValueError:
+        return "too long to be printed"
+
+
 class _Parser:
     """One reading of one text: `parse` goes down the grammar above, one method per rule."""
 

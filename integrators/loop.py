@@ -15,7 +15,7 @@ from .recordings import Contents, Counts, FolderRecording, MemoryRecording
 from .run_description import description, identity
 from .runs import Grid, Run
 from .scenes.blocks import TIME
-from .steppers.run_input import read_whole
+from .steppers.run_input import check_end, read_whole
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 from .text_files import check_path
@@ -114,6 +114,8 @@ def integrate(
     }
     made, seen = stepper(scene, method, parts=parts, control=control, **numerics), observers(scene, observe)
     state = made.start(_start(scene, t0) if y0 is None else y0, h=h, t0=t0)
+    if not len(state.control):  # variable steps have times of their own
+        check_end(state.t0, state.h, steps)
     seen.check(state.t, state.y)
     options = {"h": state.h, "t0": state.t0, "steps": steps, "save_every": save_every, "observe_every": observe_every}
     options |= {**numerics, "control": None if control is None else str(control)}

@@ -57,18 +57,24 @@ def outer_solar_system(*, effects: Collection[str] = tuple(EFFECTS)) -> Scene:
         >>> outer_solar_system(effects=["jupiter"]).parameters["m"]
         (50000298841/50000000000, 954786104043/1000000000000000)
     """
-    bodies = {name: body for name, body in BODIES.items() if name in ("sun", *effects)}
-    masses = [Fraction(mass) for mass, _, _ in bodies.values()]
-    planets = [name.title() for name in bodies if name != "sun"]
+    names = bodies(effects)
+    chosen = [BODIES[name] for name in names]
+    masses = [Fraction(mass) for mass, _, _ in chosen]
+    planets = [name.title() for name in names if name != "sun"]
     return gravity(
         masses,
-        _about_the_mean([position for _, position, _ in bodies.values()], masses),
-        _about_the_mean([velocity for _, _, velocity in bodies.values()], masses),
+        _about_the_mean([position for _, position, _ in chosen], masses),
+        _about_the_mean([velocity for _, _, velocity in chosen], masses),
         constant=GRAVITATION,
         name="outer-solar-system",
         summary=f"the Sun with {', '.join(planets)}" if planets else "the Sun alone",
         reference=REFERENCE,
     )
+
+
+def bodies(effects: Collection[str]) -> tuple[str, ...]:
+    """The Sun and the planets that are on, in the order in which the scene has them."""
+    return tuple(name for name in BODIES if name in ("sun", *effects))
 
 
 def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -> list[list[Fraction]]:
@@ -79,4 +85,4 @@ def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -
     return [list(map(sub, vector, mean)) for vector in vectors]
 
 
-SCENES = (("outer-solar-system", outer_solar_system, SUMMARY, REFERENCE, (), EFFECTS),)
+SCENES = (("outer-solar-system", outer_solar_system, SUMMARY, REFERENCE, (), EFFECTS, bodies),)

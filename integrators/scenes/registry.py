@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -47,6 +47,7 @@ class SceneEntry(NamedTuple):
         aliases: Other names that find it.
         built_in_effects: Effects that are no addition to the base system, with their summaries: `build` takes their
             names as `effects`.
+        bodies: What the sites are called, in their order, with such effects; where these change how many there are.
     """
 
     name: str
@@ -55,6 +56,7 @@ class SceneEntry(NamedTuple):
     reference: str
     aliases: tuple[str, ...] = ()
     built_in_effects: Mapping[str, str] | None = None
+    bodies: Callable[[Collection[str]], Sequence[str]] | None = None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -135,7 +137,7 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
         >>> scene("pendulum", effects=["damping"], gamma="1/5").field
         (-p/5 - sin(q), p)
     """
-    entry = _find(name)
+    entry = find_entry(name)
     options = {key: parameters.pop(key) for key in list(parameters) if key in entry.options}
     if entry.built_in_effects is not None:
         if effects is not None:
@@ -175,7 +177,12 @@ def _checked(names: tuple[str, ...], known: Iterable[str]) -> tuple[str, ...]:
     return names
 
 
-def _find(name: Any) -> SceneEntry:
+def find_entry(name: Any) -> SceneEntry:
+    """The entry of a name or alias, however it is spelt.
+
+    Raises:
+        IntegratorError: There is no such scene.
+    """
     spelled = _spelling(name) if isinstance(name, str) else ""
     if spelled in _index():
         return _index()[spelled]

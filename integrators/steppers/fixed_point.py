@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     return [
         *start_values(group, writer),
         *(f"before{cell} = 0" for cell in cells),
-        "settled = False",
+        "settled, stalls = False, 0",
         f"for sweep in range({MOST_SWEEPS}):",
         *indented(sweep + compare),
         *indented(_ending(group, cells, writer)),
@@ -76,11 +76,7 @@ def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepperSource) ->
 
 def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[str]:
     """Statements that leave the loop over sweeps."""
-    small = [
-        f"negligible(change{cell}, h, y, {a}, {b}, {', '.join(f'k{e}' for e, c in group.unknowns if c == cell)})"
-        for cell in cells
-        for a, b in writer.structure.cells[cell]
-    ]
+    small = [text for cell in cells for text in negligible_changes(cell, group, writer)]
     return [
         f"if {' and '.join(f'change{cell} == 0' for cell in cells)}:",
         "    settled = True",
@@ -88,12 +84,29 @@ def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[s
         f"if {' or '.join(f'failed(change{cell})' for cell in cells)}:",
         "    break",
         f"if sweep > 1 and {' and '.join(f'change{cell} >= before{cell}' for cell in cells)}:",
+        "    stalls += 1",
         f"    settled = {' and '.join(small)}",
+        "    if stalls >= STALLS:",
+        f"        settled |= {rounding(cells, writer)}",
         "    if settled:",
         "        break",
         # the least so far: rounding errors of several cells may come and go in turn for ever
         *(f"before{c} = min(before{c}, change{c}) if sweep > 1 else change{c}" for c in cells),
     ]
+
+
+def negligible_changes(cell: int, group: Group, writer: StepperSource) -> Iterator[str]:
+    """The conditions that changes in the variables of a cell are small."""
+    for a, b in writer.structure.cells[cell]:
+        sizes = [f"largest(k{e}, {a}, {b})" for e, c in group.unknowns if c == cell]
+        size = f"max({', '.join(sizes)})" if len(sizes) > 1 else sizes[0]
+        yield f"negligible(change{cell}, {size}, h, y, {a}, {b})"
+
+
+def rounding(cells: Sequence[int], writer: StepperSource) -> str:
+    """The condition that all changes are what rounding errors of the state may do."""
+    dimension = writer.structure.scene.dimension
+    return " and ".join(f"within_rounding(change{cell}, h, y, {dimension})" for cell in cells)
 
 
 def start_values(group: Group, writer: StepperSource) -> list[str]:

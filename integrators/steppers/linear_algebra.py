@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf, nan
+
 from .machine import compiled
 
 
@@ -24,6 +26,8 @@ def factorize(matrix, pivots, n):
         if p != k:
             for j in range(n):
                 matrix[k * n + j], matrix[p * n + j] = matrix[p * n + j], matrix[k * n + j]
+        if not largest < inf:  # what is divided by infinity would be 0, and look like an answer
+            matrix[k * n + k] = nan
         inverse = 1.0 / matrix[k * n + k]
         for i in range(k + 1, n):
             factor = matrix[i * n + k] * inverse

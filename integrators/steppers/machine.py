@@ -15,6 +15,8 @@ from numba.extending import intrinsic as numba_intrinsic
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite; sums are not reordered."""
+NO_ARRAYS: dict[str, Any] = {"no_rewrites": True}
+"""Generated steps have no expressions of arrays that numba would have to look for."""
 
 intrinsic: Any = numba_intrinsic  # its functions are called without the typing context
 
@@ -22,8 +24,20 @@ compiled = njit(**OPTIONS)
 inlined = njit(forceinline=True, **OPTIONS)
 kept = njit(cache=True, **OPTIONS)
 
+
+def inlined_as(*signature: Any) -> Any:
+    """As `inlined`, for one signature: compiled once for all steppers, and not for each kind of literal arguments.
+
+    Args:
+        *signature: The types of the result and of the arguments.
+    """
+    result, *arguments = signature
+    return njit(result(*arguments), forceinline=True, cache=True, **OPTIONS)
+
+
 DOUBLES = types.CPointer(types.float64)
-steps_in_c = cfunc(types.int64(*[DOUBLES] * 6, types.float64, types.int64, types.int64), cache=True, **OPTIONS)
+DOUBLE, WHOLE, TRUTH = types.float64, types.int64, types.boolean
+steps_in_c = cfunc(WHOLE(*[DOUBLES] * 6, DOUBLE, WHOLE, WHOLE), cache=True, **OPTIONS, **NO_ARRAYS)
 """Makes int64_t advance(double *state, *carry, *memory, *control, *numbers, *work, double h, int64_t steps, fresh)."""
 
 

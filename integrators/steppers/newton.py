@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..site_loops import indented
-from .fixed_point import MOST_SWEEPS, start_values
+from .fixed_point import MOST_SWEEPS, negligible_changes, rounding, start_values
 from .slope_matrix import SlopeMatrix
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def newton_lines(group: Group, writer: StepperSource) -> list[str]:
     return [
         *start_values(group, writer),
         *(f"before{cell} = BITS_OF_INFINITY" for cell in cells),
-        "settled, again, stale = False, False, True",
+        "settled, again, stale, stalls = False, False, True, 0",
         f"for sweep in range({MOST_SWEEPS}):",
         *indented(["if stale:", *indented(making), *sweep, *_ending(group, writer)]),
         "if not settled:",
@@ -63,17 +63,15 @@ def newton_lines(group: Group, writer: StepperSource) -> list[str]:
 def _ending(group: Group, writer: StepperSource) -> list[str]:
     """Statements that leave the loop over sweeps, or say how it goes on."""
     cells = sorted({cell for _, cell in group.unknowns})
-    lines: list[str] = []
-    for cell in cells:
-        slopes = ", ".join(f"k{e}" for e, c in group.unknowns if c == cell)
-        small = (f"negligible(change{cell}, h, y, {a}, {b}, {slopes})" for a, b in writer.structure.cells[cell])
-        lines.append(f"small{cell} = {' and '.join(small)}")
+    lines = [f"small{cell} = {' and '.join(negligible_changes(cell, group, writer))}" for cell in cells]
     over = (f"small{c} and (change{c} == 0 or not falls(change{c}, before{c}, {STALLED}))" for c in cells)
     slow = (f"not (small{c} or falls(change{c}, before{c}, {SLOW}))" for c in cells)
     zeros = [line for e, cell in group.unknowns for line in writer.forms.loop(cell, [f"k{e}[i] = 0.0"])]
+    falling = " or ".join(f"falls(change{cell}, before{cell}, {STALLED})" for cell in cells)
     return [
         *lines,
-        f"if {' and '.join(over)}:",
+        f"stalls += not ({falling})",
+        f"if {' and '.join(over)} or stalls >= STALLS and {rounding(cells, writer)}:",
         "    settled = True",
         "    break",
         f"if sweep == {PATIENCE} or {' or '.join(f'failed(change{cell})' for cell in cells)}:",

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
-from ..expressions import shorten
+from ..expressions import shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,7 +27,7 @@ def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) 
         if not fits or len(array) < count or (dimensions == 2 and width not in (None, array.shape[1])):
             raise IntegratorError(
                 f"{argument} must be a contiguous array of doubles with {count} rows"
-                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shorten(repr(array))}"
+                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shown(array)}"
             )
 
 
@@ -40,7 +40,7 @@ def parts_key(parts: Any) -> Any:
         if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
             return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
     raise IntegratorError(
-        f"parts must map the method's parts to names of blocks or parts, but was {shorten(repr(parts))}"
+        f"parts must map the method's parts to names of blocks or parts, but was {shown(parts)}"
     )
 
 
@@ -49,11 +49,11 @@ def read_number(value: Any, argument: str) -> float:
     import math
 
     try:
-        number = float(value)
+        number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise IntegratorError(f"{argument} must be a finite number, but was {shorten(repr(value))}")
+        raise IntegratorError(f"{argument} must be a finite number, but was {shown(value)}")
     return number
 
 
@@ -64,8 +64,18 @@ def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> i
     except TypeError:
         number = least - 1
     if not least <= number <= most:
-        raise IntegratorError(f"{argument} must be {what}, but was {shorten(repr(value))}")
+        raise IntegratorError(f"{argument} must be {what}, but was {shown(value)}")
     return number
+
+
+def check_end(t0: float, h: float, steps: int) -> None:
+    """Refuse steps to times that no double holds."""
+    import math
+
+    if not math.isfinite(t0 + steps * h):
+        raise IntegratorError(
+            f"h must be small enough for a finite time after {steps} steps from t = {t0:g}, but was {h:g}"
+        )
 
 
 def read_array(values: Any) -> np.ndarray:
@@ -86,5 +96,5 @@ def read_vector(values: Any, dimension: int) -> np.ndarray:
 
     vector = read_array(values)
     if vector.shape != (dimension,) or not np.isfinite(vector).all():
-        raise IntegratorError(f"y0 must hold {dimension} finite numbers, but was {shorten(repr(values))}")
+        raise IntegratorError(f"y0 must hold {dimension} finite numbers, but was {shown(values)}")
     return vector

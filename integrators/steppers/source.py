@@ -54,7 +54,7 @@ KERNELS = {
         "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_settled",
         "midpoint_step", "next_interval",
     ),
-    "iteration": ("BITS_OF_INFINITY", "failed", "falls", "negligible"),
+    "iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
     "linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
     "machine": ("bits", "compiled", "fma", "inlined", "opaque", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip

@@ -18,7 +18,7 @@ from ..scenes.parts import check_kind, pieces_of
 from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
-from .run_input import check_rows, parts_key, read_number, read_vector, read_whole
+from .run_input import check_end, check_rows, parts_key, read_number, read_vector, read_whole
 from .source import KERNELS, Text, stepper_text
 from .states import State, StepError
 from .structure import Structure
@@ -214,7 +214,10 @@ class Stepper:
         text = self._text(state.solver)
         if (len(state.values), len(state.memory)) != (self.scene.dimension, text.memory):
             raise IntegratorError(f"state must be one that {self!r} has started, but was another one's")
-        return read_whole(steps, "steps", "a whole number, 0 or more", 0, MOST_STEPS)
+        steps = read_whole(steps, "steps", "a whole number, 0 or more", 0, MOST_STEPS)
+        if self.control is None:
+            check_end(state.t0, state.h, state.n + steps)
+        return steps
 
     def _numbers(self, state: State) -> np.ndarray:
         """What the compiled steps need that depends on h only."""

@@ -1,0 +1,88 @@
+"""What a step costs: CPU time of compiled steps of several methods, in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import thread_time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .timing import Timing, time_in_turn
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.scenes.base import Scene
+
+    from ..coefficients import Method
+
+SAMPLE = 0.02
+"""Seconds of steps in one sample."""
+MOST_STEPS = 2**20
+
+
+class Work(NamedTuple):
+    """Steps to be timed.
+
+    Attributes:
+        scene: The scene.
+        method: The method, or its name.
+        h: The step size: what implicit steps cost depends on it.
+        y0: The start; by default that of the scene.
+        options: Further options of `integrators.stepper`.
+    """
+
+    scene: Scene
+    method: Method | str
+    h: float
+    y0: np.ndarray | None = None
+    options: Mapping[str, Any] = {}
+
+
+def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: int = MOST_STEPS) -> dict[str, Timing]:
+    """CPU seconds for one step, for each of several kinds of steps, compiled and warmed up.
+
+    Each sample begins at the start again, so that all do the same.
+
+    Args:
+        work: What to time.
+        sample: The seconds that one sample shall take.
+        most_steps: No sample has more steps than this, for runs that leave where they can be at some time.
+
+    Raises:
+        IntegratorError: A method does not fit its scene; as a StepError, a step failed.
+
+    Example:
+        >>> import bseries as bs
+        >>> found = step_costs({"leapfrog": Work(bs.scene("pendulum"), "stormer-verlet", 0.1)})
+        >>> 0 < found["leapfrog"].seconds < 1e-3
+        True
+    """
+    runs = {name: _Run(entry, sample, most_steps) for name, entry in work.items()}
+    found = time_in_turn({name: run.steps_again for name, run in runs.items()})
+    return {name: timing.scaled(1 / runs[name].steps) for name, timing in found.items()}
+
+
+class _Run:
+    """Steps from a start, always the same number of them."""
+
+    def __init__(self, work: Work, sample: float, most_steps: int):
+        from integrators.steppers.stepping import stepper
+
+        self.work, self.steps = work, 1
+        self._stepper = stepper(work.scene, work.method, **work.options)
+        self.steps_again()  # what is to be compiled is
+        seconds = self._seconds()
+        while seconds < sample / 4 and self.steps < most_steps:
+            self.steps = min(4 * self.steps, most_steps)
+            seconds = self._seconds()
+        self.steps = min(max(1, round(self.steps * sample / max(seconds, 1e-9))), most_steps)
+
+    def steps_again(self) -> None:
+        """Make the steps."""
+        state = self._stepper.start(self.work.y0, h=self.work.h)
+        self._stepper.advance(state, self.steps)
+
+    def _seconds(self) -> float:
+        begin = thread_time()
+        self.steps_again()
+        return thread_time() - begin

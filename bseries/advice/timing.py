@@ -1,0 +1,75 @@
+"""Times that can be trusted: medians over interleaved rounds, and more rounds while their spread is wide."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from statistics import median, quantiles
+from time import thread_time
+from typing import NamedTuple
+
+LEAST_ROUNDS, MOST_ROUNDS = 5, 15
+WIDE_SPREAD = 0.1
+"""Quartiles further apart than this part of the median ask for further rounds."""
+
+
+class Timing(NamedTuple):
+    """Seconds that something takes.
+
+    Attributes:
+        seconds: The median of all rounds.
+        low: The lower quartile.
+        high: The upper quartile.
+        rounds: How many rounds there were.
+    """
+
+    seconds: float
+    low: float
+    high: float
+    rounds: int
+
+    @property
+    def spread(self) -> float:
+        """The distance of the quartiles, as a part of the median."""
+        return (self.high - self.low) / self.seconds if self.seconds else 0.0
+
+    def scaled(self, factor: float) -> Timing:
+        """Seconds for so many times the work."""
+        return Timing(self.seconds * factor, self.low * factor, self.high * factor, self.rounds)
+
+
+def summary(samples: list[float]) -> Timing:
+    """Median and quartiles of samples."""
+    low, _, high = quantiles(samples, n=4, method="inclusive") if len(samples) > 1 else samples * 3
+    return Timing(median(samples), low, high, len(samples))
+
+
+def time_in_turn(
+    tasks: Mapping[str, Callable[[], object]],
+    *,
+    least_rounds: int = LEAST_ROUNDS,
+    most_rounds: int = MOST_ROUNDS,
+    clock: Callable[[], float] = thread_time,
+) -> dict[str, Timing]:
+    """Time every task once a round, so that a busy moment of the machine spoils one round and not one task.
+
+    After `least_rounds` only those whose spread is wide have further ones.
+
+    Args:
+        tasks: What to time: functions without arguments, compiled and warm.
+        least_rounds: How many rounds there are at least.
+        most_rounds: How many there are at most.
+        clock: The clock; by default the CPU time of this thread.
+
+    Example:
+        >>> found = time_in_turn({"a sum": lambda: sum(range(1000))})
+        >>> found["a sum"].low <= found["a sum"].seconds <= found["a sum"].high
+        True
+    """
+    samples: dict[str, list[float]] = {name: [] for name in tasks}
+    for done in range(most_rounds):
+        for name, task in tasks.items():
+            if done < least_rounds or summary(samples[name]).spread > WIDE_SPREAD:
+                begin = clock()
+                task()
+                samples[name].append(clock() - begin)
+    return {name: summary(taken) for name, taken in samples.items()}
