@@ -11,59 +11,84 @@
 # ---
 
 # %% [markdown]
-# # Why symplectic methods keep the energy, and a method that does not
+# # Why symplectic methods keep the energy, and up to which step
 #
 # The numerical solution of a symplectic method follows, up to tiny errors, the motion of a *modified Hamiltonian*
-# H̃ = H + h² H₃ + h⁴ H₅ + … (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, chapter IX). Here it
-# is for the implicit midpoint rule on the pendulum.
+# H̃ = H + h H₂ + h² H₃ + … (**theorem 2** of the lecture; E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
+# Integration*, chapter IX). What it conserves is H̃, and so nearly H. Here it is for the implicit midpoint rule on the
+# pendulum; and a method that is not symplectic has none.
 
 # %%
+# %matplotlib inline
+from itertools import pairwise
+from math import factorial
+
 import numpy as np
 import sympy
 from matplotlib import pyplot
 
 import bseries as bs
 
-midpoint, pendulum = bs.method("implicit-midpoint"), bs.scene("pendulum")
-H = bs.modified_hamiltonian(midpoint, pendulum, 5)
-H
+midpoint, verlet, pendulum = bs.method("implicit-midpoint"), bs.method("stormer-verlet"), bs.scene("pendulum")
+print(bs.modified_hamiltonian(midpoint, pendulum, 5))
+print(bs.hamiltonian_verdict(bs.method("rk4"), pendulum, 6))
 
 # %% [markdown]
-# A large step, h = 0.8, and orbits that swing and orbits that turn. The dots do not lie on level curves of the energy
-# (dashed), but on those of H̃.
+# ## Example 4: the pendulum on the cylinder
+#
+# $H = p^2/2 - \cos q$, and q is an angle: states lie on a cylinder. **Figure 4.** Explicit Euler spirals outwards;
+# symplectic Euler and Störmer–Verlet go round on closed curves, which are near those of H even for large steps.
 
 # %%
-STEP = 0.8
+bs.figure("pendulum-portraits")
+
+# %% [markdown]
+# **Figure 5.** The error of the energy over a long time, h = 0.005: with explicit Euler it grows steadily, with
+# symplectic Euler it stays in a band. The modified equation predicts both, slope and band.
+
+# %%
+bs.figure("energy-error")
+
+# %%
+slope = bs.energy_drift(bs.method("explicit-euler"), pendulum, y0=[2.5, 0], h=0.005).slope()
+errors = {}
+for name in ("explicit-euler", "symplectic-euler-p"):
+    energies = bs.integrate(pendulum, name, h=0.005, steps=40_000, y0=[2.5, 0], observe="energy").observed["energy"]
+    errors[name] = energies - energies[0]
+assert abs(slope - 0.00244) < 5e-6
+assert abs(errors["explicit-euler"][-1] / 200 - slope) < 3e-5
+assert abs(errors["symplectic-euler-p"]).max() < 0.0053  # h/2 max|p sin q| = 0.00528, to first order
+print(f"explicit Euler: slope {slope:.5f}; symplectic Euler: up to {abs(errors['symplectic-euler-p']).max():.5f}")
+
+# %% [markdown]
+# Estimate (12) says that a method of order r drifts by no more than t h^r. RK4 does better on the pendulum: halving the
+# step divides its drift by about 2⁵, not 2⁴. The verdict above tells why: there the term with h⁴ has a Hamiltonian too.
+
+# %%
+drifts = []
+for h in (0.2, 0.1, 0.05):
+    energies = bs.integrate(pendulum, "rk4", h=h, steps=round(100 / h), y0=[2.5, 0], observe="energy").observed[
+        "energy"
+    ]
+    drifts.append((energies[-1] - energies[0]) / 100)
+assert all(28 < first / second < 33 for first, second in pairwise(drifts))
+print(drifts)
+
+# %% [markdown]
+# ## Example 5: large steps
+#
+# Twenty thousand steps of the midpoint rule from four starts that swing or turn over. **Figure 6.** Up to h = 0.7 the
+# dots follow the level curves of $H^{[3]} = \frac{p^2}2 - \cos q + \frac{h^2}{48}(\cos 2q - 2p^2\cos q)$.
+
+# %%
+bs.figure("large-steps")
+
+# %% [markdown]
+# How well they do is seen from the largest change of H + h²H₃ along the four orbits:
+
+# %%
 STARTS = [(0.0, -1.5), (0.0, -2.5), (1.5, -np.pi), (2.5, -np.pi)]
 TRUNCATED = {n: bs.modified_hamiltonian(midpoint, pendulum, n) for n in (1, 3, 5)}
-
-
-def level_curves(energy, starts, h, **style):
-    """The curves on which a Hamiltonian has its values at the starts."""
-    q, p = np.meshgrid(np.linspace(-np.pi, np.pi, 300), np.linspace(-2.2, 4.2, 300))
-    values = energy(np.array([p.ravel(), q.ravel()]), h).reshape(p.shape)
-    pyplot.contour(q, p, values, levels=sorted(energy(start, h) for start in starts), **style)
-
-
-pyplot.figure(figsize=(7, 4.2))
-level_curves(TRUNCATED[1], STARTS, STEP, colors="0.6", linestyles="dashed", linewidths=0.9)
-level_curves(TRUNCATED[5], STARTS, STEP, colors="C0", linewidths=0.9)
-for start in STARTS:
-    p, q = bs.integrate(pendulum, midpoint, h=STEP, steps=60, y0=start).y
-    pyplot.plot((q + np.pi) % (2 * np.pi) - np.pi, p, "k.", markersize=5)
-pyplot.plot([], [], "k.", label="implicit midpoint rule, h = 0.8")
-pyplot.plot([], [], "C0", label="H̃, three terms")
-pyplot.plot([], [], color="0.6", linestyle="dashed", label="H")
-pyplot.xlabel("q")
-pyplot.ylabel("p")
-pyplot.legend(loc="upper center", fontsize=8, ncol=3)
-pyplot.show()
-
-# %% [markdown]
-# With each term H̃ is conserved better. The first figures of the table that follows are those of H + h² H₃ over 20,000
-# steps; the steps are 0.1, 0.3 and 0.7.
-
-# %%
 EXPECTED = {
     0.1: (6.97e-7, 8.84e-7, 2.87e-6, 1.51e-5),
     0.3: (5.59e-5, 7.20e-5, 2.41e-4, 1.26e-3),
@@ -77,77 +102,109 @@ def deviation(energy, h, start):
     return abs(values - values[0]).max()
 
 
-print("  h  ", *(f"({p:.1f}, {q:.2f})".rjust(14) for p, q in STARTS))
 for h, expected in EXPECTED.items():
     found = [deviation(TRUNCATED[3], h, start) for start in STARTS]
     assert np.allclose(found, expected, rtol=5e-3)
-    print(f"{h:4} ", *(f"{value:14.2e}" for value in found))
+    print(f"h = {h}: ", *(f"{value:10.2e}" for value in found))
+
+# %% [markdown]
+# **Theorem 3.** H̃ truncated after N terms is conserved up to O(t hᴺ) while the solution stays in a compact set. Here
+# every other term vanishes, so that each further one gains h². In `linear_error_growth.py` N goes up to 8; how large N
+# may be, and what is left then, is the end of `modified_equations.py`.
 
 # %%
 steps = np.array([0.025, 0.05, 0.1, 0.2, 0.4])
-pyplot.figure(figsize=(5.5, 3.6))
-for n, energy in TRUNCATED.items():
+pyplot.figure(figsize=(5.5, 3.4), layout="constrained")
+looks = zip(("#0072B2", "#D55E00", "#009E73"), "os^", strict=True)  # colours told apart by all (Okabe, Ito)
+for (n, energy), (colour, marker) in zip(TRUNCATED.items(), looks, strict=True):
     errors = [deviation(energy, h, STARTS[0]) for h in steps]
-    slope = np.log2(errors[2] / errors[1])
-    assert n > 3 or abs(slope - (n + 1)) < 0.1
-    pyplot.loglog(steps, errors, "o-", label=f"{(n + 1) // 2} term{'s' * (n > 1)}: h^{n + 1}")
-pyplot.xticks(steps, map(str, steps))
+    assert n > 3 or abs(np.log2(errors[2] / errors[1]) - (n + 1)) < 0.1
+    label = f"{(n + 1) // 2} term{'s' * (n > 1)}: $h^{n + 1}$"
+    pyplot.loglog(steps, errors, marker=marker, color=colour, label=label)
+pyplot.xticks(steps, [str(h) for h in steps])
 pyplot.minorticks_off()
-pyplot.xlabel("h")
+pyplot.xlabel("$h$")
 pyplot.ylabel("largest change of H̃")
 pyplot.legend()
 pyplot.show()
 
 # %% [markdown]
-# ## Three routes to the same function
+# ### Where chaos sets in
 #
-# For a splitting method H̃ is a sum of nested Poisson brackets of the kinetic energy T and the potential energy U,
+# The lecture lets chaos begin soon after h = 0.7. Measured: two starts 10⁻¹⁰ apart, and how far apart they are after
+# 20,000 steps. Of these four orbits none is chaotic before h = 1.3, where the second one is, next to the separatrix.
+
 
 # %%
-verlet, galaxy = bs.method("stormer-verlet"), bs.scene("henon-heiles")
-bs.bracket_hamiltonian(verlet, 5, quadratic_kinetic=True)
+def separation(h, start):
+    """The distance of two orbits in the end."""
+    starts = [(start[0] + shift, start[1]) for shift in (0, 1e-10)]
+    ends = [bs.integrate(pendulum, midpoint, h=h, steps=20_000, y0=y0, save_every=None).y[:, -1] for y0 in starts]
+    return np.linalg.norm(ends[0] - ends[1])
+
+
+for h in (0.7, 1.0, 1.29, 1.3):
+    found = [separation(h, start) for start in STARTS]
+    assert [value > 0.01 for value in found] == [False, h == 1.3, False, False]
+    print(f"h = {h}: ", *(f"{value:8.0e}" for value in found))
 
 # %% [markdown]
-# and evaluated on a scene it is what comes from trees, and from the Hamilton–Jacobi equation.
+# A map of all starts shows why. There is a chaotic layer at the separatrix for every h, but its width is like
+# $e^{-\pi^2/2h}$: below h = 0.7 it is hardly ever met, and only from h ≈ 1 on is it a part of the picture.
+
+# %%
+bs.figure("chaos-onset")
+
+# %% [markdown]
+# ## Example 6: Störmer–Verlet in brackets
+#
+# For a splitting of H = T(p) + U(q), with T quadratic, H̃ is a sum of nested Poisson brackets, by the formula of Baker,
+# Campbell and Hausdorff: the kick–drift–kick method,
+
+# %%
+brackets = bs.bracket_hamiltonian(verlet, 5, quadratic_kinetic=True)
+assert [str(brackets[word]) for word in ("{T,{T,U}}", "{U,{U,T}}", "{T,{T,{U,{U,T}}}}")] == ["1/12", "-1/24", "1/120"]
+brackets
+
+# %% [markdown]
+# and drift–kick–drift, with T and U exchanged. A general T has two more terms with h⁴. With one degree of freedom, and
+# U', U″, … written u₁, u₂, …, the brackets are $h^2(p^2u_2/12 - u_1^2/24) + h^4(\dots)$:
+
+# %%
+print(bs.bracket_hamiltonian(bs.method("position-verlet"), 3))
+general = bs.bracket_hamiltonian(verlet, 5)
+assert [str(general[word]) for word in ("{U,{U,{U,{U,T}}}}", "{T,{U,{U,{U,T}}}}")] == ["7/5760", "1/360"]
+p, q, *u = sympy.symbols("p q u1:6")
+taylor = " + ".join(f"u{k}*q^{k}/{factorial(k)}" for k in range(1, 6))
+anything = bs.Scene({"p": 1, "q": 1}, hamiltonian=f"p^2/2 + {taylor}", parameters={str(s): str(s) for s in u})
+energy = bs.modified_hamiltonian(verlet, anything, 5)
+u1, u2, u3, u4, _ = u
+H3, H5 = (energy.symbolic(k).subs(q, 0) for k in (2, 4))
+assert sympy.expand(H3 - p**2 * u2 / 12 + u1**2 / 24) == 0
+assert sympy.expand(H5 + p**4 * u4 / 720 - p**2 * (u1 * u3 / 120 + u2**2 / 60) + u1**2 * u2 / 240) == 0
+
+# %% [markdown]
+# There are three routes to H̃ that have nothing in common but the result: trees, brackets, and the Hamilton–Jacobi
+# equation, of which `generating_functions.py` tells.
 
 # %%
 routes = ("trees", "brackets", "generating-function")
+galaxy = bs.scene("henon-heiles")
 terms = {route: bs.modified_hamiltonian(verlet, galaxy, 5, route=route).symbolic(4) for route in routes}
 assert all(sympy.expand(term - terms["trees"]) == 0 for term in terms.values())
-terms["trees"]
 
 # %% [markdown]
-# ## A method that keeps the energy of one pendulum, and not of another
+# ## What can still go wrong
 #
-# The simplified method of Takahashi and Imada is not symplectic. On a pendulum it has a modified Hamiltonian all the
-# same, but perhaps none that is periodic in the angle: with every turn it gains −h⁴α²/2 ∫U‴U′² dq.
+# The simplified method of Takahashi and Imada is not symplectic, but on every pendulum it has an H̃, as it preserves
+# area. On an asymmetric one H̃ is not periodic: it gains −h⁴α²/2 ∫U‴U′² dq with every turn, and H drifts.
 
 # %%
-simplified = bs.method("simplified-takahashi-imada")
-asymmetric = bs.scene("pendulum", effects=["asymmetry"])
+simplified, asymmetric = bs.method("simplified-takahashi-imada"), bs.scene("pendulum", effects=["asymmetry"])
 print(bs.hamiltonian_verdict(simplified, asymmetric, 5))
+print(bs.energy_drift(simplified, asymmetric, y0=[2.5, 0], h=0.2).verdict)
 bs.takahashi_imada_integral(pendulum), bs.takahashi_imada_integral(asymmetric)
 
-# %%
-print(bs.energy_drift(simplified, asymmetric, y0=[2.5, 0], h=0.2))
-
 # %% [markdown]
-# For pendulums that turn, the modified energy H + h²H₃ of the method drifts as predicted (lines): up or down,
-# depending on the sense of rotation, on the asymmetric one; not at all on the ordinary one.
-
-# %%
-pyplot.figure(figsize=(7, 4))
-for scene, momentum, color in [(asymmetric, 2.5, "C0"), (asymmetric, -2.5, "C3"), (pendulum, 2.5, "C2")]:
-    report = bs.energy_drift(simplified, scene, y0=[momentum, 0], h=0.2)
-    energy = bs.modified_hamiltonian(bs.method("takahashi-imada"), scene, 3)
-    run = bs.integrate(scene, simplified, h=0.2, steps=25_000, y0=[momentum, 0])
-    values = energy(run.y, 0.2)
-    slope = np.polyfit(run.t, values, 1)[0]
-    assert abs(slope - report.slope()) < 1e-7
-    label = f"{'asymmetric' if scene is asymmetric else 'ordinary'}, p = {momentum}"
-    pyplot.plot(run.t[::500], values[::500] - values[0], "o", markersize=3.5, color=color, label=label)
-    pyplot.plot(run.t, report.slope() * run.t, "k", linewidth=0.8)
-pyplot.xlabel("t")
-pyplot.ylabel("change of H + h²H₃")
-pyplot.legend()
-pyplot.show()
+# That story is `takahashi_imada.py`. **Try next:** another method in figure 6's place (`bs.method("gauss2")`), or the
+# orbits of `separation` nearer to the separatrix, where chaos begins first.

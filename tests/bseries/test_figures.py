@@ -325,6 +325,11 @@ def is_whole(figure):
     return bool((shown.min >= 0).all() and (shown.max <= figure.get_size_inches()).all())
 
 
+def test_notebooks_show_figures():
+    shown = bs.figure("riccati")._repr_png_()
+    assert shown.startswith(b"\x89PNG")
+
+
 def test_what_is_cut_off_would_be_noticed():
     figure = bs.figure("riccati")
     assert is_whole(figure)
