@@ -256,7 +256,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
         return b * c.empty + lie_derivative(b, c.with_empty(0))
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
-        once = arithmetic.vector([0, 1] + [0] * b.order)
+        once = arithmetic.factors([0, 1] + [0] * b.order)
         return recursions.derivatives(field(field=True), base(field=False), c.empty, once, b.table, arithmetic)
 
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=True)

@@ -78,6 +78,10 @@ class Exact:
         """A vector of exact numbers."""
         return [self.number(value) for value in values]
 
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Factors of the terms of a sum, and what is left of them (see `bseries.kernels.weighted_terms`)."""
+        return self.vector(values), self.zeros(0)
+
     def node_factor(self, *, field: bool) -> int:
         """Factor on the values of trees with one node (then to the power of the number of nodes)."""
         return 1
@@ -151,22 +155,30 @@ class Compiled(Exact):
         return np.array([self.number(value) for value in values], self.dtype)
 
 
-class Float(Compiled):
-    """float64."""
-
-    dtype = wide = "float64"
-
-    def number(self, value: Any) -> float:
-        """The nearest float."""
-        return float(value)
-
-
 class FloatLists(Exact):
     """Floats in lists, for small tables while numba is not loaded."""
 
     def number(self, value: Any) -> float:
         """The nearest float."""
         return float(value)
+
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 rounded, with nothing left."""
+        weights = [self.number(values[j]) if j < 2 else leading_bits(values[j]) for j in range(len(values))]
+        tails = [0 if j < 2 else value - Fraction(weights[j]) for j, value in enumerate(values)]
+        return self.vector(weights), self.vector(tails)
+
+
+class Float(Compiled, FloatLists):
+    """float64."""
+
+    dtype = wide = "float64"
+
+
+def leading_bits(value: Fraction) -> float:
+    """The first 24 bits of a number."""
+    fraction, exponent = math.frexp(float(value))
+    return math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
 
 
 class Majorant(Float):
@@ -194,6 +206,10 @@ class Majorant(Float):
     def number(self, value: Any) -> float:
         """|value|, rounded up, and lifted to the smallest positive number in use unless it is zero."""
         return max(abs(float(value)) * (1 + 2.0**-50), 2.0**-self.floor) if value else 0.0
+
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Bounds on factors."""
+        return Exact.factors(self, values)
 
     def node_factor(self, *, field: bool) -> Any:
         """The scaling of values with one node."""
@@ -301,6 +317,8 @@ class WrappedStages(Wrapped):
 
 
 # One object for each, so that vectors can be kept by arithmetic (below, and in `bseries.recursions`).
+floats = lru_cache(maxsize=1)(Float)
+float_lists = lru_cache(maxsize=1)(FloatLists)
 prime_field = lru_cache(maxsize=1024)(Prime)
 wrapped_integers = lru_cache(maxsize=64)(Wrapped)
 wrapped_stages = lru_cache(maxsize=64)(WrappedStages)
@@ -309,13 +327,15 @@ majorants = lru_cache(maxsize=64)(Majorant)
 
 
 @lru_cache(maxsize=1024)
-def factorial_weights(arithmetic: Exact, count: int, factor: Any, field: bool) -> Any:
-    """factor^j / j! for j = 0 … count, for sums that give a field's or a flow's values."""
-    weights, weight = [], Fraction(1)
+def factorial_weights(
+    arithmetic: Exact, count: int, factor: Any, field: bool, *, negated: bool = False
+) -> tuple[Any, Any]:
+    """±factor^j / j! for j = 0 … count, as factors for sums that give a field's or a flow's values."""
+    weights, weight = [], Fraction(-1 if negated else 1)
     for j in range(count + 1):
         weights.append(weight * arithmetic.doubling(j, field=field))
         weight = weight * factor / (j + 1)
-    return arithmetic.vector(weights)
+    return arithmetic.factors(weights)
 
 
 @lru_cache(maxsize=1)

@@ -133,7 +133,8 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     max_order = None if max_order is None else check_order(max_order)
     method = trusted(method)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
-        proved = simplifying_assumptions(method, 2 * method.stages + 1 if max_order is None else max_order + 1).order
+        limit = 2 * method.stages + 1 if max_order is None else max_order + 1
+        proved = simplifying_assumptions(method, limit).order(method)
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = affordable_order(len(method.names)) if max_order is None else max_order

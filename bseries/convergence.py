@@ -6,7 +6,12 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from integrators import RungeKutta
+
+COMMON = 1e-6
+"""So near, relative to their size, a zero and a pole of an inexact function count as one root of both."""
 
 
 class ConvergenceRadius(NamedTuple):
@@ -64,8 +69,16 @@ def convergence_radius(method: RungeKutta) -> ConvergenceRadius:
 
     R = stability_function(method)
     inverse = StabilityFunction.from_elements(R.q, R.p, floating=R.floating, digits=R.digits)
-    roots = [(abs(z), z, kind) for kind, poles in (("zero", inverse.poles), ("pole", R.poles)) for z in poles]
+    zeros, poles = inverse.poles, R.poles
+    if R.floating or R.digits is not None:
+        zeros, poles = _without_common(zeros, poles), _without_common(poles, zeros)
+    roots = [(abs(z), z, kind) for kind, places in (("zero", zeros), ("pole", poles)) for z in places]
     if not roots:
         return ConvergenceRadius(math.inf, None, "none")
     radius, root, kind = min(roots, key=lambda found: found[0])
     return ConvergenceRadius(radius, complex(root.real, abs(root.imag)), kind)
+
+
+def _without_common(roots: Sequence[complex], others: Sequence[complex]) -> list[complex]:
+    """The roots that none of the others cancels: reducible methods have factors in common, up to their digits."""
+    return [z for z in roots if all(abs(z - other) > COMMON * abs(z) for other in others)]

@@ -23,7 +23,7 @@ from functools import lru_cache, partial
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
-from .arithmetic import Exact, Float, FloatLists
+from .arithmetic import Exact, float_lists, floats
 from .exceptions import SeriesError
 from .operations import Operation, evaluate
 from .rationals import RationalValues
@@ -323,7 +323,7 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
     if first.kind == "rational":
         return evaluate(table, operands, operation)
     if first.kind == "float":
-        arithmetic = Float() if table._compiled else FloatLists()
+        arithmetic = floats() if table._compiled else float_lists()
     else:
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))

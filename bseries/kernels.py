@@ -59,6 +59,35 @@ def row_sum(total, x, column, a, first, last, modulus, inverse):
     return reduced(total, modulus, inverse) if modulus else total
 
 
+@inlined
+def weighted_terms(total, terms, at, weights, tails, first, count):
+    """A number plus Σ terms[at + j] · weights[first + j] over j < count; in floats as if in twice the precision.
+
+    These sums cancel: terms of the size of 1/γ leave what a method of high order does wrong. Exact numbers have no
+    tails. With tails, a factor is weights[j] + tails[j], the first of 24 bits; Veltkamp's splitting leaves 26 bits of
+    the term, and their product is exact; what a sum loses is found by Knuth's two-sum, and all that is small is added
+    at the end (T. Ogita, S. M. Rump, S. Oishi, *Accurate sum and dot product*, SIAM J. Sci. Comput. 26 (2005),
+    algorithm 5.3).
+    """
+    if len(tails) > 0:
+        rest = total * 0
+        for j in range(count):
+            term = terms[at + j]
+            shifted = term * 134217729
+            high = shifted - (shifted - term)
+            product = high * weights[first + j]
+            rest += (term - high) * weights[first + j] + term * tails[first + j]
+            longer = total + product
+            gained = longer - total
+            rest += (total - (longer - gained)) + (product - gained)
+            total = longer
+        total += rest
+    else:
+        for j in range(count):
+            total += terms[at + j] * weights[first + j]
+    return total
+
+
 @kernel
 def elementary_weights(
     first, last, top, colors, left, right, color, stages, blocks, start, column, a, b, relation, modulus, stage,
@@ -135,8 +164,8 @@ def multiply_blocks(blocks, x, at_x, y, at_y, relation, modulus, inverse, produc
 
 @kernel
 def lie_series(
-    first, last, order, start, trunk, branch, width, top, solve, sparse, field, base, base_empty, weights, modulus,
-    rows, result, terms,
+    first, last, order, start, trunk, branch, width, top, solve, sparse, field, base, base_empty, weights, tails,
+    modulus, rows, result, terms,
 ):  # fmt: skip
     """Σ_j weights[j] · ∂_b^j c for the trees first … last−1, or the b for which that sum is given.
 
@@ -151,12 +180,12 @@ def lie_series(
         width: Length of a row; unsigned, like `trunk` and `branch`: without checks for negative indices the inner loop
             runs in vector registers, four times as fast.
         top: Rows are kept for ids below this one.
-        solve: If true, c is the identity (c(∅) = 1, else 0), `result` is given and `field` is solved for: weights[1]
-            must be 1, and the sum begins with b itself.
+        solve: If true, c is the identity (c(∅) = 1, else 0), `result` is given and `field` is solved for: the sum
+            begins with b itself, and the factors of the other derivatives are negated.
         sparse: Whether b is zero at most trees, so that looking first pays.
         field: b at every tree; read, or written when solving.
         base, base_empty: c at every tree (empty: zero) and at ∅.
-        weights: Factor of the j-th derivative, j = 0 … n.
+        weights, tails: Factor of the j-th derivative, j = 0 … n (see `weighted_terms`; the first two have no tails).
         modulus: 0, or the prime that everything is reduced by.
         rows: Row by row ∂_b^j c at one tree, from j = 0 (from j = 1 if `base` is empty), zeros behind j = n.
         result: Output.
@@ -180,9 +209,7 @@ def lie_series(
                 terms[j] = reduced(terms[j], modulus, inverse)
         # Now terms[j] is ∂_b^(j+2−shift) c at the tree, for j = 0 and shift = 1 but for the part c(∅) b(τ).
         if solve:
-            total = terms[0] * 0 + result[tree]
-            for j in range(n - 1):
-                total -= terms[j] * weights[j + 2]
+            total = weighted_terms(terms[0] * 0 + result[tree], terms, 0, weights, tails, 2, n - 1)
             total = reduced(total, modulus, inverse) if modulus else total
             derivative = field[tree] = total
         else:
@@ -191,8 +218,7 @@ def lie_series(
             total = derivative * weights[1]
             if shift:
                 total += base[tree] * weights[0]
-            for j in range(n - 1):
-                total += terms[j + shift] * weights[j + 2]
+            total = weighted_terms(total, terms, shift, weights, tails, 2, n - 1)
             result[tree] = reduced(total, modulus, inverse) if modulus else total
         if tree < top:
             row = tree * width

@@ -92,8 +92,7 @@ def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
     Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!; for bounds the differences become sums.
     """
     field = arithmetic.zeros(len(table))
-    weights = factorial_weights(arithmetic, table.max_order, 1, True)
-    weights = -weights if arithmetic.majorant else weights
+    weights = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
     _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), 1, weights, target)
     return field
 
@@ -118,13 +117,16 @@ def derivatives(
     field: Any,
     base: Any | None,
     base_empty: Any,
-    weights: Any,
+    weights: tuple[Any, Any],
     table: TreeTable,
     arithmetic: Exact,
     *,
     sparse: bool = False,
 ) -> Any:
-    """Σ_j weights[j] · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty; `sparse`: few b are not 0."""
+    """Σ_j weight_j · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty; `sparse`: few b are not 0.
+
+    The weights are `factors` of the arithmetic.
+    """
     result = arithmetic.zeros(len(table))
     base = arithmetic.zeros(0) if base is None else base
     empty = arithmetic.vector([base_empty])[0]
@@ -133,8 +135,8 @@ def derivatives(
 
 
 def _lie_series(
-    table: TreeTable, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any, weights: Any,
-    result: Any,
+    table: TreeTable, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any,
+    weights: tuple[Any, Any], result: Any,
 ) -> None:  # fmt: skip
     run = arithmetic.run(kernels.lie_series)
     top = table.offsets[-2]
@@ -144,7 +146,7 @@ def _lie_series(
     for splits in table.split_chunks():
         run(
             splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, sparse, field, base,
-            empty, weights, arithmetic.modulus, rows, result, terms,
+            empty, *weights, arithmetic.modulus, rows, result, terms,
         )  # fmt: skip
 
 

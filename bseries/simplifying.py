@@ -55,10 +55,14 @@ class Assumptions(NamedTuple):
     stage: int
     dual: int
 
-    @property
-    def order(self) -> int | None:
-        """The order that they prove, exactly; None where they leave it open."""
+    def order(self, method: RungeKutta) -> int | None:
+        """The order that they prove for their method, exactly; None where they leave it open.
+
+        The order of a symmetric method is even (HLW, theorem II.3.2).
+        """
         proved = min(self.quadrature, self.stage + self.dual + 1, 2 * self.stage + 2)
+        if proved % 2 and proved < self.quadrature and method.is_symmetric:
+            proved += 1
         return proved if proved == self.quadrature else None
 
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from trees.compiled import kernel
 
-from .kernels import inlined, reduce_all, reduced, row_sum, weighted_sum
+from .kernels import inlined, reduce_all, reduced, row_sum, weighted_sum, weighted_terms
 
 
 @kernel
 def substitute_in_stages(
     first, last, order, color, start, trunk, branch, width, top, stages, blocks, live, relation, degrees, row_start,
-    row_column, a, b, moved, solve, scale, lift, weights, negated, modulus, rows, logs, generators, field, result,
-    value, inner, terms, log_terms,
+    row_column, a, b, moved, solve, scale, lift, weights, tails, negated, negated_tails, modulus, rows, logs,
+    generators, field, result, value, inner, terms, log_terms,
 ):  # fmt: skip
     """A method applied to the field b in place of f, or the b for which the method's result is given.
 
@@ -37,7 +37,8 @@ def substitute_in_stages(
         solve: Whether `result` is given and `field` sought.
         scale: For each colour the factors of the result and of the part known already: 1/B and −1/B, B = Σ b_i.
         lift: Factor on what is known already of the stages' values, towards b (1 but for `arithmetic.WrappedStages`).
-        weights, negated: 1/j!, and −1/j! (for bounds 1/j!), j = 0, 1, ….
+        weights, tails, negated, negated_tails: 1/j!, and −1/j! (for bounds 1/j!), j = 0, 1, … (see
+            `bseries.kernels.weighted_terms`).
         rows, logs: ∂_ℓ^j b from j = 0 and ∂_ℓ^j id from j = 1, for each tree and live component, zeros behind.
         generators: ℓ, for each tree and live component.
         field, result: b and the result, for each tree.
@@ -62,10 +63,9 @@ def substitute_in_stages(
                 inverse, rows, logs, generators, terms, log_terms,
             )  # fmt: skip
             for x in range(size):
-                total = nonlinear = terms[x * width] * 0
-                for j in range(n - 1):
-                    total += terms[x * width + j] * weights[j + 1]
-                    nonlinear += log_terms[x * width + j] * negated[j + 2]
+                total = terms[x * width] * 0
+                nonlinear = weighted_terms(total, log_terms, x * width, negated, negated_tails, 2, n - 1)
+                total = weighted_terms(total, terms, x * width, weights, tails, 1, n - 1)
                 value[at + x] = reduced(total, modulus, inverse) if modulus else total
                 inner[at + x] = reduced(nonlinear, modulus, inverse) if modulus else nonlinear
                 if tree < top:

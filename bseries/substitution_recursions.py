@@ -75,10 +75,8 @@ def into_stages(
     generators = arithmetic.zeros(kept)
     value, inner = (arithmetic.scratch(stages.size) for _ in range(2))
     terms, log_terms = (arithmetic.scratch(longest * int(width)) for _ in range(2))
-    weights, negated = (
-        factorial_weights(arithmetic, table.max_order, 1, towards_field) for towards_field in (False, True)
-    )
-    negated = negated if arithmetic.majorant else _negated(negated)
+    weights = factorial_weights(arithmetic, table.max_order, 1, False)
+    negated = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
     order, color, _, _ = arithmetic.columns(table)
     run = arithmetic.run(kernels.substitute_in_stages)
     for splits in table.split_chunks():
@@ -86,7 +84,7 @@ def into_stages(
             splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top,
             arithmetic.size(stages.size), arithmetic.sizes(shape.blocks), arithmetic.sizes(shape.live), relation,
             arithmetic.sizes(shape.degrees), row_start, row_column, a, b, arithmetic.size(shape.moved), solve,
-            _scale(arithmetic, inverses), arithmetic.entry_factors[1], weights, negated, arithmetic.modulus, rows,
+            _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, *negated, arithmetic.modulus, rows,
             logs, generators, field, result,
             value, inner, terms, log_terms,
         )  # fmt: skip
@@ -122,7 +120,3 @@ def _lifted(field: Any, factor: Any) -> Any:
 def _scale(arithmetic: Exact, inverses: Sequence[Any]) -> Any:
     """1/B and −1/B for each colour."""
     return arithmetic.vector([factor for x in inverses for factor in (x, -x)])
-
-
-def _negated(numbers: Any) -> Any:
-    return [-x for x in numbers] if isinstance(numbers, list) else -numbers

@@ -46,7 +46,7 @@ def stability_function(method: RungeKutta) -> StabilityFunction:
     References:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, Proposition IV.3.1.
     """
-    rows, weights, vector = stage_matrix(checked_method(method))
+    rows, weights, vector = _reached(*stage_matrix(checked_method(method)))
     explicit = not any(any(row[i:]) for i, row in enumerate(rows))
     if method.precision and not explicit and method.stages > MOST_INEXACT_STAGES:
         raise IntegratorError(
@@ -55,12 +55,21 @@ def stability_function(method: RungeKutta) -> StabilityFunction:
         )
     q = (Fraction(1),) if explicit else sturm.reflect(characteristic(rows))
     moments = []
-    for _ in range(method.stages):
+    for _ in rows:
         moments.append(dot(weights, vector))
         vector = [dot(row, vector) for row in rows]
     # P = Q (1 + Σ b A^k 1 z^(k+1)): what lies beyond degree s cancels, by the theorem of Cayley and Hamilton.
-    p = sturm.multiply(q, [Fraction(1), *moments])[: method.stages + 1]
+    p = sturm.multiply(q, [Fraction(1), *moments])[: len(rows) + 1]
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
+
+
+def _reached(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]:
+    """The stages that the weights depend on: others would bring factors to P and Q that floats cannot cancel."""
+    found = [i for i, weight in enumerate(weights) if weight]
+    for i in found:  # grows on the way
+        found.extend(j for j, entry in enumerate(rows[i]) if entry and j not in found)
+    kept = sorted(found)
+    return [[rows[i][j] for j in kept] for i in kept], [weights[i] for i in kept], [vector[i] for i in kept]
 
 
 def checked_method(method: Any) -> RungeKutta:
