@@ -10,6 +10,7 @@ import click
 from . import layout
 from .layout import Column
 from .method_argument import takes_method
+from .number_option import read_float
 from .output import WholeNumber, takes_output
 from .scene_argument import place, read_parts, read_start, takes_parts, takes_scene
 
@@ -62,8 +63,6 @@ def drift(
       bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1
       bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
     """
-    from integrators.expressions import parse_number
-
     from ..drift.mean_rates import STEPS, energy_drift
 
     report = energy_drift(
@@ -71,7 +70,7 @@ def drift(
         scene,
         order,
         y0=None if start is None else read_start(start, scene).y0,
-        h=None if step is None else float(parse_number(step, argument="step")),
+        h=None if step is None else read_float(step, "step"),
         steps=STEPS if steps is None else steps,
         parts=read_parts(parts, method, scene),
     )

@@ -12,6 +12,7 @@ from . import layout
 from .application import Refusal
 from .layout import Column
 from .method_argument import split_row
+from .number_option import read_float
 from .output import WholeNumber, takes_output
 from .scene_argument import read_assignments, takes_scene
 
@@ -92,17 +93,17 @@ def shadow(
     chosen = (
         None if columns is None else read_assignments(filter(str.strip, columns.split(";")), "columns", '"q=x*;v=vx*"')
     )
-    limit = None if bound is None else _number(bound, "bound")
+    limit = None if bound is None else read_float(bound, "bound")
     report = shadow_energy(
         sys.stdin if file == "-" else file,
         scene,
         order=order,
-        h=None if step is None else _number(step, "step"),
+        h=None if step is None else read_float(step, "step"),
         mass=_numbers(mass, "mass"),
         columns=chosen,
         layout=where,
         period=_numbers(period, "period"),
-        tolerance=None if tolerance is None else _number(tolerance, "tolerance"),
+        tolerance=None if tolerance is None else read_float(tolerance, "tolerance"),
         progress=output.progress.update,
     )
     text = list(_text(report, limit, output))
@@ -111,18 +112,9 @@ def shadow(
     return text
 
 
-def _number(text: str, option: str) -> float:
-    from integrators.expressions import parse_number
-
-    try:
-        return float(parse_number(text, argument=option))
-    except OverflowError:
-        raise Refusal(f"{option} must be a number that a double can hold, but was {text!r:.60}") from None
-
-
 def _numbers(text: str | None, option: str) -> Any:
     """A list of numbers; None if there is none."""
-    return None if text is None else [_number(piece, option) for piece in split_row(text)]
+    return None if text is None else [read_float(piece, option) for piece in split_row(text)]
 
 
 def _text(report: ShadowReport, bound: float | None, output: Output) -> Iterable[str]:

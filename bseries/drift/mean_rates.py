@@ -127,7 +127,7 @@ def _step_size(h: Any) -> float | None:
         return None
     try:
         size = float(h)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         size = 0.0
     if isinstance(h, bool) or not 0 < abs(size) < math.inf:
         raise SeriesError(f"h must be a number other than 0, but was {h!r:.60}")
@@ -142,7 +142,7 @@ def _state(scene: Scene, y0: Any) -> list[float]:
 
     try:
         start = np.array([float(x) for x in y0])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         start = np.array([])
     if start.shape != (scene.dimension,) or not np.isfinite(start).all():
         raise SeriesError(f"y0 must be {scene.dimension} finite numbers, but was {y0!r:.60}")
