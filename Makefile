@@ -13,7 +13,7 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n 2
 
 bench: $(STAMP)
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks --keep --output docs/benchmarks.md
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,95 +1,136 @@
-"""`python -m benchmarks`: measure, print, and keep the figures."""
+"""`python -m benchmarks`: measure, print, keep the figures; compare two results; write the page."""
 
 from __future__ import annotations
 
+import json
 import os
-from fnmatch import fnmatchcase
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from .calibration import calibration_cases
-from .cases import Case, cases
-from .environment import environment
-from .kinds import Measurement
-from .report import collect, show, to_json, to_markdown
-from .rivals import DEFAULT, rival_cases, rival_versions
-from .stepping.figures import collect as collect_figures
-from .stepping.figures import measurements
-from .timing import Sample, interleave
+from . import comparison
+from .report import pictures, show, to_markdown
+from .results import KEPT, file_name, kept_results, to_json
+from .rivals import DEFAULT
+from .running import is_empty, run
 
-Row = TypeVar("Row", Case, Measurement)
+FILE = click.Path(path_type=Path, dir_okay=False)
 
 
-def chosen(rows: list[Row], pattern: str, full: bool) -> list[Row]:
-    """The rows whose name contains the pattern; those that take a minute only in a full run."""
-    return [row for row in rows if fnmatchcase(row.name, f"*{pattern}*") and (full or not row.full)]
-
-
-def measure(selected: list[Case], rounds: int) -> dict[str, list[Sample]]:
-    """Prepare the cases and sample them in turn, with a bar on stderr."""
-    import numba  # noqa: F401  (once it is loaded, kernels run compiled)
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("preparing", total=rounds * len(selected))
-
-        def progress(done: int, name: str) -> None:
-            bar.update(task, advance=1, description=f"round {done + 1}: {name}")
-
-        samplers = {}
-        for case in selected:
-            bar.update(task, description=f"preparing {case.name}")
-            samplers[case.name] = case.prepare()
-        return interleave(samplers, rounds, progress)
-
-
-def measure_figures(selected: list[Measurement]) -> list[dict[str, Any]]:
-    """Take the measurements, with their names on stderr."""
-    from rich.console import Console
-
-    with Console(stderr=True).status("") as status:
-        return collect_figures(selected, status.update)
-
-
-@click.command()
+@click.group(invoke_without_command=True)
 @click.option("--only", "pattern", default="", help="Only rows whose name contains this; * and ? are wildcards.")
 @click.option("--rounds", default=5, show_default=True, type=click.IntRange(1), help="How often each row is sampled.")
-@click.option(
-    "--full", is_flag=True, help="Also what takes minutes: order 20, with 9 GB of memory, and 10⁷ and 10⁸ steps."
-)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False), help="Write all figures to this file.")
-@click.option("--output", "page", type=click.Path(dir_okay=False), help="Write the tables to this file as Markdown.")
-@click.option("--rivals", "rivals", default=DEFAULT, type=click.Path(path_type=Path), help="Where they are installed.")
-def main(pattern: str, rounds: int, full: bool, json_file: str | None, page: str | None, rivals: Path) -> None:
+@click.option("--full", is_flag=True, help="Also what takes minutes: order 20, with 9 GB of memory, and 10⁸ steps.")
+@click.option("--json", "json_file", type=FILE, help="Write all figures to this file.")
+@click.option("--output", "page", type=FILE, help="Write the tables to this file as Markdown, with pictures beside it.")
+@click.option("--keep", is_flag=True, help="Keep all figures in benchmarks/results.")
+@click.option("--rivals", default=DEFAULT, type=click.Path(path_type=Path), help="Where other packages are installed.")
+@click.pass_context
+def main(
+    context: click.Context,
+    pattern: str,
+    rounds: int,
+    full: bool,
+    json_file: Path | None,
+    page: Path | None,
+    keep: bool,
+    rivals: Path,
+) -> None:
     """Measure what everything costs, beside other packages timed in the same run.
 
     Every row is the best of several rounds; in each round every row has its turn.
     """
+    if context.invoked_subcommand:
+        if any(context.get_parameter_source(name) is not ParameterSource.DEFAULT for name in context.params):
+            raise click.UsageError(
+                f"options must stand behind {context.invoked_subcommand!r}, but some stood before it"
+            )
+        return
     from rich.console import Console
 
     from integrators.files import atomic_write
 
     for path in filter(None, (json_file, page)):
-        if not os.access(Path(path).absolute().parent, os.W_OK):  # said before minutes of work
-            raise click.BadParameter(f"file must lie in a writable folder, but was {path!r}")
-    surroundings = environment()
-    selected = chosen(cases(), pattern, full)
-    versions = rival_versions(rivals)
-    others = chosen(rival_cases(rivals, versions), pattern, full)
-    further = chosen(measurements(rivals), pattern, full)
-    if not selected and not further:
+        check_folder(path)
+    if is_empty(pattern, full):
         raise click.BadParameter(f"no row has a name like {pattern!r}", param_hint="--only")
-    rows = [*calibration_cases(), *selected]
-    samples = measure([*rows, *others], rounds)
-    result = collect(rows, versions, samples, surroundings, measure_figures(further))
-    show(result, Console())
+    if keep and pattern:
+        raise click.UsageError("--keep must stand without --only, since results are kept as a whole")
+    console, result = Console(), run(pattern, full, rounds, rivals)
+    show(result, console)
     if json_file:
         atomic_write(json_file, to_json(result))
+    if keep:
+        earlier = kept_results()
+        KEPT.mkdir(exist_ok=True)
+        atomic_write(KEPT / file_name(result), to_json(result))
+        if earlier:
+            comparison.show(comparison.compare(_loaded(earlier[-1], "the result kept last"), result), console)
     if page:
-        atomic_write(page, to_markdown(result))
+        write_page(json.loads(to_json(result)), page)
+    if result["failed"]:
+        raise click.ClickException(f"every part must be measured, but {', '.join(result['failed'])} failed")
+
+
+@main.command()
+@click.argument("old", required=False, type=FILE)
+@click.argument("new", required=False, type=FILE)
+def compare(old: Path | None, new: Path | None) -> None:
+    """What has changed from one result to another.
+
+    OLD and NEW are files that `--json` or `--keep` wrote: by default, the last two that were kept. Ratios of times are
+    divided by those of the calibration loops, so that they tell what the code does, and not the machine.
+    """
+    from rich.console import Console
+
+    kept = kept_results()
+    if len(kept) < 2 - (old is not None) - (new is not None):
+        raise click.UsageError("OLD and NEW must be given where fewer than two results are kept")
+    before = _loaded(old or kept[-2], "OLD")
+    after = _loaded(new or kept[-1], "NEW")
+    comparison.show(comparison.compare(before, after), Console())
+
+
+@main.command("page")
+@click.argument("file", metavar="RESULT", required=False, type=FILE)
+@click.option(
+    "--output", "output", type=FILE, default=Path("docs", "benchmarks.md"), show_default=True, help="The page."
+)
+def page_command(file: Path | None, output: Path) -> None:
+    """Write the page of a result, by default of the last that was kept, with pictures beside it."""
+    kept = kept_results()
+    if file is None and not kept:
+        raise click.UsageError("RESULT must be given where none is kept")
+    write_page(_loaded(file or kept[-1], "RESULT"), check_folder(output))
+
+
+def _loaded(path: Path, argument: str) -> dict[str, Any]:
+    try:
+        return comparison.load_result(path, argument)
+    except comparison.ResultError as error:
+        raise click.UsageError(str(error)) from None
+
+
+def check_folder(path: Path) -> Path:
+    """See to it that a file can be written, before minutes of work."""
+    if not os.access(path.absolute().parent, os.W_OK):
+        raise click.BadParameter(f"file must lie in a writable folder, but was {str(path)!r}")
+    return path
+
+
+def write_page(result: Mapping[str, Any], page: Path) -> None:
+    """Write the page and its pictures."""
+    from bseries.figures.saving import picture
+    from integrators.files import atomic_write
+
+    for name, drawn in pictures(result).items():
+        file = page.parent / name
+        file.parent.mkdir(exist_ok=True)
+        atomic_write(file, picture(drawn, "svg"))
+    atomic_write(page, to_markdown(result))
 
 
 if __name__ == "__main__":

@@ -64,7 +64,7 @@ def substitution(order: int, *, kept: bool) -> Callable[[], Sampler]:
 
 
 def structure(test: Callable[..., object], method: str, order: int) -> Callable[[], Sampler]:
-    """A structure test, from the method, with the trees' classes at hand."""
+    """A test of a method, with trees and their classes at hand."""
 
     def prepare() -> Sampler:
         chosen = bs.method(method)
@@ -130,6 +130,8 @@ def cases() -> list[Case]:
             structure(bs.symplecticity, "implicit-midpoint", 9),
             0.7e-3,
         ),
+        Case("errors-8", f"{MIDPOINT}, error coefficients, order 8", structure(bs.error_coefficients, MIDPOINT, 7)),
+        Case("order-7", "gauss3, order conditions, order 7", structure(bs.order_of, "gauss3", 7)),
         Case("conditions-10", "order conditions to order 10, residual and Jacobian, s = 17", conditions(10, 17), 5e-3),
         Case(
             "two-derivative-9",

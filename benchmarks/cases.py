@@ -105,8 +105,6 @@ def cases() -> list[Case]:
     """All rows."""
     midpoint, fractions = "explicit-midpoint", BSeries.coefficients
     floats = bs.RungeKutta(*FLOAT_MIDPOINT)
-    command = str(Path(sysconfig.get_path("scripts"), "bseries"))
-    modified = ("modified", "rk4", "--order", "6")
     return [
         Case("midpoint-9", f"{midpoint}, order 9, integers out", at_hand(midpoint, 9), 0.2e-3),
         Case("midpoint-9-all", f"{midpoint}, order 9, table and 486 Fractions made", from_table(midpoint, 9), 3e-3),
@@ -147,10 +145,19 @@ def cases() -> list[Case]:
         *algebra_cases.cases(),
         *scene_cases.cases(),
         *hamiltonian_cases.cases(),
-        Case("help", "bseries --help", process(command, "--help"), 0.15),
-        Case("help-first", "bseries --help, first run", first_run("--help"), 0.15),
-        Case("import", 'python -c "import bseries"', process(sys.executable, "-c", "import bseries"), 0.15),
-        Case("import-first", 'python -c "import bseries", first run', first_run(), 0.15),
-        Case("modified", "bseries modified rk4 --order 6", process(command, *modified), 0.4),
-        Case("modified-first", "bseries modified rk4 --order 6, first run", first_run(*modified), 0.4),
+        *(Case(name, work, prepare, bar, interpreted=True) for name, work, prepare, bar in whole_processes()),
+    ]
+
+
+def whole_processes() -> list[tuple[str, str, Callable[[], Sampler], float]]:
+    """Name, work, sampler and bar of commands and imports."""
+    command = str(Path(sysconfig.get_path("scripts"), "bseries"))
+    modified = ("modified", "rk4", "--order", "6")
+    return [
+        ("help", "bseries --help", process(command, "--help"), 0.15),
+        ("help-first", "bseries --help, first run", first_run("--help"), 0.15),
+        ("import", 'python -c "import bseries"', process(sys.executable, "-c", "import bseries"), 0.15),
+        ("import-first", 'python -c "import bseries", first run', first_run(), 0.15),
+        ("modified", "bseries modified rk4 --order 6", process(command, *modified), 0.4),
+        ("modified-first", "bseries modified rk4 --order 6, first run", first_run(*modified), 0.4),
     ]

@@ -1,13 +1,20 @@
-"""What a row of the tables is."""
+"""What the tables and pages are made of."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from .timing import Sampler
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
 GB = 10**9
+
+Row: TypeAlias = dict[str, Any]
+"""Plain data for JSON."""
 
 
 class Case(NamedTuple):
@@ -19,6 +26,8 @@ class Case(NamedTuple):
     bar: float | None = None
     peak_bar: float | None = None
     full: bool = False
+    interpreted: bool = False
+    """Whether it is the interpreter that is timed, as in whole commands, however long it takes."""
 
 
 class Figure(NamedTuple):
@@ -38,3 +47,34 @@ class Measurement(NamedTuple):
     name: str
     measure: Callable[[], list[Figure]]
     full: bool = False
+
+
+class Table(NamedTuple):
+    """Cells of text below headings; the first column says what a row is about."""
+
+    title: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+class Study(NamedTuple):
+    """A measurement that is kept as a whole: figures, tables and a picture are made from its rows.
+
+    `measure` is told in which virtual environment other packages are installed.
+    """
+
+    name: str
+    about: str
+    measure: Callable[[Path], list[Row]]
+    tables: Callable[[list[Row]], list[Table]]
+    figures: Callable[[list[Row]], list[Figure]]
+    draw: Callable[[list[Row]], Picture] | None = None
+    full: bool = False
+
+
+class Part(NamedTuple):
+    """A section of the page."""
+
+    title: str
+    measurements: Callable[[], Sequence[Measurement]] = list
+    studies: Sequence[Study] = ()

@@ -1,133 +1,77 @@
-"""What was measured, as plain data, and that data as JSON, as tables in the terminal, and as Markdown."""
+"""What was measured, as sections of tables: printed in the terminal, or written as a page with pictures."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .rivals import PUBLISHED, Published, Rival
-from .timing import Sample, best
+from .kinds import Row, Study, Table
+from .parts import PARTS
+from .results import quotient
+from .texts import amount, duration, memory, times
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
     from rich.console import Console
 
-    from .cases import Case
-
-Row = dict[str, Any]
-
-
-def collect(
-    cases: Sequence[Case],
-    rivals: Mapping[Rival, str | None],
-    samples: Mapping[str, Sequence[Sample]],
-    environment: Mapping[str, str],
-    figures: Sequence[Row] = (),
-) -> dict[str, Any]:
-    """Everything that one run has found, ready for JSON."""
-    fastest = {name: best(taken) for name, taken in samples.items()}
-    return {
-        "schema": 1,
-        "kind": "benchmarks",
-        "environment": dict(environment),
-        "rows": [_row(case, fastest[case.name], samples[case.name]) for case in cases],
-        "figures": list(figures),
-        "rivals": [_rival(rival, version, fastest) for rival, version in rivals.items() if rival.opponent in fastest],
-        "published": [_published(figure, fastest) for figure in PUBLISHED if figure.opponent in fastest],
-    }
+MEASURED = ("work", "bar", "measured", "of the bar")
+COMPARED = ("package", "work", "takes", "ours", "times ours")
+ABOUT = """\
+Written by `make bench`: everything in one run, other packages included; `python -m benchmarks --help` says how to run
+less, or more. [How it is measured](../benchmarks/README.md). Earlier runs are kept in
+[`benchmarks/results`](../benchmarks/results); `python -m benchmarks compare` tells what has changed since."""
 
 
-def _row(case: Case, fastest: Sample, taken: Sequence[Sample]) -> Row:
-    return {
-        "name": case.name,
-        "work": case.work,
-        "seconds": fastest.seconds,
-        "bar": case.bar,
-        "ratio": _quotient(fastest.seconds, case.bar),
-        "peak": fastest.peak,
-        "peak_bar": case.peak_bar,
-        "rounds": [sample.seconds for sample in taken],
-    }
+class Section(NamedTuple):
+    """Tables below a heading of the page, with what is to be said of them; `picture` names a picture."""
+
+    title: str
+    about: str
+    tables: Sequence[Table]
+    picture: str | None = None
 
 
-def _rival(rival: Rival, version: str | None, fastest: Mapping[str, Sample]) -> Row:
-    theirs = fastest[rival.name].seconds if rival.name in fastest else None
-    return {
-        "package": rival.package,
-        "version": version,
-        "work": f"{rival.task}, order {rival.order}, {rival.note}",
-        **_compared(theirs, rival.opponent, fastest),
-        "bar": rival.bar,
-    }
-
-
-def _published(figure: Published, fastest: Mapping[str, Sample]) -> Row:
-    return {
-        "package": figure.package,
-        "work": figure.work,
-        **_compared(figure.seconds, figure.opponent, fastest),
-        "source": figure.source,
-    }
-
-
-def _compared(theirs: float | None, opponent: str, fastest: Mapping[str, Sample]) -> Row:
-    ours = fastest[opponent].seconds
-    return {"seconds": theirs, "opponent": opponent, "ours": ours, "ratio": _quotient(theirs, ours)}
-
-
-def _quotient(seconds: float | None, other: float | None) -> float | None:
-    return seconds / other if seconds is not None and other else None
-
-
-def duration(seconds: float | None) -> str:
-    """Seconds for people: three significant digits in a unit that suits them."""
-    if seconds is None:
-        return "–"
-    for unit, factor in (("µs", 1e6), ("ms", 1e3)):
-        if seconds * factor < 999.5:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{seconds:.3g} s"
-
-
-def memory(size: float | None) -> str:
-    """Bytes as GB."""
-    return "" if size is None else f", {size / 1e9:.3g} GB"
-
-
-def times(ratio: float | None) -> str:
-    """A ratio: three significant digits."""
-    return "–" if ratio is None else f"{ratio:,.0f}" if ratio >= 100 else f"{ratio:.3g}"
-
-
-def amount(value: float, unit: str = "") -> str:
-    """A number with its unit: three significant digits, and a power of ten for what is small."""
-    if unit == "s":
-        return duration(value)
-    return f"{value:.3g} {unit}".rstrip()
-
-
-def _bar(row: Row) -> str:
-    if row["bar"] is None:
-        return "–"
-    return f"{'≥' if row['at_least'] else '≤'} {amount(row['bar'], row['unit'])}"
-
-
-def tables(result: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Title, headings and cells of every table that is not empty."""
-    ours = [
-        [
-            row["work"],
-            "–" if row["bar"] is None else f"≤ {duration(row['bar'])}{memory(row['peak_bar'])}",
-            duration(row["seconds"]) + memory(row["peak"]),
-            times(row["ratio"]),
-        ]
-        for row in result["rows"]
+def sections(result: Mapping[str, Any]) -> list[Section]:
+    """All sections that are not empty; where a part has several, only its first has a title."""
+    found = [
+        Section("Time and peak memory", "", [Table("", MEASURED, [_time_cells(row) for row in result["rows"]])]),
+        *_parts(result),
+        Section("Other packages in the same run", "", [_others(result)]),
+        Section("Published by others, on other machines", "", [_published(result)]),
     ]
-    figures = [
-        [row["work"], _bar(row), amount(row["value"], row["unit"]), times(_quotient(row["value"], row["bar"]))]
-        for row in result["figures"]
-    ]
-    others = [
+    return [section for section in found if any(table.rows for table in section.tables)]
+
+
+def _parts(result: Mapping[str, Any]) -> Iterable[Section]:
+    for part in PARTS:
+        title = part.title
+        for study in part.studies:
+            if rows := result["studies"].get(study.name):
+                yield Section(
+                    title, study.about, [*study.tables(rows), _barred(study, rows)], study.draw and study.name
+                )
+                title = ""
+        figures = [_figure_cells(row) for row in result["figures"] if row["part"] == part.title]
+        yield Section(title, "", [Table("", MEASURED, figures)])
+
+
+def _barred(study: Study, rows: list[Row]) -> Table:
+    figures = [figure._asdict() for figure in study.figures(rows) if figure.bar is not None]
+    return Table("", MEASURED, [_figure_cells(figure) for figure in figures])
+
+
+def _time_cells(row: Row) -> list[str]:
+    bar = "–" if row["bar"] is None else f"≤ {duration(row['bar'])}{memory(row['peak_bar'])}"
+    return [row["work"], bar, duration(row["seconds"]) + memory(row["peak"]), times(row["ratio"])]
+
+
+def _figure_cells(row: Row) -> list[str]:
+    bar = "–" if row["bar"] is None else f"{'≥' if row['at_least'] else '≤'} {amount(row['bar'], row['unit'])}"
+    return [row["work"], bar, amount(row["value"], row["unit"]), times(quotient(row["value"], row["bar"]))]
+
+
+def _others(result: Mapping[str, Any]) -> Table:
+    cells = [
         [
             f"{row['package']} {row['version'] or ''}".strip(),
             row["work"],
@@ -138,66 +82,118 @@ def tables(result: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[st
         ]
         for row in result["rivals"]
     ]
-    quoted = [
+    return Table("", [*COMPARED, "bar"], cells)
+
+
+def _published(result: Mapping[str, Any]) -> Table:
+    cells = [
         [row["package"], row["work"], duration(row["seconds"]), duration(row["ours"]), times(row["ratio"])]
         for row in result["published"]
     ]
-    compared = ["package", "work", "takes", "ours", "times ours"]
-    found = [
-        ("Time and peak memory", ["work", "bar", "measured", "of the bar"], ours),
-        ("Time stepping", ["work", "bar", "measured", "of the bar"], figures),
-        ("Other packages in the same run", [*compared, "bar"], others),
-        ("Published by others, on other machines", compared, quoted),
+    return Table("", COMPARED, cells)
+
+
+def missed_bars(result: Mapping[str, Any]) -> tuple[int, list[str]]:
+    """How many bars there are, and the works that missed theirs."""
+    verdicts = [(row["work"], row["ratio"] <= 1) for row in result["rows"] if row["ratio"] is not None]
+    verdicts += [
+        (f"{row['work']}, memory", row["peak"] <= row["peak_bar"]) for row in result["rows"] if row["peak_bar"]
     ]
-    return [table for table in found if table[2]]
+    verdicts += [
+        (row["work"], row["value"] >= row["bar"] if row["at_least"] else row["value"] <= row["bar"])
+        for row in figure_rows(result)
+        if row["bar"] is not None
+    ]
+    verdicts += [
+        (f"{row['package']}: {row['work']}", row["ratio"] >= row["bar"])
+        for row in result["rivals"]
+        if row["bar"] is not None and row["ratio"] is not None
+    ]
+    return len(verdicts), [work for work, met in verdicts if not met]
+
+
+def figure_rows(result: Mapping[str, Any]) -> list[Row]:
+    """The figures of measurements and those that studies give."""
+    derived = [
+        {"name": study.name, **figure._asdict()}
+        for part in PARTS
+        for study in part.studies
+        for figure in study.figures(result["studies"].get(study.name, []))
+    ]
+    return [*result["figures"], *derived]
 
 
 def sources(result: Mapping[str, Any]) -> list[str]:
     """Where the published figures are from."""
-    return [f"{row['package']}: {row['source']}" for row in result["published"]]
+    return list(dict.fromkeys(f"{row['package']}: {row['source']}" for row in result["published"]))
 
 
 def heading(result: Mapping[str, Any]) -> list[str]:
     """The lines above the tables."""
-    return [f"{name}: {value}" for name, value in result["environment"].items()]
+    lines = [f"{name}: {value}" for name, value in result["environment"].items()]
+    total, missed = missed_bars(result)
+    if total:
+        lines += [f"bars: {total - len(missed)} of {total} met", *(f"missed: {work}" for work in missed)]
+    return lines + [f"failed: {name}: {message}" for name, message in result.get("failed", {}).items()]
 
 
 def show(result: Mapping[str, Any], console: Console) -> None:
     """Print the tables."""
-    from rich.table import Table
-
     for line in heading(result):
         console.print(line, highlight=False, soft_wrap=True)
-    for title, headings, cells in tables(result):
-        table = Table(title=title, title_justify="left")
-        for column in headings:
-            table.add_column(column, justify="left" if column in ("work", "package") else "right")
-        for row in cells:
-            table.add_row(*row)
-        console.print(table)
+    for section in sections(result):
+        title = section.title
+        for table in section.tables:
+            if table.rows:
+                show_table(table._replace(title=": ".join(filter(None, (title, table.title)))), console)
+                title = ""
     for line in sources(result):
         console.print(line, highlight=False, soft_wrap=True)
 
 
+def show_table(table: Table, console: Console) -> None:
+    """Print a table; text stands on the left, numbers on the right."""
+    from rich.table import Table as Printed
+
+    printed = Printed(title=table.title or None, title_justify="left")
+    for heading in table.headings:
+        printed.add_column(heading, justify="left" if heading in ("work", "package") else "right")
+    for row in table.rows:
+        printed.add_row(*row)
+    console.print(printed)
+
+
+def picture_file(name: str) -> str:
+    """Where a picture lies, beside the page."""
+    return f"pictures/benchmarks-{name}.svg"
+
+
 def to_markdown(result: Mapping[str, Any]) -> str:
-    """The tables as a page."""
-    page = [
-        "# Benchmarks",
-        "",
-        "Written by `python -m benchmarks --output docs/benchmarks.md`; rows that take minutes come with `--full`.",
-        "",
-    ]
-    page += [f"- {line}" for line in heading(result)]
-    for title, headings, cells in tables(result):
-        page += ["", f"## {title}", "", _line(headings), _line(["---"] * len(headings)), *map(_line, cells)]
-    page += ["", *(f"- {line}" for line in sources(result))]
+    """The tables as a page, with links to the pictures."""
+    page = ["# Benchmarks", "", ABOUT, "", *(f"- {line}" for line in heading(result))]
+    for section in sections(result):
+        page += ["", f"## {section.title}"] if section.title else []
+        page += ["", section.about] if section.about else []
+        if section.picture:
+            page += ["", f"![{section.picture.replace('-', ' ')}]({picture_file(section.picture)})"]
+        for table in section.tables:
+            if table.rows:
+                page += ["", f"**{table.title}**"] if table.title else []
+                page += ["", *map(_line, [table.headings, ["---"] * len(table.headings), *table.rows])]
+    page += ["", *(f"- {line}" for line in sources(result))] if result["published"] else []
     return "\n".join(page) + "\n"
 
 
 def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    escaped = [cell.replace("|", "\\|") for cell in cells]
+    return f"| {' | '.join(escaped)} |"
 
 
-def to_json(result: Mapping[str, Any]) -> str:
-    """The data as JSON."""
-    return json.dumps(result, indent=1, ensure_ascii=False) + "\n"
+def pictures(result: Mapping[str, Any]) -> dict[str, Picture]:
+    """The pictures of the page, each with the name of its file."""
+    return {
+        picture_file(study.name): study.draw(rows)
+        for part in PARTS
+        for study in part.studies
+        if study.draw and (rows := result["studies"].get(study.name))
+    }

@@ -1,8 +1,9 @@
 """Runs in the virtual environment of the other packages, and knows nothing of this one.
 
 `python rival_worker.py PACKAGE TASK ORDER` prints, as JSON, the seconds that the package took from nothing, and the
-answer: the sum of all coefficients, or the order up to which a property holds. The method is the explicit midpoint
-rule; compositions go on with rk4, substitutions put the midpoint rule's modified equation into rk4's series.
+answer: the sum of all coefficients, or the order up to which a property holds. The method, if the task names no other,
+is the explicit midpoint rule; compositions go on with rk4, substitutions put the midpoint rule's modified equation into
+rk4's series.
 """
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 
@@ -50,10 +51,21 @@ def kauri(task):
     }[task]
 
 
+def nodepy(task):
+    """The task as a function of the order, done by nodepy; the conditions it has written out reach order 13."""
+    from nodepy import rk
+
+    midpoint, gauss3 = rk.loadRKM("Mid22"), rk.loadRKM("GL3")
+    return {
+        "error coefficients": lambda n: sum(midpoint.error_coeffs(n)),
+        "order conditions of gauss3": lambda n: min(gauss3.order(), n),
+    }[task]
+
+
 if __name__ == "__main__":
     package, task, order = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    work = {"pybs": pybs, "kauri": kauri}[package](task)
+    work = {"pybs": pybs, "kauri": kauri, "nodepy": nodepy}[package](task)
     start = perf_counter()
     answer = work(order)
     seconds = perf_counter() - start
-    print(json.dumps({"seconds": seconds, "sum": str(Fraction(answer))}))
+    print(json.dumps({"seconds": seconds, "sum": str(Fraction(str(answer)))}))

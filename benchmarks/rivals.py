@@ -54,6 +54,8 @@ RIVALS = (
     Rival("kauri", "substitution", 6, "substitute-6", None, "floats, memoised"),
     Rival("pybs", "symplecticity", 9, "symplectic-9", None, "exact, memoised"),
     Rival("pybs", "energy preservation", 7, "energy-7", None, "exact series, numerical test"),
+    Rival("nodepy", "error coefficients", 8, "errors-8", None, "exact, by SymPy"),
+    Rival("nodepy", "order conditions of gauss3", 7, "order-7", None, "floats, conditions written out in full"),
 )
 
 
@@ -72,6 +74,10 @@ OURS: dict[str, Callable[[int], Any]] = {
     "substitution": lambda n: sum(bs.substitute(_modified(n), bs.series(bs.method("rk4"), n)).coefficients()),
     "symplecticity": lambda n: Fraction(bs.symplecticity(bs.method("implicit-midpoint"), n).order),
     "energy preservation": lambda n: Fraction(bs.energy_preservation(bs.method("avf"), n).order),
+    "error coefficients": lambda n: sum(
+        e for _, e in bs.error_coefficients(bs.method("explicit-midpoint"), n - 1).terms
+    ),
+    "order conditions of gauss3": lambda n: Fraction(bs.order_of(bs.method("gauss3"), n)),
 }
 """The number that a rival's answer must agree with: a sum of coefficients, or an order."""
 

@@ -74,33 +74,35 @@ def printed_formulas(*, compiled: bool) -> Callable[[], Sampler]:
     """The same formulas as SymPy prints them after common-subexpression elimination, at one point."""
 
     def prepare() -> Sampler:
-        import numba
         import sympy
 
         f, h = pendulum(), sympy.Symbol("h")
         sums = [sum(h**k * f.symbolic(k)[i] for k in range(f.order)) for i in range(2)]
         function = sympy.lambdify((*f.scene.symbols, h), sums, modules="math", cse=True)
         points = pendulum_points()
-        if compiled:
-            inner = numba.njit(function)
-
-            @numba.njit
-            def loop(points: Any) -> float:
-                total = 0.0
-                for k in range(len(points)):
-                    p, q = inner(points[k, 0], points[k, 1], 0.01)
-                    total += p + q
-                return total
-        else:
-            rows = points.tolist()
-
-            def loop(points: Any) -> float:
-                return sum(sum(function(p, q, 0.01)) for p, q in rows)
-
-        loop(points)
-        return lambda: Sample(time_calls(lambda: loop(points)).seconds / POINTS)
+        rows = points if compiled else points.tolist()
+        total = compiled_total(function) if compiled else lambda rows: sum(sum(function(p, q, 0.01)) for p, q in rows)
+        total(rows)
+        return lambda: Sample(time_calls(lambda: total(rows)).seconds / POINTS)
 
     return prepare
+
+
+def compiled_total(function: Callable[..., Any]) -> Callable[[Any], float]:
+    """A compiled loop that adds up the values of a function of (p, q, h) at many points."""
+    import numba
+
+    inner = numba.njit(function)
+
+    @numba.njit
+    def total(points: Any) -> float:
+        found = 0.0
+        for k in range(len(points)):
+            p, q = inner(points[k, 0], points[k, 1], 0.01)
+            found += p + q
+        return found
+
+    return total
 
 
 def compile_time(*, cached: bool) -> Callable[[], Sampler]:

@@ -38,6 +38,12 @@ _get_own, _, _own_names = _lazy_loader.attach(
         "hamiltonians.result": ["ModifiedHamiltonian"],
         "hamiltonians.routes": ["modified_hamiltonian"],
         "action_angle.normal_form": ["NormalForm"],
+        "advice.costs_of_effects": ["CostRow", "effect_costs"],
+        "advice.influence_of_effects": ["effect_influence"],
+        "advice.effect_report": ["EffectReport", "EffectRow", "Influence"],
+        "advice.prediction": ["Expected", "Prediction", "predict_run"],
+        "advice.recommendation": ["Choice"],
+        "advice.precision_curves": ["WorkPrecision", "work_precision"],
         "drift.turn_integrals": ["takahashi_imada_integral"],
         "action_angle.transformation_kinds": [
             "generating_transformation",

@@ -15,7 +15,7 @@ from . import tower_kernels, tower_layout
 from .compiled_formulas import CompiledFormulas
 from .domains import to_float
 from .exceptions import SeriesError
-from .states import read_states, read_step
+from .states import read_states, read_step, warn_where_not_finite
 from .threads import in_threads
 from .tower_plans import PlanBuilder
 from .towers import find_needs
@@ -155,16 +155,24 @@ class CompiledSeries:
         states, shape = read_states(y, self.series.dimension)
         step = read_step(h)
         if self.route == "symbolic" and self.formulas is not None:
-            return self.formulas.values(states, step, workers).T.reshape(shape)
+            out = self.formulas.values(states, step, workers)
+        else:
+            out = self._sums(states, step, workers)
+        warn_where_not_finite(out.T, f"{self.series.label} on {self.series.scene.name}", step, stacklevel=4)
+        return out.T.reshape(shape)
+
+    def _sums(self, states: np.ndarray, step: float, workers: int) -> np.ndarray:
+        """The values at the rows of `states`, from towers."""
         terms = self.terms_at(states, workers)
         out = terms[-1].copy()
-        for term in terms[-2::-1]:
-            out *= step
-            out += term
-        if not self.series.is_field:
-            out *= step
-            out += to_float(self.series.empty) * states
-        return out.T.reshape(shape)
+        with np.errstate(over="ignore", invalid="ignore"):  # one sentence will say so
+            for term in terms[-2::-1]:
+                out *= step
+                out += term
+            if not self.series.is_field:
+                out *= step
+                out += to_float(self.series.empty) * states
+        return out
 
     def terms(self, y: Any, workers: int = 1) -> np.ndarray:
         """The terms by order."""

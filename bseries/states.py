@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from numbers import Real
 from typing import TYPE_CHECKING, Any
+
+from integrators.expressions import shown
 
 from .exceptions import SeriesError
 
@@ -36,7 +40,7 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
     except (TypeError, ValueError, OverflowError):
         array = None
     if array is None:
-        raise SeriesError(f"y must be real numbers, but was {y!r:.60}")
+        raise SeriesError(f"y must be real numbers, but was {shown(y)}")
     if array.ndim not in (1, 2) or array.shape[0] != size:
         raise SeriesError(f"y must have the shape ({size},) or ({size}, n), but had {array.shape}")
     return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
@@ -50,7 +54,7 @@ def read_step(h: Any, argument: str = "h") -> float:
         argument: What a message calls it.
 
     Raises:
-        SeriesError: `h` is no real number.
+        SeriesError: `h` is no real number, or not finite.
 
     Example:
         >>> from fractions import Fraction
@@ -60,9 +64,32 @@ def read_step(h: Any, argument: str = "h") -> float:
     if isinstance(h, bool) or not isinstance(h, Real):
         raise SeriesError(f"{argument} must be a real number, but was {h!r:.60}")
     try:
-        return float(h)
+        step = float(h)
     except OverflowError:
         raise SeriesError(f"{argument} must be within the range of floats, but was larger") from None
+    if not math.isfinite(step):
+        raise SeriesError(f"{argument} must be a finite number, but was {step}")
+    return step
+
+
+def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: int) -> None:
+    """Say that a series has no finite value at some points.
+
+    Args:
+        values: Its values, (…, points).
+        label: What it is.
+        h: The step size.
+        stacklevel: How far away the user's line is, as `warnings.warn` counts.
+    """
+    import numpy as np
+
+    finite = np.isfinite(values)
+    if not finite.all():
+        rows = finite.reshape(-1, values.shape[-1]).all(axis=0)
+        message = (
+            f"{label} must have finite values, but with h = {h:g} had none at {(~rows).sum()} of {rows.size} points"
+        )
+        warnings.warn(message, RuntimeWarning, stacklevel=stacklevel)
 
 
 def read_symbolic_step(h: Any, argument: str = "h") -> Any:

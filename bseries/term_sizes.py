@@ -12,11 +12,15 @@ import math
 import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from integrators.expressions import shown
+
 from .convergence import convergence_radius
 from .exceptions import SeriesError
 from .states import read_states, read_step
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from integrators import RungeKutta
 
     from .evaluation import SceneSeries
@@ -248,7 +252,7 @@ def _warning(found: Reach) -> str:
 
 def _checked_step(h: Any) -> float:
     step = read_step(h)
-    if not math.isfinite(step) or step == 0:
+    if step == 0:
         raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
     return step
 
@@ -265,18 +269,30 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
     if shape != (f.dimension,):
         raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
     point = states[0]
+    if not np.isfinite(point).all():
+        raise SeriesError(f"y must be finite numbers, but was {shown(y)}")
     shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (f.dimension, NEARBY_POINTS))
     nearby = point[:, None] + (np.abs(point).max() or 1.0) * shifts
     values = f.terms(np.column_stack([point, nearby]))
     here = values[:, :, 0]
-    norms = np.linalg.norm(here, axis=1)
+    norms = _lengths(here)
     for k, norm in enumerate(norms):
         if not math.isfinite(norm):
             raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
-    changes = np.linalg.norm(values[:, :, 1:] - here[:, :, None], axis=1).max(axis=1)
+    changes = _lengths(values[:, :, 1:] - here[:, :, None]).max(axis=1)
     series = f.series
     present = [not all(map(series._is_zero, series.table.ids(n))) for n in range(1, f.order + 1)]
     return tuple(np.where(present & (changes < norms / 2), norms, 0.0).tolist())
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Euclidean norms along axis 1; entries are scaled, so that their squares neither overflow nor vanish."""
+    import numpy as np
+
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(vectors / scale, axis=1) * scale[:, 0]
 
 
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:

@@ -6,6 +6,7 @@ import hashlib
 import operator
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -105,6 +106,9 @@ def ensemble(
     Raises:
         IntegratorError: An argument cannot be used, or the folder is that of another ensemble.
 
+    Warns:
+        RuntimeWarning: A quantity, or its relative change, was no finite number.
+
     Example:
         >>> from integrators import scene
         >>> from integrators.random_starts import perturbed_start
@@ -149,7 +153,21 @@ def ensemble(
             whole = _gathered(_blocks(pool, work, starts, spans, folder), spans, progress)
         finally:
             work.is_stopped = True
-    return EnsembleResult(s.t0 + s.h * work.step_numbers, seen.names, whole, description(made, seen, options))
+    result = EnsembleResult(s.t0 + s.h * work.step_numbers, seen.names, whole, description(made, seen, options))
+    _warn_of_gaps(result)
+    return result
+
+
+def _warn_of_gaps(result: EnsembleResult) -> None:
+    """Say where a quantity of members that are still there has no mean."""
+    import numpy as np
+
+    for name, mean in result.mean.items():
+        gaps = np.flatnonzero((result.count > 0) & ~np.isfinite(mean))
+        if gaps.size:
+            at = f"the mean over members was {mean[gaps[0]]} at t = {result.t[gaps[0]]:g}"
+            message = f"{name} must be finite at the states that are observed, but {at}"
+            warnings.warn(message, RuntimeWarning, stacklevel=3)
 
 
 def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndarray | None, int]:

@@ -116,6 +116,11 @@ def multiply_entries(x: Any, y: Any) -> Any:
         return round_entry(x) * round_entry(y)
     import sympy
 
+    if x == 0 or y == 0:
+        return Fraction(0)
+    number, other = (x, y) if isinstance(x, Fraction) else (y, x)
+    if number == 1 and other.has(sympy.CRootOf):  # in its normal form already, and to expand roots takes long
+        return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
     product = sympy.expand(first * second)
     return Fraction(int(product.p), int(product.q)) if isinstance(product, sympy.Rational) else product

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -92,6 +93,9 @@ def integrate(
         StepError: A step failed. Its `trajectory` has what was kept, with the last good state; so has the file.
         IntegratorError: An argument cannot be used, or what is to be kept would not fit.
 
+    Warns:
+        RuntimeWarning: Something observed was no finite number; the first of these is named.
+
     Example:
         >>> from integrators import scene
         >>> run = integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=1000, save_every=500, observe="energy")
@@ -167,6 +171,8 @@ def _completed(
             run.recording.close()
         raise
     run.end()
+    if run.gap is not None:
+        warnings.warn(run.gap, RuntimeWarning, stacklevel=3)
     return _closed(run, checkpoint)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from .recordings import Counts
@@ -9,7 +10,7 @@ from .steppers.states import StepError
 
 if TYPE_CHECKING:
     from .observers import Observers
-    from .recordings import Recording
+    from .recordings import Recording, Rows
     from .steppers.states import State
     from .steppers.stepping import Stepper
 
@@ -52,6 +53,7 @@ class Run:
 
     Attributes:
         mark: A copy of the state, and how many rows there were: what to go back to when a call was interrupted.
+        gap: The first observation that was no finite number, as a sentence.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Run:
         self.stepper, self.state, self.seen, self.recording = stepper, state, seen, recording
         self._stored, self._observed = stored, observed
         self.mark = state.copy(), recording.counts
+        self.gap: str | None = None
 
     def begin(self) -> None:
         """Keep the start."""
@@ -75,10 +78,12 @@ class Run:
         rows.y[:], rows.t[:] = state.y, state.t
         if observe and rows.observed is not None and rows.observed_t is not None:
             rows.observed[:], rows.observed_t[:] = self.seen(state.t, state.y), state.t
-        self._keep(counts)
+        self._keep(rows, counts)
 
-    def _keep(self, rows: Counts) -> None:
-        self.recording.add(rows)
+    def _keep(self, rows: Rows, counts: Counts) -> None:
+        if self.gap is None:
+            self.gap = _gap(rows, counts.observed, self.seen.names)
+        self.recording.add(counts)
         self.mark = self.state.copy(), self.recording.counts
 
     def advance(self, steps: int) -> int:
@@ -111,11 +116,22 @@ class Run:
                 o_times=rows.observed_t,
             )
         except StepError:
-            self._keep(self._between(before, state.n))
+            self._keep(rows, self._between(before, state.n))
             raise
-        self._keep(self._between(before, state.n))
+        self._keep(rows, self._between(before, state.n))
         return steps
 
     def _between(self, before: int, n: int) -> Counts:
         """How many rows the steps after one up to another give."""
         return Counts(self._stored.between(before, n), self._observed.between(before, n))
+
+
+def _gap(rows: Rows, count: int, names: Sequence[str]) -> str | None:
+    """The first of so many observations that is no finite number, if there is one."""
+    import numpy as np
+
+    if rows.observed is None or rows.observed_t is None or np.isfinite(rows.observed[:count]).all():
+        return None
+    row, column = np.argwhere(~np.isfinite(rows.observed[:count]))[0]
+    value, t = rows.observed[row, column], rows.observed_t[row]
+    return f"{names[column]} must be finite at the states that are observed, but was {value} at t = {t:g}"

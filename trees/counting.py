@@ -17,11 +17,17 @@ UNBOUNDED = 2**31 - 1
 Limits = tuple[tuple[int, ...], ...]
 
 
+MOST_BITS = 10_000
+"""Python prints no integers that are much longer."""
+
+
 def check_order(order: object, name: str = "order") -> int:
     """`order` as an int, or a TreeError: it must be a whole number, 1 or more."""
     if isinstance(order, bool) or not hasattr(order, "__index__"):
         raise TreeError(f"{name} must be a whole number, but was {order!r:.60}")
     value = order.__index__()  # pyright: ignore[reportAttributeAccessIssue]
+    if value.bit_length() > MOST_BITS:
+        raise TreeError(f"{name} must be of reasonable size, but had {value.bit_length():,} binary digits")
     if value < 1:
         raise TreeError(f"{name} must be 1 or more, but was {value!s:.60}")
     return value

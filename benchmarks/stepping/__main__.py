@@ -6,18 +6,19 @@ import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import click
 
 from ..environment import environment
-from ..report import times
+from ..kinds import Table
+from ..report import show_table
 from ..rivals import DEFAULT
 from .c_steps import METHODS, STEP_SIZES
 from .our_steps import our_steps_like_c
-from .precision import BUDGET, OURS, PRECISE, RIVALS, Curve, all_curves, leads, problems
+from .precision import BUDGET, PRECISE, all_curves, problems
 from .ratios import compare, means
+from .studies import precision_tables, ratio_tables, row_of
 
 PROBLEMS = ("kepler", "outer-solar-system")
 json_option = click.option(
@@ -40,15 +41,8 @@ def ratios(scenes: Sequence[str], methods: Sequence[str], rounds: int, json_file
     if shutil.which("gcc") is None:
         raise click.UsageError("gcc must be installed, but was not found")
     cells = compare(our_steps_like_c, scenes=scenes or tuple(STEP_SIZES), methods=methods or METHODS, rounds=rounds)
-    averages = means(cells)
-    shown = list(dict.fromkeys(cell.scene for cell in cells))
-    costs = [[name, *(f"{median(c.theirs) * 1e9:.3g}" for c in cells if c.method == name)] for name in averages]
-    _show("C: ns a step", ["method", *shown], costs)
-    rows = [
-        [name, *(f"{c.ratio:.3f}" for c in cells if c.method == name), f"{averages[name]:.3f}"] for name in averages
-    ]
-    _show("Ours over C, and geometric mean", ["method", *shown, "mean"], rows)
-    _keep(json_file, "stepping-ratios", cells=[cell._asdict() for cell in cells], means=averages)
+    _show(ratio_tables([row_of(cell) for cell in cells]))
+    _keep(json_file, "stepping-ratios", cells=[cell._asdict() for cell in cells], means=means(cells))
 
 
 @main.command()
@@ -70,34 +64,21 @@ def precision(
 ) -> None:
     """CPU time that a given error of energy takes."""
     chosen = [problem for problem in problems() if not names or problem.name in names]
-    found: list[Curve] = []
-    for problem in chosen:
-        curves = all_curves(problem, rivals, methods, budget=budget)
-        title = f"{problem.title}: ms to reach an error, and how many times as long others take"
-        _show(title, ["error", OURS, *RIVALS], [_lead(row) for row in leads(curves)])
-        found += curves
+    found = [curve for problem in chosen for curve in all_curves(problem, rivals, methods, budget=budget)]
+    rows = [curve.to_dict() for curve in found]
+    _show(precision_tables(rows))
     if diagram:
         from .diagram import draw
 
         draw(found, chosen).savefig(diagram)
-    _keep(json_file, "work-precision", curves=[curve.to_dict() for curve in found])
+    _keep(json_file, "work-precision", curves=rows)
 
 
-def _lead(row: dict[str, Any]) -> list[str]:
-    mine = "–" if row[OURS] is None else f"{row[OURS] * 1e3:.3g}"
-    return [f"{row['error']:.0e}", mine, *(times(row[kind]) for kind in RIVALS)]
-
-
-def _show(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _show(tables: Sequence[Table]) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
-    for heading in headings:
-        table.add_column(heading, justify="right")
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+    for table in tables:
+        show_table(table, Console())
 
 
 def _keep(file: str | None, kind: str, **figures: Any) -> None:

@@ -6,17 +6,11 @@ import importlib.util
 import shutil
 from collections.abc import Callable
 from operator import attrgetter
-from pathlib import Path
-from typing import Any
 
 from integrators.executors import available_cores
 
 from ..kinds import Figure, Measurement
-from .c_steps import GAUSS, METHODS, STEP_SIZES
 from .costs import MEMBERS, OBSERVE_EVERY, compile_times, ensemble_speedup, memory, observing
-from .our_steps import our_steps_like_c
-from .precision import OURS, all_curves, leads, problems
-from .ratios import compare, means
 from .rounding import STARTS, rounding
 
 ROUNDED = (
@@ -27,19 +21,6 @@ ROUNDED = (
     ("gauss3", {"compensated": False}, False),
 )
 """Methods with their options, and whether they shall reach the bars; the others show what these options are for."""
-
-LEADS = {
-    "kepler": {"scipy": (50.0, 1e-10), "rebound, leapfrog": (1.0, 1e-10), "heyoka": (1.0, 1e-7)},
-    "outer-solar-system": {"scipy": (50.0, 1e-10), "rebound, leapfrog": (1.0, 1e-10), "heyoka": (1.0, 1e-10)},
-}
-"""How many times as long others shall take at least, at every error of energy from 1e-3 to the one given."""
-
-
-def over_c(rounds: int = 9) -> list[Figure]:
-    """Ratios to C."""
-    averages = means(compare(our_steps_like_c, rounds=rounds))
-    work = f"a step over the same in C, mean over {len(STEP_SIZES)} scenes"
-    return [Figure(f"{name}: {work}", averages[name], 1.10 if name in GAUSS else 1.05) for name in METHODS]
 
 
 def observed(rounds: int = 9) -> list[Figure]:
@@ -93,33 +74,17 @@ def shared(kind: str, bar: float, steps: int) -> Callable[[], list[Figure]]:
     return measure
 
 
-def leading(rivals: Path) -> list[Figure]:
-    """The least leads over packages installed in a virtual environment."""
-    found = []
-    for problem in problems():
-        rows = leads(all_curves(problem, rivals))
-        for kind, (bar, last) in LEADS[problem.name].items():
-            within = [row for row in rows if row["error"] > last / 2]
-            ratios = [row[kind] if row[OURS] else 0.0 for row in within if not row[OURS] or row[kind] is not None]
-            if ratios:
-                work = f"{problem.title}: time of {kind} over ours, least for energy errors from 1e-03 to {last:.0e}"
-                found.append(Figure(work, min(ratios), bar, at_least=True))
-    return found
-
-
-def measurements(rivals: Path) -> list[Measurement]:
-    """All that can be measured here: some need gcc, or `distributed`, or two cores, or other packages."""
+def measurements() -> list[Measurement]:
+    """All that can be measured here: some need gcc, or `distributed`, or two cores."""
     found = [
         Measurement("stepping-memory", lambda: held(10**7)),
         Measurement("stepping-memory-full", lambda: held(10**8), full=True),
         Measurement("stepping-compile", lambda: compiling(loaded=True)),
         Measurement("stepping-compile-fresh", lambda: compiling(loaded=False), full=True),
-        Measurement("stepping-observed", observed, full=True),
-        Measurement("stepping-precision", lambda: leading(rivals), full=True),
+        Measurement("stepping-observed", observed),
     ]
     if shutil.which("gcc"):
         found += [
-            Measurement("stepping-c", over_c, full=True),
             Measurement("stepping-rounding", lambda: rounded(10**6)),
             Measurement("stepping-rounding-full", lambda: rounded(10**7), full=True),
         ]
@@ -127,13 +92,4 @@ def measurements(rivals: Path) -> list[Measurement]:
         found.append(Measurement("stepping-threads", shared("threads", 1.90, 3 * 10**5), full=True))
         if importlib.util.find_spec("distributed"):
             found.append(Measurement("stepping-dask", shared("dask", 1.70, 3 * 10**5), full=True))
-    return found
-
-
-def collect(chosen: list[Measurement], progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Measure, one after the other: plain data for JSON."""
-    found = []
-    for measurement in chosen:
-        progress(measurement.name)
-        found += [{"name": measurement.name, **figure._asdict()} for figure in measurement.measure()]
     return found

@@ -8,6 +8,7 @@ its own: the run that is timed looks at nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from math import log, sqrt
 from time import process_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,7 +27,8 @@ REPEAT = 0.1
 class Problem(NamedTuple):
     """Bodies that attract each other, or, if there is one mass only, a body about a fixed centre of attraction 1.
 
-    Positions and velocities are flat, body after body; the run ends at `span`, and takes at least `steps` steps.
+    Positions and velocities are flat, body after body; the run ends at `span`, and takes at least `steps` steps. Each
+    number of steps is about `finer` times the one before.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Problem(NamedTuple):
     velocities: list[float]
     span: float
     steps: int
+    finer: float = sqrt(2)
 
     def energy_error(self, positions: Any, velocities: Any) -> float:
         """The largest relative change of energy since the start in these states, one a row; infinite if not finite."""
@@ -125,8 +128,8 @@ def first_after(problem: Problem, times: np.ndarray) -> np.ndarray:
 
 
 def step_counts(problem: Problem) -> list[int]:
-    """Numbers of steps for methods of fixed steps, each about √2 times the one before."""
-    return [round(problem.steps * 2 ** (k / 2)) for k in range(2 * OCTAVES + 1)]
+    """Numbers of steps for methods of fixed steps."""
+    return [round(problem.steps * problem.finer**k) for k in range(round(OCTAVES * log(2, problem.finer)) + 1)]
 
 
 def tolerances(first: int, last: int) -> list[float]:

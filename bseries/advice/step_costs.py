@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .timing import Timing, time_in_turn
+from integrators.steppers.states import StepError
+
+from .timing import LEAST_ROUNDS, Timing, time_in_turn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,8 +61,8 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: 
         True
     """
     runs = {name: _Run(entry, sample, most_steps) for name, entry in work.items()}
-    found = time_in_turn({name: run.steps_again for name, run in runs.items()})
-    return {name: timing.scaled(1 / runs[name].steps) for name, timing in found.items()}
+    found = time_in_turn({name: run.sample for name, run in runs.items()})
+    return {name: found[name].less(run.call).scaled(1 / (run.steps * run.repeats)) for name, run in runs.items()}
 
 
 class _Run:
@@ -68,21 +71,33 @@ class _Run:
     def __init__(self, work: Work, sample: float, most_steps: int):
         from integrators.steppers.stepping import stepper
 
-        self.work, self.steps = work, 1
+        self.work, self.steps, self.repeats = work, 1, 1
         self._stepper = stepper(work.scene, work.method, **work.options)
         self.steps_again()  # what is to be compiled is
         seconds = self._seconds()
-        while seconds < sample / 4 and self.steps < most_steps:
-            self.steps = min(4 * self.steps, most_steps)
-            seconds = self._seconds()
-        self.steps = min(max(1, round(self.steps * sample / max(seconds, 1e-9))), most_steps)
+        while seconds < sample and self.steps < most_steps:
+            before, growth = self.steps, min(4.0, 1.1 * sample / max(seconds, 1e-9))
+            self.steps = min(math.ceil(before * growth), most_steps)
+            try:
+                seconds = self._seconds()
+            except StepError:  # so far the run cannot go: so many steps as could be made have to do
+                self.steps = before
+                break
 
-    def steps_again(self) -> None:
-        """Make the steps."""
+        self.repeats = max(1, math.ceil(sample / max(seconds, 1e-9) - 0.5))
+        self.call = self.repeats * min(self._seconds(0) for _ in range(LEAST_ROUNDS))
+
+    def sample(self) -> None:
+        """Make the steps, again and again if a run can only be short."""
+        for _ in range(self.repeats):
+            self.steps_again()
+
+    def steps_again(self, steps: int | None = None) -> None:
+        """Make the steps, or some of them."""
         state = self._stepper.start(self.work.y0, h=self.work.h)
-        self._stepper.advance(state, self.steps)
+        self._stepper.advance(state, self.steps if steps is None else steps)
 
-    def _seconds(self) -> float:
+    def _seconds(self, steps: int | None = None) -> float:
         begin = thread_time()
-        self.steps_again()
+        self.steps_again(steps)
         return thread_time() - begin

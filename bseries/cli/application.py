@@ -27,6 +27,8 @@ VERBS = {
     "scenes": "scenes_verb",
     "simulate": "simulate_verb",
     "shadow": "shadow_verb",
+    "effects": "effects_verb",
+    "cost": "cost_verb",
     "figure": "figure_verb",
     "completion": "completion_verb",
 }

@@ -11,14 +11,18 @@ import click
 
 from . import layout
 from .application import Refusal, say
+from .expectation import Expectation
 from .layout import Column
+from .number_option import read_float
 from .output import WholeNumber
+from .said_warnings import said_warnings
 from .scene_argument import head, place
 
 if TYPE_CHECKING:
     from integrators import Scene
     from integrators.ensemble_results import EnsembleResult
 
+    from ..advice.prediction import Prediction
     from .method_argument import Method
     from .output import Output
 
@@ -99,6 +103,7 @@ def simulate_ensemble(
     effects: Sequence[str],
     *,
     to: str | None,
+    predict: bool | None,
     output: Output,
     **options: Any,
 ) -> Iterable[str]:
@@ -110,18 +115,19 @@ def simulate_ensemble(
         method: The method.
         effects: The effects that are on.
         to: The file.
+        predict: Whether to say how long it will take; None: if it takes long.
         output: Where the answer goes.
         options: All else that `integrators.ensembles.ensemble` takes.
     """
     from integrators.ensembles import ensemble
     from integrators.executors import cluster_executor
 
-    done = [0]
+    def expect(cost: float | None) -> Prediction:
+        from ..advice.prediction import time_only
 
-    def show(members: int, total: int) -> None:
-        done[0] = members
-        output.progress.update(members, total)
+        return time_only(options["h"], options["steps"], "each run has a start of its own")
 
+    watch = Expectation(output.progress.update, expect, predict, beforehand=False)
     executor: Any = "processes" if many.processes else "threads"
     with ExitStack() as stack:
         if many.scheduler == LOCAL:
@@ -129,27 +135,28 @@ def simulate_ensemble(
         elif many.scheduler is not None:
             executor = stack.enter_context(cluster_executor(many.scheduler))
         try:
-            result = ensemble(
-                scene, method, sample=_sample(many, scene), members=many.members, seed=many.seed, change=many.change,
-                keep=many.keep, final=True, executor=executor, workers=many.workers, progress=show, **options,
-            )  # fmt: skip
+            with said_warnings():
+                result = ensemble(
+                    scene, method, sample=_sample(many, scene), members=many.members, seed=many.seed,
+                    change=many.change, keep=many.keep, final=True, executor=executor, workers=many.workers,
+                    progress=watch, **options,
+                )  # fmt: skip
         except KeyboardInterrupt:
             folder = options.get("checkpoint")
             where = f"; the same command goes on from {folder}" if folder else ""
-            say("warning", f"stopped after {done[0]:,} of {many.members:,} runs{where}")
+            say("warning", f"stopped after {watch.done:,} of {many.members:,} runs{where}")
             raise
     if to is not None:
         result.save(to)
-    return _text(result, many, scene, method, effects, to, output)
+    return _text(result, many, scene, method, effects, watch, to, output)
 
 
 def _sample(many: EnsembleOptions, scene: Scene) -> Any:
-    from integrators.expressions import parse_number
     from integrators.random_starts import perturbed_start, thermal_momenta
 
     if many.temperature is not None:
-        return thermal_momenta(scene, float(parse_number(many.temperature, argument="temperature")))
-    return perturbed_start(scene, float(parse_number(many.spread or "", argument="spread")))
+        return thermal_momenta(scene, read_float(many.temperature, "temperature"))
+    return perturbed_start(scene, read_float(many.spread or "", "spread"))
 
 
 def _text(
@@ -158,6 +165,7 @@ def _text(
     scene: Scene,
     method: Method,
     effects: Sequence[str],
+    watch: Expectation,
     to: str | None,
     output: Output,
 ) -> Iterable[str]:
@@ -170,10 +178,12 @@ def _text(
         facts = head("ensemble", method, scene, effects)
         facts |= {"h": h, "steps": steps, "t": [float(result.t[0]), float(last)], "members": many.members}
         facts |= {"seed": many.seed, "change": many.change, "file": to}
+        if watch.prediction is not None:
+            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(None)}
         failures = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in result.failures]
         return [layout.json({**facts, "failures": failures, "rows": list(_records(result))}, "rows")]
     rows = [[record["what"], *(_shown(record[key]) for key in list(record)[1:])] for record in _records(result)]
-    notes = list(_notes(result, many, to))
+    notes = [*_notes(result, many, to), *watch.notes(None)]
     if output.format == "markdown":
         return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
     text = layout.table(COLUMNS, rows, output.width)

@@ -32,7 +32,7 @@ def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
     from integrators import scene_catalogue
 
-    if _is_path(incomplete) or incomplete.startswith("."):
+    if is_path(incomplete) or incomplete.startswith("."):
         return [CompletionItem(incomplete, type="file")]
     names = ((name, entry.summary) for entry in scene_catalogue() for name in (entry.name, *entry.aliases))
     return [CompletionItem(name, help=summary) for name, summary in names if name.startswith(incomplete)]
@@ -95,10 +95,7 @@ def read_scene(
     sources: Sequence[str | None], blocks: str | None, effects: Sequence[str], parameters: Iterable[str]
 ) -> Scene | None:
     """The scene that the command line describes, None if it describes none."""
-    values = {name: _read_value(text) for name, text in read_assignments(parameters, "parameter", "mu=1/2").items()}
-    for name in KEYWORDS:
-        if name in values:
-            raise Refusal(f"parameter must be one of the scene's, but was {name!r}")
+    values = read_values(parameters)
     given = [way for way, text in zip(WAYS, sources, strict=True) if text is not None]
     if len(given) > 1:
         raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(given)}")
@@ -110,23 +107,38 @@ def read_scene(
         return None
     source, ode, hamiltonian = sources
     if source is not None:
-        return _load(source, effects, values) if _is_path(source) else _build(source, effects, values)
+        return _load(source, effects, values) if is_path(source) else _build(source, effects, values)
     from integrators import parse_hamiltonian, parse_scene
 
     parse = parse_scene if ode is not None else parse_hamiltonian
     return parse(ode or hamiltonian or "", blocks, values).with_effects(*effects)
 
 
-def _is_path(source: str) -> bool:
+def read_values(parameters: Iterable[str]) -> dict[str, Any]:
+    """The values of parameters that ``mu=1/2`` and the like give."""
+    values = {name: _read_value(text) for name, text in read_assignments(parameters, "parameter", "mu=1/2").items()}
+    for name in KEYWORDS:
+        if name in values:
+            raise Refusal(f"parameter must be one of the scene's, but was {name!r}")
+    return values
+
+
+def is_path(source: str) -> bool:
+    """Whether a SCENE is a file, or standard input."""
     return source == "-" or "/" in source or "\\" in source or source.lower().endswith(".toml")
 
 
-def _load(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+def load_file(source: str) -> Scene:
+    """The scene that a file, or standard input, describes."""
     from integrators import load_scene
 
     if source == "-" and click.get_current_context().params.get("source") == "-":
         raise Refusal("METHOD and SCENE must not both be -, since there is one standard input, but were")
-    scene = load_scene(sys.stdin.buffer if source == "-" else source)
+    return load_scene(sys.stdin.buffer if source == "-" else source)
+
+
+def _load(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+    scene = load_file(source)
     return scene.with_effects(*(effects or scene.active), **values)
 
 
@@ -159,8 +171,13 @@ def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[st
 
 def read_start(text: str, scene: Scene) -> Scene:
     """The scene with the start values that ``p=0;q=-3/2`` says."""
+    return scene.with_start(**read_start_values(text))
+
+
+def read_start_values(text: str) -> dict[str, list[str]]:
+    """The start values by block that ``p=0;q=-3/2`` says."""
     given = read_assignments(filter(str.strip, text.split(";")), "start", '"p=0;q=-3/2"')
-    return scene.with_start(**{name: split_row(values) for name, values in given.items()})
+    return {name: split_row(values) for name, values in given.items()}
 
 
 def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
@@ -177,12 +194,17 @@ def read_parts(text: str | None, method: Method, scene: Scene) -> dict[str, list
     if text is not None and len(names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
     if text is not None:
-        found = read_assignments(filter(str.strip, text.split(";")), "parts", "a=q;b=p")
-        return {name: [piece.strip() for piece in value.split(",")] for name, value in found.items()}
+        return read_part_names(text)
     known = len(names) == 1 or set(names) <= set(blocks) or set(names) == set(scene.parts)
     if not known and not auxiliary_colors(method):  # which the library refuses in any scene
         _refuse_parts(method, scene)
     return None
+
+
+def read_part_names(text: str) -> dict[str, list[str]]:
+    """The blocks or parts of a scene that ``a=q;b=p,s`` says, by the part of the method."""
+    found = read_assignments(filter(str.strip, text.split(";")), "parts", "a=q;b=p")
+    return {name: [piece.strip() for piece in value.split(",")] for name, value in found.items()}
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,9 +12,11 @@ import click
 from . import layout
 from .application import Refusal, say
 from .ensemble_options import simulate_ensemble, takes_ensemble
+from .expectation import Expectation
 from .layout import Column
 from .method_argument import complete_method, read_method
 from .output import WholeNumber, takes_output
+from .said_warnings import said_warnings
 from .scene_argument import head, place, read_parts, read_start, takes_parts, takes_scene
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from integrators import Scene
     from integrators.trajectory import Trajectory
 
+    from ..advice.prediction import Prediction
     from .ensemble_options import EnsembleOptions
     from .method_argument import Method
     from .output import Output
@@ -33,33 +35,6 @@ COLUMNS = (Column("what"), Column("start", True), Column("end", True), Column("c
 LOOKS = 1000
 """How often something is observed where states are not kept."""
 MOST_ROWS = 60
-LEAST_SECONDS = 0.01
-"""Shorter runs do not tell what a step costs."""
-
-
-class Stopwatch:
-    """What steps cost, without what comes before the first of them: compiling."""
-
-    def __init__(self, output: Output):
-        self._output, self._marks = output, list[tuple[int, float]]()
-
-    def __call__(self, done: int, total: int) -> None:
-        """Note how far a run is, and show it."""
-        self._marks = [*self._marks[:1], (done, perf_counter())]
-        self._output.progress.update(done, total)
-
-    @property
-    def done(self) -> int:
-        """The number of steps so far."""
-        return self._marks[-1][0] if self._marks else 0
-
-    @property
-    def seconds_per_step(self) -> float | None:
-        """None if there were too few."""
-        if not self._marks:
-            return None
-        (first, began), (last, ended) = self._marks[0], self._marks[-1]
-        return (ended - began) / (last - first) if ended - began > LEAST_SECONDS else None
 
 
 def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -115,6 +90,12 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
 @click.option("--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state, not those kept.")
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
 @click.option("--checkpoint", metavar="FILE", help="Go on from FILE if it is there, and write it meanwhile.")
+@click.option(
+    "--predict/--no-predict",
+    "predict",
+    default=None,
+    help="Say beforehand how long it takes and what errors to expect; by default of runs longer than some seconds.",
+)
 @takes_ensemble
 @takes_trajectory_file
 @takes_output
@@ -132,6 +113,7 @@ def simulate(
     observe_every: int | None,
     solver: str,
     checkpoint: str | None,
+    predict: bool | None,
     to: str | None,
     many: EnsembleOptions | None,
     output: Output,
@@ -144,6 +126,9 @@ def simulate(
 
     With --ensemble K there are K runs, from random starts that --temperature or --spread describe, on all cores; the
     answer is statistics of what is observed, the same whoever computes them. --checkpoint then names a folder.
+
+    Of a run that takes more than some seconds a line on stderr says beforehand how long it will take, and what errors
+    of energy and solution to expect from the modified equation; the notes say how well that was met.
 
     With --checkpoint, a run that was stopped in any way goes on when the same command is given again, and ends as if it
     had never been stopped.
@@ -178,21 +163,31 @@ def simulate(
                 "save-every must be left out with --ensemble, which keeps no states on the way, but was given"
             )
         return simulate_ensemble(
-            many, scene, method, effects, observe_every=observe_every, to=to, output=output, **common
+            many, scene, method, effects, observe_every=observe_every, to=to, predict=predict, output=output, **common
         )
     kept = save_every if save_every is not None or (to is None and output.format != "csv") else 1
     if observe_every is None and kept is None:
         observe_every = max(1, count // LOOKS)
-    watch = Stopwatch(output)
+
+    def expect(cost: float | None) -> Prediction:
+        from ..advice.prediction import predict_run
+
+        run = {key: value for key, value in common.items() if key != "checkpoint"}
+        return predict_run(scene, method, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)
+
+    watch = Expectation(output.progress.update, expect, predict)
     try:
-        run = integrate(scene, method, save_every=kept, observe_every=observe_every, progress=watch, to=to, **common)
+        with said_warnings():
+            run = integrate(
+                scene, method, save_every=kept, observe_every=observe_every, progress=watch, to=to, **common
+            )
     except StepError as error:
         raise Refusal(f"{error}" + (f"; what was kept is in {to}" if to else "")) from None
     except KeyboardInterrupt:
         where = f"; the same command goes on from {checkpoint}" if checkpoint else f"; {to} ends there" if to else ""
         say("warning", f"stopped after {watch.done:,} of {count:,} steps{where}")
         raise
-    return _text(run, scene, method, effects, count, watch.seconds_per_step, to, output)
+    return _text(run, scene, method, effects, count, watch, to, output)
 
 
 def _number(text: str | None, option: str) -> Fraction:
@@ -230,20 +225,24 @@ def _text(
     method: Method,
     effects: Sequence[str],
     steps: int,
-    cost: float | None,
+    watch: Expectation,
     to: str | None,
     output: Output,
 ) -> Iterable[str]:
     """The answer in any format."""
     if output.format == "csv":
         return _csv(run)
+    records, cost = list(_records(run)), watch.seconds_per_step
+    energy = next((record for record in records if record["what"] == "energy"), None)
     title = f"{place(method, scene, effects)}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
     if output.format == "json":
         facts = head("simulation", method, scene, effects)
         facts |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
-        return [layout.json({**facts, "file": to, "rows": list(_records(run))}, "rows")]
-    rows = [_row(record) for record in _records(run)]
-    notes = list(_notes(run, rows, cost, to))
+        if watch.prediction is not None:
+            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(energy)}
+        return [layout.json({**facts, "file": to, "rows": records}, "rows")]
+    rows = [_row(record) for record in records]
+    notes = [*_notes(run, rows, cost, to), *watch.notes(energy)]
     shown = rows[:MOST_ROWS]
     if output.format == "markdown":
         return [layout.markdown(COLUMNS, shown, title=title, notes=notes)]
@@ -252,18 +251,24 @@ def _text(
 
 
 def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
-    """What was observed and all variables, at the start and at the end."""
+    """What was observed and all variables, at the start and at the end; None for numbers that are not finite."""
     for name, values in run.observed.items():
-        first, change = float(values[0]), float(abs(values - values[0]).max())
-        record = {"what": name, "start": first, "end": float(values[-1]), "change": change}
-        yield {**record, "relative": change / abs(first) if first else None}
+        first, last = _finite(values[0]), _finite(values[-1])
+        change = None if first is None else _finite(abs(values - first).max())
+        relative = change / abs(first) if change is not None and first else None
+        yield {"what": name, "start": first, "end": last, "change": change, "relative": relative}
     for name, values in zip(run.variables, run.y, strict=True):
         yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
 
 
+def _finite(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
 def _row(record: dict[str, Any]) -> layout.Row:
-    changes = ("" if record.get(key) is None else f"{record[key]:.3g}" for key in ("change", "relative"))
-    return [record["what"], f"{record['start']:.15g}", f"{record['end']:.15g}", *changes]
+    forms = {"start": ".15g", "end": ".15g", "change": ".3g", "relative": ".3g"}
+    cells = ("" if record.get(key) is None else format(record[key], form) for key, form in forms.items())
+    return [record["what"], *cells]
 
 
 def _notes(run: Trajectory, rows: Sequence[layout.Row], cost: float | None, to: str | None) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
-from ..states import check_power, read_states, read_step, read_symbolic_step
+from ..states import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
 from ..truncated import BSeries
 from .energy_formulas import EnergyFormulas
 
@@ -93,7 +93,9 @@ class ModifiedHamiltonian:
             SeriesError: `y` has another number of variables, or is not of numbers.
         """
         states, shape = read_states(y, self.scene.dimension)
-        values = self._energy.evaluator.values(states, read_step(h), workers)
+        step = read_step(h)
+        values = self._energy.evaluator.values(states, step, workers)
+        warn_where_not_finite(values, f"{self.label} on {self.scene.name}", step, stacklevel=3)
         return values if len(shape) == 2 else float(values[0])
 
     def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:

@@ -124,8 +124,9 @@ class FormWriter:
     def update(self, cell: int, form: Form) -> list[str]:
         """Statements that put the end of a step in place of its start.
 
-        With compensation, y + e is the sum so far, rounded to t + e, and the increment is added to t at once, so that
-        nothing of this delays the next evaluation.
+        With compensation, y + e is the sum so far, and y is that rounded: the increment takes e along. If e were added
+        only when it is as large as a unit in the last place of y, it would remember where y came from, with a bias for
+        some step sizes (0.1 or 0.01, whose binary digits are periodic), and first integrals would drift.
 
         References:
             N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, section 4.3; HLW, section VIII.5.
@@ -139,8 +140,8 @@ class FormWriter:
             total = "d[i]"
         else:
             total = self._extended(cell, known, form) or self.sum(cell, form.terms)
-        lines = [f"s = {total}", "t = y[i] + e[i]", "r = e[i] - (t - y[i])", "x = fma(h, s, t)"]
-        return self.long_loop(cell, [*lines, "e[i] = r + fma(h, s, t - x)", "y[i] = x"])
+        lines = [f"s = {total}", "x = y[i] + fma(h, s, e[i])", "e[i] += fma(h, s, y[i] - x)", "y[i] = x"]
+        return self.long_loop(cell, lines)
 
     def entry(self, cell: int, form: Form) -> str:
         """An entry of a form as a text."""

@@ -39,9 +39,7 @@ def parts_key(parts: Any) -> Any:
         values = list(parts.values())
         if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
             return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
-    raise IntegratorError(
-        f"parts must map the method's parts to names of blocks or parts, but was {shown(parts)}"
-    )
+    raise IntegratorError(f"parts must map the method's parts to names of blocks or parts, but was {shown(parts)}")
 
 
 def read_number(value: Any, argument: str) -> float:

@@ -269,13 +269,24 @@ class Stepper:
         if not converges and self.control is not None and not self._text(state.solver).iterates:
             reason = "would have had no positive size"
         state.is_fresh = True
-        raise StepError(
-            f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} step "
-            f"{state.n + 1}, from t = {state.t:g}, {reason}",
-            state.n + 1,
-            state.t,
-            state.y.copy(),
+        step = f"step {state.n + 1}, from t = {state.t:g},"
+        message = (
+            f"y0 must be where the field of {self.scene.name} is finite, but {step} began where it is not"
+            if state.n == 0 and not self._is_defined(state.values)
+            else f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} "
+            f"{step} {reason}"
         )
+        raise StepError(message, state.n + 1, state.t, state.y.copy())
+
+    def _is_defined(self, y: np.ndarray) -> bool:
+        """Whether the field is finite at a state."""
+        import numpy as np
+
+        from ..codegen import compiled_scene
+
+        slope = np.empty_like(y)
+        compiled_scene(self.scene).field(y, slope)
+        return bool(np.isfinite(slope).all())
 
 
 def stepper(

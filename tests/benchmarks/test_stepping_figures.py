@@ -14,11 +14,10 @@ import bseries as bs
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import report  # noqa: E402
-from benchmarks.__main__ import chosen  # noqa: E402
-from benchmarks.kinds import Figure, Measurement  # noqa: E402
-from benchmarks.stepping import costs, figures, precision, problems  # noqa: E402
+from benchmarks.running import chosen  # noqa: E402
+from benchmarks.stepping import costs, figures, precision, problems, ratios, studies  # noqa: E402
 from benchmarks.stepping.our_steps import our_steps_like_c  # noqa: E402
+from benchmarks.stepping.problems import Point  # noqa: E402
 from benchmarks.stepping.rounding import STEP, Rounding, energy_changes, random_starts, rounding  # noqa: E402
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
@@ -110,29 +109,8 @@ def test_an_ensemble_is_timed_with_one_worker_and_with_two():
     assert costs.ensemble_speedup("threads", steps=3, members=4, rounds=1) > 0
 
 
-def test_figures_are_collected_and_reported():
-    found = figures.collect([Measurement("x", lambda: FIGURES)], lambda name: None)
-    assert [figure["name"] for figure in found] == ["x"] * 4
-    result = report.collect([], {}, {}, {}, found)
-    assert json.loads(report.to_json(result)) == result
-    page = report.to_markdown(result)
-    assert "## Time stepping\n" in page
-    assert "| error | ≤ 1e-13 | 4.2e-14 | 0.42 |\n" in page
-    assert "| speed-up | ≥ 1.9 | 1.95 | 1.03 |\n" in page
-    assert "| held | – | 0.25 MB | – |\n" in page
-    assert "| first | ≤ 2 s | 500 ms | 0.25 |\n" in page
-
-
-FIGURES = [
-    Figure("error", 4.2e-14, 1e-13),
-    Figure("speed-up", 1.95, 1.9, at_least=True),
-    Figure("held", 0.25, unit="MB"),
-    Figure("first", 0.5, 2.0, unit="s"),
-]
-
-
 def test_what_takes_minutes_comes_in_a_full_run_only():
-    rows = figures.measurements(Path())
+    rows = figures.measurements()
     assert len({row.name for row in rows}) == len(rows)
     quick, full = chosen(rows, "memory", False), chosen(rows, "memory", True)
     assert [row.name for row in quick] == ["stepping-memory"]
@@ -168,18 +146,53 @@ def test_bars_of_figures(monkeypatch, replaced, measure, bars):
     assert [figure.bar for figure in measure()] == bars
 
 
-def test_leads_are_the_least_over_the_errors_that_both_reach(monkeypatch):
+def test_leads_are_the_least_over_the_errors_that_both_reach():
+    def curve(package, method, *points):
+        return {"package": package, "version": "1", "method": method, "problem": "kepler", "points": list(points)}
+
+    ours = curve("ours", "gauss3", [1e-2, 1.0, 50], [1e-11, 1.0, 100])
     rows = [
-        {"error": 10.0**-k, "ours": 1.0, "scipy": 100.0 - k, "rebound, leapfrog": None, "heyoka": 10.0 - k}
-        for k in range(3, 14)
+        ours,
+        curve("scipy", "DOP853", [1e-2, 90.0, 1], [1e-5, 70.0, 1]),
+        curve("heyoka", "Taylor", [1e-9, 2.0, 1]),
     ]
-    monkeypatch.setattr(figures, "all_curves", lambda problem, rivals: [])
-    monkeypatch.setattr(figures, "leads", lambda curves: rows)
-    found = figures.leading(Path())
-    assert [(figure.value, figure.bar) for figure in found] == [(90, 50), (3, 1), (90, 50), (0, 1)]
+    found = studies.precision_figures(rows)
+    assert [(round(figure.value, 3), figure.bar) for figure in found] == [(70.0, 50.0), (2.0, 1.0)]
     assert all(figure.at_least for figure in found)
-    rows[0]["ours"] = None  # an error that ours does not reach
-    assert [figure.value for figure in figures.leading(Path())] == [0] * 6
+    rows[0] = {**ours, "points": [[1e-2, 1.0, 50], [1e-4, 1.0, 100]]}  # errors that ours does not reach
+    assert [figure.value for figure in studies.precision_figures(rows)] == [0, 0]
+    assert studies.precision_figures([]) == []
+
+
+def test_a_study_of_precision_keeps_its_curves_through_json():
+    curves = [
+        precision.Curve("ours", "", "gauss3", "kepler", [Point(1e-3, 0.001, 50), Point(1e-9, 0.1, 400)]),
+        precision.Curve("heyoka", "7.13", "Taylor", "kepler", [Point(1e-3, 0.01, 1e-3)]),
+    ]
+    rows = json.loads(json.dumps([curve.to_dict() for curve in curves]))
+    assert studies.curves_of(rows) == curves
+    (table,) = studies.precision_tables(rows)
+    assert table.title == "Kepler, e = 0.6, 200 periods"
+    assert table.headings[-1] == "heyoka 7.13"
+    assert table.rows[0] == ["1e-03", "1", "–", "–", "–", "10"]
+    assert len(studies.draw_precision(rows).axes) == 1
+
+
+def test_ratios_to_c_have_means_over_scenes_with_bars():
+    cells = [
+        ratios.Cell(scene, method, [2.0 * factor, 30.0], [1.0, 10.0 / factor])
+        for scene, factor in (("pendulum", 1.0), ("kepler", 0.5))
+        for method in ("rk4", "gauss3")
+    ]
+    rows = json.loads(json.dumps([studies.row_of(cell) for cell in cells]))
+    assert (rows[0]["ours"], rows[0]["theirs"], rows[0]["ratio"]) == (16.0, 5.5, 2.5)
+    costs, table = studies.ratio_tables(rows)
+    assert costs.rows[0][0] == "rk4"
+    assert table.headings == ["method", "pendulum", "kepler", "mean"]
+    found = studies.ratio_figures(rows)
+    assert [figure.bar for figure in found] == [1.05, 1.10]
+    assert found[0].value == pytest.approx(sqrt(2.5 * rows[2]["ratio"]))
+    assert studies.ratio_figures([]) == []
 
 
 def test_a_curve_with_variable_steps(monkeypatch):

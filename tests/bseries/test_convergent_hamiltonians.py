@@ -204,10 +204,18 @@ def test_radii_of_scenes():
     assert str(free.expression(H_STEP)) == "p**2/2"
 
 
-@pytest.mark.parametrize("h", [2, -2.5, math.inf, math.nan])
-def test_outside_the_radius_there_is_no_value(h):
+@pytest.mark.parametrize(
+    ("h", "message"),
+    [
+        (2, "h must be less than 2, the radius of convergence, in absolute value"),
+        (-2.5, "h must be less than 2, the radius of convergence, in absolute value"),
+        (math.inf, "h must be a finite number, but was inf"),
+        (math.nan, "h must be a finite number, but was nan"),
+    ],
+)
+def test_outside_the_radius_there_is_no_value(h, message):
     found = closed_hamiltonian(bs.method("implicit-midpoint"), OSCILLATOR)
-    with pytest.raises(bs.SeriesError, match="h must be less than 2, the radius of convergence, in absolute value"):
+    with pytest.raises(bs.SeriesError, match=message):
         found([1, 0], h)
 
 

@@ -153,6 +153,7 @@ def test_tables_are_equal_by_their_arguments():
     ("arguments", "message"),
     [
         ((0,), "order must be 1 or more, but was 0"),
+        ((10**5000,), "order must be of reasonable size, but had 16,610 binary digits"),
         ((-3,), "order must be 1 or more, but was -3"),
         ((2.5,), "order must be a whole number, but was 2.5"),
         (("4",), "order must be a whole number, but was '4'"),

@@ -1,0 +1,107 @@
+"""Whether recommended methods are the best: against a search through methods and fine grids of steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import bseries as bs
+from bseries.advice.precision_curves import WorkPrecision
+from bseries.advice.recommendation import bracket
+from bseries.advice.run_errors import Judge
+from bseries.advice.step_costs import step_costs
+from bseries.advice.sweeps import Curve
+
+from .kinds import Figure, Measurement
+
+SCENES = ("pendulum", "kepler", "henon-heiles", "toda", "lotka-volterra")
+ERRORS = (1e-3, 1e-6, 1e-9)
+WITHIN = 2.0
+"""Methods whose coarse curves are farther than this factor from the best are not looked at more finely."""
+GRID = 1.03
+"""From one number of steps to the next."""
+BAR = 1.10
+REDUCED = {
+    "pendulum": ("rk4", "blanes-moan-rkn6-11", "blanes-casas-rkn8", "chin4c", "gauss3", "dop853", "pefrl4"),
+    "lotka-volterra": ("rk4", "tsit5", "dop853", "blanes-moan4", "gauss3", "yoshida6"),
+}
+"""Scenes and methods for a search that takes half a minute."""
+
+
+class Found(NamedTuple):
+    """What a search has found, and what was recommended: names, and CPU seconds taken in turn."""
+
+    best: str
+    best_seconds: float
+    recommended: str
+    seconds: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times as long as the best the recommended method takes."""
+        return self.seconds / self.best_seconds
+
+
+def search(advice: WorkPrecision, everything: WorkPrecision, error: float) -> Found:
+    """The best of all methods with the largest step of a fine grid that meets an error as all smaller ones do.
+
+    Args:
+        advice: What recommends.
+        everything: The methods that are searched, over the same span.
+        error: The error.
+    """
+    choice = advice.best(error)
+    times = [(t, curve) for curve in everything.curves if (t := curve.seconds(error)) is not None]
+    least = min(t for t, _ in times)
+    judge = everything.judge
+    steps = {curve.candidate.name: (curve, _fewest(judge, curve, error)) for t, curve in times if t <= WITHIN * least}
+    work = {name: judge.work(curve.candidate, count) for name, (curve, count) in steps.items()}
+    mine = next(curve for curve in advice.curves if curve.candidate.name == choice.method)
+    work["recommended"] = judge.work(mine.candidate, choice.steps)
+    costs = step_costs(work)
+    seconds = {name: costs[name].seconds * count for name, (_, count) in steps.items()}
+    best = min(seconds, key=seconds.__getitem__)
+    own = costs["recommended"].seconds * choice.steps
+    if own < seconds[best]:
+        best, seconds = choice.method, {choice.method: own}
+    return Found(best, seconds[best], choice.method, own)
+
+
+def _fewest(judge: Judge, curve: Curve, error: float) -> int:
+    """The fewest steps of a fine grid from which on the error is met."""
+    sizes = {row.steps: row.errors.error("solution") or math.inf for row in curve.rows}
+    good, _ = bracket(sizes, error)
+    fewest = steps = min((n for n in sizes if n > (good or 0)), default=max(sizes))
+    while steps > 1:
+        found = judge.run(curve.candidate, steps).error("solution")
+        if found is None or found > error:
+            break
+        fewest, steps = steps, min(steps - 1, round(steps / GRID))
+    return fewest
+
+
+def recommended(name: str, methods: Sequence[str] | str = "all", errors: Sequence[float] = ERRORS) -> list[Figure]:
+    """How recommended methods compare with the best ones on a scene."""
+    scene = bs.scene(name)
+    advice = bs.work_precision(scene, measure="solution")
+    everything = bs.work_precision(scene, methods, span=advice.span, measure="solution")
+    figures = []
+    for error in errors:
+        found = search(advice, everything, error)
+        work = (
+            f"{name}, error {error:.0e}: time of {found.recommended}, recommended, over that of {found.best}, the best"
+        )
+        figures.append(Figure(work, found.ratio, BAR))
+    return figures
+
+
+def measurements() -> list[Measurement]:
+    """A search on two scenes through some methods, and on five through all."""
+    return [
+        *(
+            Measurement(f"advice-{name}", lambda name=name, methods=methods: recommended(name, methods, ERRORS[:2]))
+            for name, methods in REDUCED.items()
+        ),
+        *(Measurement(f"advice-{name}-full", lambda name=name: recommended(name), full=True) for name in SCENES),
+    ]

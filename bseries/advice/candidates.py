@@ -1,0 +1,188 @@
+"""The methods that come into question for a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from integrators.errors import IntegratorError
+from integrators.expressions import shorten
+from integrators.methods.recommendations import RECOMMENDED
+from integrators.methods.registry import catalogue, method
+
+from ..exceptions import SeriesError
+from .modifying_scenes import modifying_scene
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.scenes.base import Scene
+    from integrators.steppers.stepping import Stepper
+
+    from ..coefficients import Method
+
+NYSTROM = (
+    *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),
+    *("dormand-prince54", "dop853", "gauss2", "gauss4", "gauss6"),
+)
+"""For q'' = g(q)."""
+SPLIT = (
+    *("stormer-verlet", "blanes-moan4", "blanes-moan6", "sofroniou-spaletta8", "rk4", "tsit5", "dormand-prince54"),
+    *("dop853", "implicit-midpoint", "gauss2", "gauss4"),
+)
+"""For two parts whose flows are known."""
+WHOLE = (
+    *("rk4", "dormand-prince54", "tsit5", "verner65", "dop853", "implicit-midpoint", "gauss2", "gauss4", "gauss6"),
+    *("radau-iia2", "radau-iia3", "rodas4"),
+)
+"""For any field."""
+MODIFYING = "modifying-midpoint"
+"""The implicit midpoint rule on its modifying field; the order is given behind the name."""
+MODIFYING_ORDERS = (4, 6)
+ALL = "all"
+MOST_STAGES = 6
+"""Of families, where all methods are asked for."""
+
+
+class Candidate(NamedTuple):
+    """A method, and the scene that it is applied to.
+
+    Attributes:
+        name: What it is called.
+        method: The method.
+        scene: The scene, or for modifying integrators that of their field, whose last variable is the step size.
+        is_modifying: Whether it is a modifying integrator.
+        solver: How implicit stages are found; see `integrators.stepper`.
+    """
+
+    name: str
+    method: Method
+    scene: Scene
+    is_modifying: bool = False
+    solver: str = "fixed-point"
+
+    def start(self, y0: np.ndarray, h: float) -> np.ndarray:
+        """The state that a run with this step begins with."""
+        import numpy as np
+
+        return np.append(y0, h) if self.is_modifying else y0
+
+    def stepper(self) -> Stepper:
+        """The compiled steps."""
+        from integrators.steppers.stepping import stepper
+
+        return stepper(self.scene, self.method, solver=self.solver)
+
+
+class Candidates(NamedTuple):
+    """The methods that fit a scene, and why others do not, by name."""
+
+    found: list[Candidate]
+    left_out: dict[str, str]
+
+
+def candidates(scene: Scene, names: Sequence[str] | str | None = None) -> Candidates:
+    """The methods of these names that fit a scene.
+
+    Args:
+        scene: The scene.
+        names: Names of the catalogue, or ``modifying-midpoint`` followed by an order; ``"all"`` are those of the
+            catalogue without parameters, of families those with few stages; None are those known to be good on scenes
+            of this structure.
+
+    Raises:
+        IntegratorError: There is no method of a name, or none fits.
+
+    Example:
+        >>> import bseries as bs
+        >>> [candidate.name for candidate in candidates(bs.scene("lorenz")).found][:3]
+        ['rk4', 'dormand-prince54', 'tsit5']
+    """
+    chosen, left_out = _names(scene, names), dict[str, str]()
+    found = []
+    for name in chosen:
+        try:
+            found.append(candidate(scene, name))
+        except (IntegratorError, SeriesError) as error:
+            left_out[name] = str(error)
+    if not found:
+        reason = next(iter(left_out.values()), "")
+        raise IntegratorError(f"methods must have one that fits {scene.name}, but had none: {shorten(reason, 200)}")
+    return Candidates(found, left_out)
+
+
+def candidate(scene: Scene, name: str) -> Candidate:
+    """One method on a scene.
+
+    Raises:
+        IntegratorError: There is none of this name, or it does not fit.
+        SeriesError: It is a modifying integrator whose formulas would be too long.
+    """
+    order = _modifying_order(name)
+    if order is None:
+        found = Candidate(name, method(name), scene)
+    else:
+        basic = method("implicit-midpoint")
+        found = Candidate(name, basic, modifying_scene(basic, scene, order), True)
+    found.stepper()
+    return found
+
+
+def _names(scene: Scene, names: Sequence[str] | str | None) -> Iterable[str]:
+    """The names, each once; those that are no methods are refused."""
+    if names is None:
+        return _usual(scene)
+    if names == ALL:
+        return dict.fromkeys(_everything())
+    given = [names] if isinstance(names, str) else list(names)
+    for name in given:
+        if not isinstance(name, str):
+            raise IntegratorError(f"methods must be names, but one was {shorten(repr(name))}")
+        if _modifying_order(name) is None:
+            method(name)
+    if not given:
+        raise IntegratorError("methods must name at least one method, but named none")
+    return dict.fromkeys(given)
+
+
+def _modifying_order(name: str) -> int | None:
+    """The order of the modifying integrator of this name, None if it is another method."""
+    spelt, order = name.lower().replace("_", "-"), 0
+    if spelt.startswith(MODIFYING):
+        digits = spelt.removeprefix(MODIFYING)
+        order = int(digits) if digits.isascii() and digits.isdecimal() and len(digits) < 3 else 0
+        if order not in range(4, 11, 2):
+            raise IntegratorError(
+                f"methods must have an even order from 4 to 10 behind {MODIFYING}, but one was {name!r:.60}"
+            )
+    return order or None
+
+
+def _usual(scene: Scene) -> Iterator[str]:
+    """Methods known to be good on scenes of a structure."""
+    if _fits(scene, "rkn-verlet"):
+        yield from NYSTROM
+    elif _fits(scene, "strang"):
+        yield from SPLIT
+    else:
+        yield from WHOLE
+    yield from (f"{MODIFYING}{order}" for order in MODIFYING_ORDERS)
+
+
+def _fits(scene: Scene, name: str) -> bool:
+    from integrators.steppers.stepping import stepper
+
+    try:
+        stepper(scene, name)
+    except IntegratorError:
+        return False
+    return True
+
+
+def _everything() -> Iterator[str]:
+    for entry in catalogue():
+        if entry.is_family:
+            yield from (f"{entry.name}{stages}" for stages in range(entry.least_stages, MOST_STAGES + 1))
+        elif not entry.parameters:
+            yield entry.name
+    yield from (f"{MODIFYING}{order}" for order in MODIFYING_ORDERS)

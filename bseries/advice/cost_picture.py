@@ -1,0 +1,86 @@
+"""The diagram of work and precision: a panel for each measure, CPU time against the error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, print_style
+from .curve_labels import Label, label_ends
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .precision_curves import WorkPrecision
+    from .sweeps import Curve
+
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+DASHES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "D", "^", "v", "P", "X")
+WIDTH, HEIGHT = 15.0, 7.5
+"""Of a panel, in centimetres."""
+LABEL_SIZE, LABEL_DISTANCE = 7, 0.055
+AXES = {
+    "solution": "largest error of the solution, relative to the size of the state",
+    "energy": "largest error of the energy, relative to it",
+    "modified-energy": "largest change of the modified energy, relative to it",
+}
+BEYOND = 10.0
+"""What the axis shows beyond the errors of interest, on both sides."""
+
+
+def draw(found: WorkPrecision) -> Figure:
+    """Draw what was measured.
+
+    Of a method the rows are shown that no other of it beats; those that are the cheapest of all somewhere are strong.
+    """
+    measures = [measure for measure in found.measures if any(curve.front(measure) for curve in found.curves)]
+    with print_style():
+        figure = new_figure((WIDTH, HEIGHT * len(measures)))
+        panels = figure.subplots(len(measures), 1, squeeze=False)[:, 0]
+        for panel, measure in zip(panels, measures, strict=True):
+            _panel(panel, found, measure)
+        panels[0].set_title(f"{found.scene.title}, t = 0 to {found.span:g}")
+    return figure
+
+
+def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
+    loosest, finest = found.errors
+    limits = min(loosest * BEYOND, 1.0), finest / BEYOND
+    panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
+    panel.grid(color="#dddddd", linewidth=0.4)
+    shown = [(k, curve, _within(curve, measure, limits)) for k, curve in enumerate(found.curves)]
+    best = _cheapest([(error, seconds) for _, _, points in shown for error, seconds in points if error >= finest])
+    labels = []
+    for k, curve, points in shown:
+        if not points:
+            continue
+        strong = not best.isdisjoint(points)
+        colour = COLOURS[k % len(COLOURS)]
+        panel.plot(*zip(*points, strict=True), **_look(k, colour, strong))
+        labels.append(Label(curve.candidate.name, colour, *points[-1]))
+    label_ends(panel, labels, least=LABEL_DISTANCE, size=LABEL_SIZE)
+
+
+def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tuple[float, float]]:
+    """The points of a curve that the axis shows."""
+    return [(error, seconds) for error, seconds in curve.front(measure) if limits[1] <= error <= limits[0]]
+
+
+def _cheapest(points: list[tuple[float, float]]) -> set[tuple[float, float]]:
+    """The points that no other beats in both."""
+    kept, least = set(), float("inf")
+    for seconds, error in sorted((seconds, error) for error, seconds in points):
+        if error < least:
+            kept.add((error, seconds))
+            least = error
+    return kept
+
+
+def _look(k: int, colour: str, strong: bool) -> dict[str, Any]:
+    """How the k-th curve looks."""
+    dash, marker = DASHES[k // len(COLOURS) % len(DASHES)], MARKERS[k % len(MARKERS)]
+    look = {"color": colour, "linestyle": dash, "marker": marker}
+    if strong:
+        return {**look, "linewidth": 1.4, "markersize": 3.2}
+    return {**look, "linewidth": 0.6, "markersize": 2, "alpha": 0.55}

@@ -1,0 +1,135 @@
+"""What effects cost: time for a step and for an evaluation of the field, and trees, against the effects that are on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.steppers.run_input import read_number
+
+from ..coefficients import auxiliary_colors
+from .effect_variants import effect_variants
+from .step_costs import MOST_STEPS, Work, step_costs
+from .timing import Timing
+
+if TYPE_CHECKING:
+    from integrators.program_method import Method
+    from integrators.scenes.base import Scene
+
+    from .effect_variants import EffectVariants, Names
+
+ORDER = 6
+LEAST_STEPS = 2**16
+"""A sample of time may have so many steps, even beyond the end of a run: fewer are lost in the call."""
+
+
+class CostRow(NamedTuple):
+    """What some effects cost.
+
+    Attributes:
+        effects: Those that are on.
+        step: Seconds for a step.
+        field: Seconds for an evaluation of the field.
+        trees: How many trees the modified equation needs.
+        all_trees: How many there are.
+
+    Example:
+        >>> import bseries as bs
+        >>> row = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")[-1]
+        >>> row.effects, 0 < row.step.seconds < 1e-3
+        (('damping',), True)
+    """
+
+    effects: Names
+    step: Timing
+    field: Timing
+    trees: int | None
+    all_trees: int | None
+
+
+def effect_costs(
+    scene: Scene | str,
+    method: Method | str,
+    *,
+    h: float,
+    effects: str | Iterable[str] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    start: Mapping[str, Any] | None = None,
+    parts: Mapping[str, Any] | None = None,
+    solver: str = "auto",
+    order: int = ORDER,
+) -> list[CostRow]:
+    """What a scene costs against the number of effects that are on: none, the first one, the first two, … all.
+
+    Times are CPU seconds of compiled code, in turn. The field is timed as the step of the explicit Euler method without
+    compensation, which is one evaluation and one sum.
+
+    Args:
+        scene: The scene, or the name of a built-in one; see `effect_influence`.
+        method: The method, or its name.
+        h: The step size, on which the costs of implicit steps depend.
+        effects: The effects; by default those that are on, and all if none is.
+        parameters: Options of a built-in scene, and values of its parameters and of those of the effects.
+        start: Start values of some blocks.
+        parts: What the parts of the method are in the scene with all effects.
+        solver: How implicit stages are found.
+        order: How many nodes the trees of the modified equation have at most.
+
+    Raises:
+        SeriesError: The scene has no effects.
+        IntegratorError: The method does not fit the scene with some effects, or an argument is not of its kind; as a
+            StepError, a step failed.
+
+    Example:
+        >>> import bseries as bs
+        >>> rows = bs.effect_costs("kepler", "stormer-verlet", h=0.02, effects="oblateness")
+        >>> [(row.effects, row.trees, row.all_trees) for row in rows]
+        [((), 37, 1202), (('oblateness',), 37, 1202)]
+    """
+    variants, step = effect_variants(scene, effects, parameters, start), read_number(h, "h")
+    nested = [variants.names[:k] for k in range(len(variants.names) + 1)]
+    options = {"solver": solver}
+    steps = variant_costs(variants, nested, method, step, parts=parts, options=options)
+    fields = variant_costs(variants, nested, "explicit-euler", step / MOST_STEPS, options={"compensated": False})
+    return [
+        CostRow(names, steps[names], fields[names], *_trees(variants, names, method, parts, order)) for names in nested
+    ]
+
+
+def variant_costs(
+    variants: EffectVariants,
+    chosen: Iterable[Names],
+    method: Method | str,
+    h: float,
+    *,
+    parts: Any = None,
+    options: Mapping[str, Any],
+    most_steps: int = MOST_STEPS,
+) -> dict[Names, Timing]:
+    """Seconds for a step with each of several choices of effects, timed in turn.
+
+    Raises:
+        StepError: The first step failed.
+    """
+    work: dict[str, Work] = {}
+    chosen = tuple(chosen)
+    for k, names in enumerate(chosen):
+        scene = variants.build(names)
+        work[str(k)] = Work(scene, method, h, options={**options, "parts": variants.parts(parts, scene)})
+    found = step_costs(work, most_steps=max(most_steps, LEAST_STEPS))
+    return dict(zip(chosen, found.values(), strict=True))
+
+
+def _trees(
+    variants: EffectVariants, names: Names, method: Method | str, parts: Any, order: int
+) -> tuple[int | None, int | None]:
+    """How many trees the modified equation has on the scene, and on any; of methods with a matrix it is unknown."""
+    from integrators.methods import method as named
+
+    from ..scene_trees import trees_of_method
+
+    method, scene = named(method) if isinstance(method, str) else method, variants.build(names)
+    if auxiliary_colors(method):
+        return None, None
+    trees = trees_of_method(method, order, scene, variants.parts(parts, scene))
+    return len(trees.table), trees.total

@@ -1,0 +1,70 @@
+"""How far solutions are apart and how much quantities change, as parts of their sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from integrators.scenes.blocks import TIME
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.scenes.base import Scene
+
+
+def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
+    """The rows of states (variables, n) but that of the time, if it is a variable: it has no error, but a size."""
+    import numpy as np
+
+    return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
+
+
+def largest_size(y: np.ndarray) -> float:
+    """The largest Euclidean norm of states (variables, n) without the time; 1 if all are 0."""
+    import numpy as np
+
+    return float(np.linalg.norm(y, axis=0).max()) or 1.0
+
+
+def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None = None) -> np.ndarray:
+    """How far states (variables, n) without the time are from others, as parts of a size.
+
+    Args:
+        y: The states.
+        reference: The others, at the same times.
+        size: The size; by default the largest one of the others.
+
+    Example:
+        >>> import numpy as np
+        >>> relative_distances(np.array([[3.0, 0.0], [4.0, 1.0]]), np.array([[0.0, 0.0], [4.0, 2.0]])).tolist()
+        [0.75, 0.25]
+    """
+    import numpy as np
+
+    return np.linalg.norm(y - reference, axis=0) / (largest_size(reference) if size is None else size)
+
+
+def relative_distance(y: np.ndarray, reference: np.ndarray) -> float:
+    """The largest of `relative_distances`."""
+    return float(relative_distances(y, reference).max())
+
+
+def magnitude(start: float) -> float:
+    """What changes of a quantity are relative to: its absolute value at the start, or 1 if that is 0."""
+    return abs(float(start)) or 1.0
+
+
+def relative_change(values: np.ndarray, reference: np.ndarray | None = None) -> float:
+    """The largest change of a quantity, relative to its start, or its largest distance from another.
+
+    Args:
+        values: The values, (n,).
+        reference: The values of the other, at the same times; by default all are the first value.
+
+    Example:
+        >>> import numpy as np
+        >>> relative_change(np.array([-2.0, -2.5, -1.0])), relative_change(np.array([0.0, 0.25]))
+        (0.5, 0.25)
+    """
+    start = values[0] if reference is None else reference[0]
+    return float(abs(values - (start if reference is None else reference)).max()) / magnitude(start)

@@ -1,0 +1,192 @@
+"""The first terms of the modified equation of a method on a scene, in floating-point numbers and quickly."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..evaluation import modified_field
+from ..exceptions import SeriesError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import numpy as np
+
+    from integrators import Program, Scene
+
+    from ..coefficients import Method
+    from ..evaluation import SceneSeries
+
+ORDERS = 4, 7, 9, 11, 13
+"""How many terms are looked at to find the first that is not zero."""
+TERMS = 3
+"""How many powers of h are taken from the first on: a symmetric method has two of them."""
+POINTS, SHIFT, SYMMETRIC = 5, 2.0**-16, 1e-5
+"""At how many points derivatives are taken, by what differences relative to a state, and how symmetric they must be."""
+NOISE = 1e-11
+"""Coefficients below that are zeros of methods that are given in decimals or floats."""
+
+
+class ModifiedTerms(NamedTuple):
+    """f_{p+1}, f_{p+2}, … of the modified equation y' = f(y) + h^p f_{p+1}(y) + h^{p+1} f_{p+2}(y) + …
+
+    Attributes:
+        field: The truncated modified equation.
+        powers: The powers of h whose terms need not vanish; p is the first.
+    """
+
+    field: SceneSeries
+    powers: tuple[int, ...]
+
+    def values(self, y: np.ndarray) -> np.ndarray:
+        """The terms at many points (variables, n), without powers of h: an array (powers, variables, n)."""
+        return self.field.terms(y)[list(self.powers)]
+
+    def is_hamiltonian(self, y: np.ndarray, powers: Sequence[int]) -> bool:
+        """Whether terms are Hamiltonian on the scene, seen from their derivatives at some states of a solution.
+
+        They are if B^(−1) f_{k+1} is a gradient, B being the structure of the scene: its derivative H is symmetric.
+        Variables may differ in size by many powers of ten, hence each has a shift of its own; with these in a diagonal
+        matrix D it is D H D whose entries can be compared.
+
+        Args:
+            y: The states, (variables, n).
+            powers: Which terms.
+
+        Example:
+            >>> import bseries as bs, numpy as np
+            >>> states = np.random.default_rng(1).normal(size=(2, 100))
+            >>> for name in "rk4", "gauss2":
+            ...     terms = modified_terms(bs.method(name), bs.scene("pendulum"))
+            ...     print(terms.is_hamiltonian(states, terms.powers))
+            False
+            True
+        """
+        import numpy as np
+
+        inverse = inverse_structure(self.field.scene)
+        if inverse is None:
+            return False
+        shifts = SHIFT * _sizes(self.field.scene, y)
+        for point in y[:, np.linspace(0, y.shape[1] - 1, POINTS + 1).astype(int)[1:]].T:
+            shift = np.diag(shifts)
+            around = np.hstack([point[:, None] + shift, point[:, None] - shift])
+            forms = np.einsum("nij,kjn->kin", np.array([inverse(x) for x in around.T]), self.values(around))
+            hessians = shifts[:, None] * (forms[:, :, : len(point)] - forms[:, :, len(point) :])
+            for k, hessian in zip(self.powers, hessians, strict=True):
+                if k in powers and abs(hessian - hessian.T).max() > SYMMETRIC * abs(hessian).max():
+                    return False
+        return True
+
+
+def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedTerms:
+    """The first terms of a modified equation that do not vanish.
+
+    Args:
+        method: The method.
+        scene: The scene.
+        parts: As for `modified_field`.
+
+    Raises:
+        SeriesError: The method's parts are not clear, or the order is too high for terms to be had.
+
+    Example:
+        >>> import bseries as bs
+        >>> [modified_terms(bs.method(name), bs.scene("kepler")).powers for name in ("rk4", "gauss2", "yoshida6")]
+        [(4, 5, 6), (4, 6), (6, 8)]
+    """
+    exact = _is_rational(method)
+    plain = method if exact else in_floats(method)
+    for order in ORDERS:
+        field = modified_field(plain, scene, order, parts=parts)
+        powers = _powers(field, exact)
+        if powers or not _has_trees(field, order):
+            if powers and powers[0] + TERMS != order:
+                field = modified_field(plain, scene, powers[0] + TERMS, parts=parts)
+                powers = _powers(field, exact)
+            return ModifiedTerms(field, powers)
+    raise SeriesError(f"method must have an order below {ORDERS[-1]} for terms of its modified equation, but has not")
+
+
+def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None:
+    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None where there is none.
+
+    Example:
+        >>> import bseries as bs, numpy as np
+        >>> f = bs.modified_field(bs.method("rk4"), bs.scene("lotka-volterra"), 1)
+        >>> y = np.array([2.0, 3.0])
+        >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
+        [0.5, 0.333333333333]
+    """
+    import numpy as np
+
+    if not scene.is_hamiltonian:
+        return None
+    if scene.canonical_pair is not None:
+        p, q = scene.canonical_pair
+        fixed = np.zeros((scene.dimension, scene.dimension))
+        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
+        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
+        return lambda y: fixed
+    import sympy
+
+    if scene.poisson is None:
+        return None
+    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
+    if matrix.det().equals(0):
+        return None
+    function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)
+    return lambda y: np.linalg.inv(np.array(function(y), float))
+
+
+def in_floats(method: Method) -> Program:
+    """A method with all its numbers rounded to doubles: series of decimals are slow, since their digits are counted."""
+    from integrators import Program
+    from integrators.evaluations import Flow
+    from integrators.transformations import mapped
+
+    program: Any = getattr(method, "program", method)
+
+    def change(evaluation: Any) -> Any:
+        changed = mapped(evaluation, lambda form: form.map(float))
+        return changed._replace(time=float(changed.time)) if isinstance(changed, Flow) else changed
+
+    return Program(
+        [change(evaluation) for evaluation in program.evaluations],
+        program.result.map(float),
+        parts=program.names,
+        auxiliary=program.auxiliary,
+        name=program.name,
+        max_children=program.max_children,
+    )
+
+
+def _sizes(scene: Scene, y: np.ndarray) -> np.ndarray:
+    """How large variables get; of those that stay 0, their block, or all."""
+    import numpy as np
+
+    sizes = np.abs(y).max(axis=1)
+    floors = np.full(len(sizes), sizes.max() or 1.0)
+    for block in scene.blocks:
+        own = slice(block.offset, block.end)
+        floors[own] = sizes[own].max() or floors[own]
+    return np.where(sizes > 0, sizes, floors)
+
+
+def _is_rational(method: Any) -> bool:
+    """Whether the series of a method is computed in whole numbers."""
+    program = getattr(method, "program", method)
+    has_rational_series = getattr(method, "algebra", None) is not None or program.domain == "QQ"
+    return has_rational_series and getattr(method, "digits", None) is None
+
+
+def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
+    """The powers of h, from 1 on, with coefficients that are not zero."""
+    values, table = field.weights, field.trees.table
+    least = 0.0 if exact else NOISE
+    return tuple(n - 1 for n in range(2, field.order + 1) if any(abs(values[at]) > least for at in table.ids(n)))
+
+
+def _has_trees(field: SceneSeries, order: int) -> bool:
+    """Whether the scene has differentials of an order at all."""
+    return len(field.trees.table.ids(order)) > 0

@@ -1,0 +1,251 @@
+"""A pilot: the exact flow over a part of a run, and what the modified equation adds to it, to first order.
+
+A method follows y' = f(y) + r(y) with a small r = h^p f_{p+1} + … Along the exact flow y(t) the energy changes by
+∫ ∇H(y) · r(y) dt, and the solution by e(t) with e' = f'(y) e + r(y). Both integrands are smooth functions along the
+orbit, and trapezoidal sums see them well: r is evaluated at grid points of y(t), all at once. For e a second solution
+of y' = f(y) receives at every grid point a kick proportional to r(y(t)), of such a size that its distance from the
+first one is linear in r and not yet rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from time import thread_time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..evaluation import modified_field
+from ..exceptions import SeriesError
+from ..term_sizes import Reach
+from .distances import largest_size, without_time
+from .modified_terms import inverse_structure
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators import Scene, State
+
+    from ..evaluation import SceneSeries
+    from .modified_terms import ModifiedTerms
+
+SECONDS = 0.4
+"""CPU time for a pilot."""
+FIRST_BLOCK, MOST_POINTS = 256, 2**14
+CHECKED = 512
+"""As long as there are not so many grid points, errors are also computed with fewer terms."""
+RESOLUTION = 6
+"""Grid points in the time τ with τ² = |f|/|f'f'f + f"(f, f)/4| in which f turns at most: 1/ω for an oscillator."""
+SUBSTEPS = 8
+"""Steps of the flow between grid points."""
+METHOD = "rk4"
+FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
+DISTANCE, NEAR = 1e-9, 1e-2
+"""How far, relative to its size, kicks take the second solution while f turns, and how far it may get in the end."""
+
+
+class Pilot(NamedTuple):
+    """What was found at grid points (n,) of a pilot.
+
+    Attributes:
+        t: The times since the start.
+        y: The states, (variables, n).
+        reach: The mean sizes of the terms, and where to stop.
+        powers: The powers of h that were taken.
+        errors: The errors of the solution, (variables, n); the time has none.
+        checked: Those at the first grid points with one power less; with all where there is but one.
+        changes: The changes of the energy, (powers, n); None without one.
+        is_linear: Whether the kicked solution stayed near, so that errors are linear in r; larger ones need not be.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    reach: Reach
+    powers: tuple[int, ...]
+    errors: np.ndarray
+    checked: np.ndarray
+    changes: np.ndarray | None
+    is_linear: bool
+
+
+def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0) -> Pilot:
+    """Follow a run for a while.
+
+    Args:
+        terms: The first terms of the modified equation, of which there are some.
+        y0: The start.
+        h: The step size.
+        span: How long the run is, with the sign of h.
+        t0: The time of the start.
+
+    Returns:
+        The pilot, over the whole span or as far as the budget of time goes.
+
+    Raises:
+        SeriesError: The terms do not shrink from the first one on, or f changes ever faster.
+        IntegratorError: The solution ends within the pilot.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.modified_terms import modified_terms
+        >>> pendulum = bs.scene("pendulum")
+        >>> found = pilot(modified_terms(bs.method("rk4"), pendulum), pendulum.y0, 0.1, 50.0)
+        >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
+        (50.0, (4, 5, 6), '4e-06')
+    """
+    import numpy as np
+
+    total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
+    walk = _Walk(terms, y0, h, span / total, t0)
+    walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
+    began = thread_time()
+    while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
+        walk.go_on(min(walk.done, total - walk.done))
+    y, errors, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*walk.pieces, strict=True))
+    changes = None
+    if rates.size:
+        changes = np.zeros(rates.shape)
+        changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (walk.spacing / 2), axis=1)
+    t = np.arange(walk.done + 1) * walk.spacing
+    near = bool(walk.scale * abs(errors).max() < NEAR * abs(y).max()) or walk.scale < 1
+    return Pilot(t, y, walk.reach, walk.powers, errors, np.concatenate(walk.checked, axis=1), changes, near)
+
+
+def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> float:
+    """The distance of grid points: a part of the time in which f turns, along the beginning of the orbit."""
+    from integrators import method
+
+    field, whole = modified_field(method("explicit-euler"), terms.field.scene, 3), abs(span)
+    spacing, went_down = min(whole, _turning_time(field, y0[:, None], all_terms=True) / RESOLUTION), False
+    for _ in range(MOST_REFINEMENTS):
+        points = min(FIRST_BLOCK, math.ceil(whole / spacing))
+        states = _states(field.scene, y0, math.copysign(spacing, span), points, t0)
+        wanted = _turning_time(field, states) / RESOLUTION
+        if spacing > FINER * wanted:
+            spacing, went_down = wanted, True
+        elif went_down or wanted < COARSER * spacing or points < FIRST_BLOCK:
+            return math.copysign(spacing, span)
+        else:
+            spacing *= COARSER
+    raise SeriesError("scene must have a field that does not turn ever faster, but along this solution it does")
+
+
+def _turning_time(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
+    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method.
+
+    Args:
+        field: The modified equation of that method.
+        y: The points.
+        all_terms: Whether |f|/|f'f| counts, too: where a motion begins f may be special.
+    """
+    import numpy as np
+
+    f, once, twice = np.linalg.norm(field.terms(y), axis=1)
+    least = np.sqrt(f[twice > 0] / (3 * twice[twice > 0])).min(initial=math.inf)
+    return float((f[once > 0] / (2 * once[once > 0])).min(initial=least) if all_terms else least)
+
+
+def _states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float) -> np.ndarray:
+    """The exact flow at a grid point and so many next ones."""
+    from integrators import integrate
+
+    step = spacing / SUBSTEPS
+    return integrate(scene, METHOD, h=step, steps=SUBSTEPS * points, save_every=SUBSTEPS, y0=y0, t0=t0).y
+
+
+class _Walk:
+    """A pilot under way: the flow, and solutions that are kicked."""
+
+    def __init__(self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float):
+        import numpy as np
+
+        from integrators.steppers.stepping import stepper
+
+        self.spacing, self.done = spacing, 0
+        self._terms, self._h, self._t0, self._last = terms, h, t0, y0
+        scene = terms.field.scene
+        self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
+        self._choose(_states(scene, y0, spacing, FIRST_BLOCK, t0))
+        first = y0[:, None]
+        sums, rates = self._perturbation(first)
+        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in sums]
+        for state, r in zip(self._kicked, sums, strict=True):
+            state.values += self._half_kick * r[:, 0]
+        self.pieces, self.checked = [(first, np.zeros_like(first), rates)], [np.zeros_like(first)]
+
+    def _choose(self, y: np.ndarray) -> None:
+        """Choose where to truncate, and how large kicks are, from the first states."""
+        import numpy as np
+
+        terms, h = self._terms, self._h
+        norms = np.zeros(terms.field.order)
+        norms[0] = np.linalg.norm(terms.field.terms(y)[0], axis=0).mean()
+        norms[list(terms.powers)] = np.linalg.norm(terms.values(y), axis=1).mean(axis=1)
+        self.reach = Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(norms.tolist()))
+        self.powers = tuple(k for k in terms.powers if k <= self.reach.optimal_power)
+        sizes = self.reach.sizes
+        if len(self.powers) < min(2, len(terms.powers)):  # of a single one nothing tells how good it is
+            before, power = [(0, *terms.powers)[len(self.powers) + i] for i in (0, 1)]
+            raise SeriesError(
+                f"h must be small enough for the terms of the modified equation to shrink, but was {h:g}, where the "
+                f"one with h^{power} is {sizes[power] / sizes[before]:.1g} times that with h^{before}"
+            )
+        distance = DISTANCE * largest_size(without_time(terms.field.scene, y))
+        self.scale = distance / (abs(self.spacing) * RESOLUTION * sum(sizes[k] for k in self.powers))
+        self._half_kick = self.scale * self.spacing / 2
+
+    def _perturbation(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """r with all powers and with one less, and the rates of change of the energy by power."""
+        import numpy as np
+
+        values = self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
+        sums = [values.sum(axis=0), values[: max(1, len(self.powers) - 1)].sum(axis=0)]
+        no_rates = np.empty((0, y.shape[1]))
+        return sums, no_rates if self._gradient is None else (self._gradient(y) * values).sum(axis=1)
+
+    def go_on(self, points: int) -> None:
+        """Follow the flow for so many grid points."""
+        t = self._t0 + self.done * self.spacing
+        y = _states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
+        sums, rates = self._perturbation(y)
+        self.pieces.append((y, self._errors(self._kicked[0], sums[0], y), rates))
+        if self.done < CHECKED:
+            self.checked.append(self._errors(self._kicked[1], sums[1], y))
+        self._last, self.done = y[:, -1].copy(), self.done + points
+
+    def _errors(self, state: State, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """How far a kicked solution is from the flow, between the two halves of the kicks."""
+        import numpy as np
+
+        from .kicks import kick
+
+        rows = np.empty((y.shape[1], len(y) + 1))
+        rows[:, 0], rows[:, 1:] = len(y), self._half_kick * r.T
+        steps = SUBSTEPS * len(rows)
+        self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
+        return (rows[:, 1:].T - y) / self.scale
+
+
+def gradient(scene: Scene) -> Any:
+    """A function that gives ∇H at many points (variables, n); None if the energy is not conserved.
+
+    Example:
+        >>> import bseries as bs, numpy as np
+        >>> gradient(bs.scene("pendulum"))(np.array([[1.0], [0.0]])).ravel().tolist()
+        [1.0, 0.0]
+    """
+    import numpy as np
+
+    if not scene.is_hamiltonian:
+        return None
+    from integrators import method
+
+    inverse = inverse_structure(scene) if scene.canonical_pair is not None else None
+    if inverse is not None:
+        field, matrix = modified_field(method("explicit-euler"), scene, 1), inverse(np.zeros(scene.dimension))
+        return lambda y: matrix @ field.terms(y)[0]
+    import sympy
+
+    formula: Any = scene.hamiltonian
+    values: Any = list(scene.parameter_values.items())
+    gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]
+    function = sympy.lambdify([scene.symbols], gradients, "numpy", cse=True)
+    return lambda y: np.array([np.broadcast_to(row, y.shape[1:]) for row in function(y)])

@@ -1,0 +1,190 @@
+"""The cheapest method for a wanted accuracy, and its largest step that reaches it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.errors import IntegratorError
+from integrators.steppers.run_input import read_number
+
+from .run_errors import MEASURES, Judge, RunErrors, check_measure
+from .step_costs import SAMPLE, step_costs
+
+if TYPE_CHECKING:
+    from .precision_curves import WorkPrecision
+    from .sweeps import Curve
+
+NEAR = 1.6
+"""Methods whose interpolated times are within this factor of the least are examined."""
+MOST_EXAMINED = 4
+NARROW = 1.02
+"""The largest step is known within this factor."""
+
+
+class Choice(NamedTuple):
+    """A method and a step for an accuracy.
+
+    Attributes:
+        method: The name of the method.
+        h: The step size.
+        steps: How many steps.
+        seconds: CPU seconds for them.
+        error: The error: measured, or for a longer span than that, extrapolated.
+        measure: Which error.
+        span: For how long.
+        basis: On what this rests, in a sentence.
+        examined: The CPU seconds of the other methods that were examined.
+
+    Example:
+        >>> import bseries as bs
+        >>> found = bs.work_precision(bs.scene("pendulum"), ["rk4"], span=10, errors=(1e-2, 1e-4))
+        >>> choice = found.best(1e-3)
+        >>> choice.method, choice.basis, choice.error <= 1e-3
+        ('rk4', 'measured over 10', True)
+    """
+
+    method: str
+    h: float
+    steps: int
+    seconds: float
+    error: float
+    measure: str
+    span: float
+    basis: str
+    examined: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The choice as JSON-ready data."""
+        return self._asdict()
+
+
+class Step(NamedTuple):
+    """The largest step of a method that meets an error."""
+
+    curve: Curve
+    steps: int
+    error: float
+    errors: RunErrors
+
+
+def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None, measure: str) -> Choice:
+    """The cheapest method for an error; see `WorkPrecision.best`."""
+    measure = check_measure(measure, MEASURES)
+    if measure not in found.measures:
+        raise IntegratorError(f"measure must be one of {', '.join(found.measures)}, which were had, but was {measure}")
+    wanted = read_number(error, "error")
+    if wanted <= 0:
+        raise IntegratorError(f"error must be positive, but was {wanted:g}")
+    length = judge.span if span is None else read_number(span, "span")
+    if length < judge.span:
+        raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
+    times = length / judge.span
+    steps = [largest_step(judge, curve, wanted, measure, times) for curve in _near(found, wanted, measure, times)]
+    met = {step.curve.candidate.name: step for step in steps if step is not None}
+    if not met:
+        longer = f"; how errors grow on from {judge.span:g} to {length:g} may be unknown" if times > 1 else ""
+        raise IntegratorError(
+            f"error must be one that a method reaches on {found.scene.name} within its budget, but was {wanted:g}"
+            + longer
+        )
+    seconds = _seconds(judge, list(met.values()))
+    name = min(seconds, key=seconds.__getitem__)
+    step = met[name]
+    h = judge.span / step.steps
+    return Choice(
+        method=name,
+        h=h,
+        steps=math.ceil(length / h * (1 - 1e-12)),
+        seconds=seconds[name] * times,
+        error=step.error,
+        measure=measure,
+        span=length,
+        basis=_basis(judge, step, measure, times),
+        examined={other: time * times for other, time in seconds.items() if other != name},
+    )
+
+
+def _near(found: WorkPrecision, error: float, measure: str, times: float) -> list[Curve]:
+    """The curves that are near the cheapest, the cheapest first."""
+    seconds = [(curve.seconds(error, measure, times), curve) for curve in found.curves]
+    reached = sorted(((t, curve) for t, curve in seconds if t is not None), key=lambda pair: pair[0])
+    return [curve for t, curve in reached if t <= NEAR * reached[0][0]][:MOST_EXAMINED]
+
+
+def _basis(judge: Judge, step: Step, measure: str, times: float) -> str:
+    """On what a choice rests."""
+    measured = f"measured over {judge.span:g}"
+    if times <= 1:
+        return measured
+    power = step.curve.power
+    if measure != "solution":
+        return f"{measured}; extrapolated, as the energy {'drifts' if power > 1 else 'does not drift'}"
+    return f"{measured}; extrapolated, as errors grow like {'t^2' if power > 1 else 't'} at most"
+
+
+def largest_step(judge: Judge, curve: Curve, error: float, measure: str, times: float = 1.0) -> Step | None:
+    """The largest step that meets an error as all smaller ones of the rows do, bisected by runs.
+
+    Args:
+        judge: What makes runs.
+        curve: The method and its rows.
+        error: The error.
+        measure: Which error.
+        times: How many times as long as those of the judge the run shall be, by extrapolation.
+    """
+    power, tries = curve.power, {row.steps: row.errors for row in curve.rows}
+
+    def size(steps: int) -> float:
+        found = tries[steps].error(measure, times, power)
+        return math.inf if found is None else found
+
+    good, bad = bracket({steps: size(steps) for steps in tries}, error)
+    if good is None:
+        return None
+
+    def meets(steps: int) -> bool:
+        tries[steps] = judge.run(curve.candidate, steps)
+        return size(steps) <= error
+
+    while bad == 0 and good > 1:
+        half = good // 2
+        good, bad = (half, 0) if meets(half) else (good, half)
+    while bad and good > max(bad + 1, NARROW * bad):
+        middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
+        good, bad = (middle, bad) if meets(middle) else (good, middle)
+    return Step(curve, good, size(good), tries[good])
+
+
+def bracket(sizes: Mapping[int, float], error: float) -> tuple[int | None, int]:
+    """The fewest steps from which on, among those tried, an error is met, and the next fewer that do not meet it.
+
+    Numbers of steps where rounding has made the error larger again do not count.
+
+    Args:
+        sizes: Errors by numbers of steps.
+        error: The error.
+
+    Returns:
+        Both; None if no number of steps meets it, and 0 if all do.
+
+    Example:
+        >>> bracket({10: 5e-3, 20: 2e-5, 40: 3e-4, 80: 4e-5, 160: 6e-6}, 1e-4)
+        (80, 40)
+    """
+    good, bad = None, 0
+    for steps in sorted(sizes, reverse=True):
+        if sizes[steps] <= error:
+            good = steps
+        elif good is not None:
+            bad = steps
+            break
+    return good, bad
+
+
+def _seconds(judge: Judge, steps: list[Step]) -> dict[str, float]:
+    """CPU seconds for the span, timed in turn."""
+    work = {step.curve.candidate.name: judge.work(step.curve.candidate, step.steps) for step in steps}
+    costs = step_costs(work, sample=SAMPLE)
+    return {name: costs[name].seconds * step.steps for name, step in zip(work, steps, strict=True)}

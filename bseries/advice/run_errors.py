@@ -1,0 +1,244 @@
+"""What a run gets wrong: its energy, its modified energy, and its solution, looked at many times on the way."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import cached_property, lru_cache
+from time import thread_time
+from typing import TYPE_CHECKING, NamedTuple
+
+from integrators.errors import IntegratorError
+from integrators.expressions import shorten
+from integrators.loop import integrate
+from integrators.steppers.states import StepError
+
+from ..exceptions import SeriesError
+from ..hamiltonians.routes import modified_hamiltonian
+from .dense_reference import DenseReference
+from .distances import magnitude, relative_distances, without_time
+from .growth import REGULAR, from_parts, size_after
+from .step_costs import Work
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.scenes.base import Scene
+    from integrators.trajectory import Trajectory
+
+    from ..coefficients import Method
+    from ..hamiltonians.result import ModifiedHamiltonian
+    from .candidates import Candidate
+
+UNSOLVED = "did not converge"
+MEASURES = ("solution", "energy", "modified-energy")
+LOOKS = 400
+"""How often the solution and the modified energy are looked at."""
+ENERGY_LOOKS = 4000
+ORDERS = {2: 5, 4: 7, 6: 7}
+"""For methods of an order, that of the modified Hamiltonian: beyond, compiling takes longer than all runs."""
+MOST_ORDER = 7
+
+
+class RunErrors(NamedTuple):
+    """The errors of a run; None for what was not, or could not be, measured.
+
+    Attributes:
+        solution: The largest distance from the reference solution, in parts of the largest size of the state.
+        energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero.
+        modified_energy: The same of the truncated modified Hamiltonian.
+        modified_order: The number of its terms that was best.
+        distances: The distances from the reference at equidistant times from 0 on, in the same parts.
+        drift: How many times as large as in the first half of the run the error of the energy was in all of it.
+        seconds: CPU time of the run, looks included.
+        failure: Why the run did not come to its end; None if it did.
+    """
+
+    solution: float | None = None
+    energy: float | None = None
+    modified_energy: float | None = None
+    modified_order: int | None = None
+    distances: tuple[float, ...] = ()
+    drift: float | None = None
+    seconds: float = 0.0
+    failure: str | None = None
+
+    def error(self, measure: str, times: float = 1.0, power: int = 1) -> float | None:
+        """The error by the name of its measure; None as well if the run failed, or how errors grow on is not clear.
+
+        Args:
+            measure: One of `MEASURES`.
+            times: For a run so many times as long.
+            power: The power of the time that errors of the solution grow with at most: 1, or 2 if the energy drifts.
+        """
+        found = None if self.failure else getattr(self, measure.replace("-", "_"))
+        if found is None or times <= 1:
+            return found
+        if measure == "solution":
+            return self._solution_after(times, power)
+        return found * times if power > 1 else found
+
+    def _solution_after(self, times: float, power: int) -> float | None:
+        """The error of the solution in a longer run; None where parts of this one disagree on how it grows."""
+        import numpy as np
+
+        distances = np.array(self.distances)
+        expected = from_parts(lambda n, factor: size_after(distances[:n], factor, power), len(distances), times)
+        return None if expected.disagreement > REGULAR else expected.value
+
+
+class Judge:
+    """Runs methods on a scene from its start, over one span, and says how wrong they are.
+
+    Args:
+        scene: The scene.
+        span: How long runs are.
+        measures: What of `MEASURES` is measured.
+
+    Attributes:
+        reference: The reference solution; None if the solution is not measured or there is none.
+        problem: Why there is none.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.candidates import candidate
+        >>> pendulum = bs.scene("pendulum")
+        >>> judge = Judge(pendulum, 10.0, ("solution", "energy"))
+        >>> found = judge.run(candidate(pendulum, "stormer-verlet"), 100)
+        >>> f"{found.solution:.1e} {found.energy:.1e}"
+        '3.1e-03 2.8e-02'
+    """
+
+    def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES):
+        self.scene, self.span, self.measures = scene, span, measures
+        self.y0 = scene.y0
+        self.reference: DenseReference | None = None
+        self.problem: str | None = None
+        if "solution" in measures:
+            try:
+                self.reference = DenseReference(scene, self.y0, span)
+            except IntegratorError as error:
+                self.problem = str(error)
+
+    @property
+    def available(self) -> tuple[str, ...]:
+        """The measures that can be had on this scene."""
+        has = {"solution": self.reference is not None, "energy": self._has_energy, "modified-energy": self._has_energy}
+        return tuple(measure for measure in self.measures if has[measure])
+
+    @cached_property
+    def _has_energy(self) -> bool:
+        return self.scene.is_hamiltonian
+
+    def run(self, candidate: Candidate, steps: int) -> RunErrors:
+        """Run a method with so many steps."""
+        h, began = self.span / steps, thread_time()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # what is not finite is said here
+                run = self._made(candidate, h, steps)
+        except StepError as error:
+            reason = UNSOLVED if UNSOLVED in str(error) else "did not end in finite numbers"
+            return RunErrors(seconds=thread_time() - began, failure=f"step {error.step} of {steps} {reason}")
+        seconds = thread_time() - began
+        values, y = run.observed.get("energy"), run.y[: self.scene.dimension]
+        distances = None if self.reference is None else self._distances(run.t, y, self.reference)
+        energy, drift = (None, None) if values is None else _largest_change(values)
+        modified, order = self._modified(candidate, y, h)
+        solution = None if distances is None else float(distances.max())
+        if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
+            return RunErrors(seconds=seconds, failure="its errors were not finite")
+        kept = () if distances is None else tuple(distances.tolist())[: 1 + steps // _every(steps, LOOKS)]
+        return RunErrors(solution, energy, modified, order, kept, drift, seconds)
+
+    def _made(self, candidate: Candidate, h: float, steps: int) -> Trajectory:
+        return integrate(
+            candidate.scene,
+            candidate.method,
+            h=h,
+            steps=steps,
+            y0=candidate.start(self.y0, h),
+            solver=candidate.solver,
+            save_every=_every(steps, LOOKS),
+            observe="energy" if self._has_energy else None,
+            observe_every=_every(steps, ENERGY_LOOKS),
+        )
+
+    def work(self, candidate: Candidate, steps: int) -> Work:
+        """The steps of such a run, to be timed."""
+        h = self.span / steps
+        y0, options = candidate.start(self.y0, h), {"solver": candidate.solver}
+        return Work(candidate.scene, candidate.method, h, y0, options)
+
+    def _distances(self, t: np.ndarray, y: np.ndarray, reference: DenseReference) -> np.ndarray:
+        """The errors of the solution."""
+        import numpy as np
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            states, exact = (without_time(self.scene, found) for found in (y, reference(t)))
+            return relative_distances(states, exact, reference.size)
+
+    def _modified(self, candidate: Candidate, y: np.ndarray, h: float) -> tuple[float | None, int | None]:
+        """The change of the modified energy, and the number of its terms that was best."""
+        import numpy as np
+
+        energy = self._modified_energy(candidate)
+        if energy is None:
+            return None, None
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms = energy.terms(y) * h ** np.arange(energy.order)[:, None]
+            sums = np.cumsum(terms, axis=0)
+            changes = abs(sums - sums[:, :1]).max(axis=1) / magnitude(sums[0, 0])
+        if not np.isfinite(changes).any():
+            return None, None
+        best = int(np.nanargmin(changes))
+        return float(changes[best]), best + 1
+
+    def _modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
+        """The modified Hamiltonian of a method, if it has one that is quick to compile."""
+        if "modified-energy" not in self.available or candidate.is_modifying:
+            return None
+        return _modified_energy(candidate)
+
+
+def _every(steps: int, looks: int) -> int:
+    """How many steps there are from one look to the next."""
+    return max(1, steps // looks)
+
+
+def _largest_change(values: np.ndarray) -> tuple[float, float]:
+    """The largest change, relative to the start if that is not 0, and how many times it is that of the first half."""
+    changes = abs(values - values[0])
+    whole, half = float(changes.max()), float(changes[: len(changes) // 2 + 1].max())
+    return whole / magnitude(values[0]), whole / half if half else 1.0
+
+
+@lru_cache(maxsize=64)
+def _modified_energy(candidate: Candidate) -> ModifiedHamiltonian | None:
+    order = ORDERS.get(_order(candidate.method))
+    try:
+        return None if order is None else modified_hamiltonian(candidate.method, candidate.scene, order)
+    except (SeriesError, IntegratorError):
+        return None
+
+
+def _order(method: Method) -> int:
+    """The order as far as it matters; that of the catalogue if there is one, for decimals are slow to check."""
+    from integrators.methods.registry import catalogue
+
+    from ..conditions import order_of
+
+    claims = {entry.name: entry.order for entry in catalogue() if isinstance(entry.order, int)}
+    return claims.get(method.name) or order_of(method, MOST_ORDER)
+
+
+def check_measure(measure: str, known: tuple[str, ...]) -> str:
+    """The name of a measure, with - or _.
+
+    Raises:
+        IntegratorError: There is none of this name.
+    """
+    name = measure.replace("_", "-") if isinstance(measure, str) else ""
+    if name not in known:
+        raise IntegratorError(f"measure must be one of {', '.join(known)}, but was {shorten(repr(measure))}")
+    return name

@@ -1,0 +1,197 @@
+"""Sweeps: a method with one step size after the other, and the curves that come of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from .candidates import Candidate
+from .run_errors import UNSOLVED, Judge, RunErrors
+from .step_costs import step_costs
+from .timing import Timing
+
+if TYPE_CHECKING:
+    from integrators.scenes.base import Scene
+
+FIRST_STEP = 4.0
+"""The first step size, in times |y|/|f| at the start."""
+STEEP = 30.0
+"""Where halving the step improves the error by more, √2 is the next factor."""
+ROUNDING, PATIENCE = 1e-9, 2
+"""Below this error, so many steps in a row without a gain are the end: the rest is rounding."""
+SAMPLE = 0.004
+TIMED = 5
+"""So many rows of a method are timed; what the steps of the others cost is read from a line through these."""
+STIFF = 1e-4
+"""If the first steps whose stages can be solved for have less error, solving limits the steps, not accuracy."""
+DRIFTING = 1.5
+"""An error of the energy that is larger by this factor in all of a run than in its first half drifts."""
+NOISE, ROUGH = 1e-12, 0.02
+"""Errors of the energy outside are too small or too large to tell."""
+LEAST_SECONDS = 5e-9
+"""No step takes less; so sweeps of methods that always fail come to an end."""
+
+TINY = 2.0**-60
+"""Errors of 0, among logarithms."""
+
+Swept = list[tuple[int, RunErrors]]
+
+
+class Row(NamedTuple):
+    """A step size of a method.
+
+    Attributes:
+        h: The step size.
+        steps: How many steps the span takes.
+        cost: CPU seconds for one of them, with no rounds of its own if it is interpolated; None if the run failed.
+        errors: What was wrong in the end.
+    """
+
+    h: float
+    steps: int
+    cost: Timing | None
+    errors: RunErrors
+
+    @property
+    def seconds(self) -> float | None:
+        """CPU seconds for all steps, looking at nothing."""
+        return None if self.cost is None else self.cost.seconds * self.steps
+
+
+class Curve(NamedTuple):
+    """The rows of one method, from large to small steps."""
+
+    candidate: Candidate
+    rows: tuple[Row, ...]
+
+    @property
+    def power(self) -> int:
+        """The power of the time that errors of the solution grow with at most: 2 if the energy drifts, else 1."""
+        good = sorted(row.errors.drift for row in self.rows if row.errors.drift and _is_accurate(row.errors))
+        return 2 if not good or good[len(good) // 2] > DRIFTING else 1
+
+    def front(self, measure: str, times: float = 1.0) -> list[tuple[float, float]]:
+        """Errors and seconds of the rows that no other of them beats in both, from the cheapest to the most precise.
+
+        Args:
+            measure: Which errors.
+            times: Errors as they are expected after so many times the span.
+        """
+        power = self.power
+        errors = ((row.seconds, row.errors.error(measure, times, power)) for row in self.rows)
+        points = sorted((seconds, max(error, TINY)) for seconds, error in errors if seconds and error is not None)
+        kept: list[tuple[float, float]] = []
+        for seconds, error in points:
+            if error < (kept[-1][0] if kept else math.inf):
+                kept.append((error, seconds))
+        return kept
+
+    def seconds(self, error: float, measure: str = "solution", times: float = 1.0) -> float | None:
+        """CPU seconds for the span that reach an error, between rows by a straight line between logarithms.
+
+        None if no row does.
+        """
+        front = self.front(measure, times)
+        if not front or error < front[-1][0]:
+            return None
+        after = next(k for k, (e, _) in enumerate(front) if e <= error)
+        if after == 0:
+            return front[0][1]
+        (rough, fast), (fine, slow) = front[after - 1], front[after]
+        return fast * (slow / fast) ** (math.log(rough / error) / math.log(rough / fine))
+
+
+def _is_accurate(errors: RunErrors) -> bool:
+    """Whether a run shows how its errors grow: not too rough, and not rounding only."""
+    return errors.energy is not None and NOISE < errors.energy < ROUGH
+
+
+def time_scale(scene: Scene) -> float:
+    """|y|/|f(y)| at the start; the reciprocal of |f| if y is 0, and 1 in an equilibrium.
+
+    Example:
+        >>> import bseries as bs
+        >>> time_scale(bs.scene("linear"))
+        1.0
+    """
+    import numpy as np
+
+    from integrators.scipy_bridge import right_hand_side
+
+    y = scene.y0
+    speed = float(np.linalg.norm(right_hand_side(scene)(0.0, y)))
+    return (float(np.linalg.norm(y)) or 1.0) / speed if speed else 1.0
+
+
+def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> tuple[Candidate, Swept]:
+    """Numbers of steps and errors of one method, from large steps to small ones.
+
+    Stages are found by fixed-point iteration. Where this, and not accuracy, is what limits the step, the scene is stiff
+    for the method, and the sweep begins anew with Newton's method at hand.
+    """
+    swept = _sweep(judge, candidate, finest, budget)
+    unsolved = [errors.failure is not None and UNSOLVED in errors.failure for _, errors in swept]
+    first = next((errors.error(judge.available[0]) for _, errors in swept if errors.failure is None), 0.0)
+    if any(unsolved) and first is not None and first < STIFF:
+        candidate = candidate._replace(solver="auto")
+        return candidate, _sweep(judge, candidate, finest, budget)
+    return candidate, swept
+
+
+def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> Swept:
+    measure = judge.available[0]
+    steps = max(1, math.ceil(judge.span / (FIRST_STEP * time_scale(judge.scene))))
+    found: Swept = []
+    best, idle, factor = math.inf, 0, 2.0
+    while True:
+        errors = judge.run(candidate, steps)
+        found.append((steps, errors))
+        error = errors.error(measure)
+        if error is not None:
+            idle = idle + 1 if error > best / 1.2 and best < ROUNDING else 0
+            factor = math.sqrt(2) if error * STEEP < best < math.inf else factor
+            best = min(best, error)
+            if error < finest or idle >= PATIENCE:
+                break
+        following = max(steps + 1, round(steps * factor))
+        per_step = errors.seconds / steps if errors.failure is None and len(found) > 1 else LEAST_SECONDS
+        too_long = errors.seconds > budget and len(found) > 1  # the first run compiles
+        if too_long or max(per_step, LEAST_SECONDS) * following > budget:
+            break
+        steps = following
+    return found
+
+
+def timed(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]:
+    """The curves: rows with their times, taken in turn."""
+    work = {
+        f"{candidate.name} {steps}": judge.work(candidate, steps)
+        for candidate, rows in swept
+        for steps in _to_time([steps for steps, errors in rows if errors.failure is None])
+    }
+    costs = step_costs(work, sample=SAMPLE)
+    curves = []
+    for candidate, rows in swept:
+        timed = {steps: costs[key] for steps, _ in rows if (key := f"{candidate.name} {steps}") in costs}
+        made = [Row(judge.span / n, n, None if e.failure else _cost(timed, n), e) for n, e in rows]
+        curves.append(Curve(candidate, tuple(made)))
+    return curves
+
+
+def _to_time(steps: Sequence[int]) -> list[int]:
+    """The first, the last and some between."""
+    if len(steps) <= TIMED:
+        return list(steps)
+    return [steps[round(k * (len(steps) - 1) / (TIMED - 1))] for k in range(TIMED)]
+
+
+def _cost(timed: dict[int, Timing], steps: int) -> Timing:
+    """What a step costs, between rows that were timed by a straight line between logarithms."""
+    if steps in timed:
+        return timed[steps]
+    below, above = max(n for n in timed if n < steps), min(n for n in timed if n > steps)
+    part = math.log(steps / below) / math.log(above / below)
+    values = zip(timed[below][:3], timed[above][:3], strict=True)
+    seconds, low, high = (first * (last / first) ** part for first, last in values)
+    return Timing(seconds, low, high, 0)

@@ -1,0 +1,284 @@
+"""`bseries cost`: what accuracy costs on a scene, and which method and step to take."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import layout
+from .application import Refusal
+from .layout import Column
+from .number_option import read_float
+from .output import takes_output
+from .scene_argument import read_start, takes_scene
+
+if TYPE_CHECKING:
+    from integrators import Scene
+
+    from ..advice.precision_curves import WorkPrecision
+    from ..advice.prediction import Prediction
+    from ..advice.recommendation import Choice
+    from .output import Output
+
+FORMATS = ("table", "json", "csv", "markdown")
+CSV = (
+    *("method", "h", "steps", "seconds_per_step", "low", "high", "rounds", "seconds"),
+    *("solution", "energy", "modified_energy", "modified_order", "failure"),
+)
+USUAL = (1e-3, 1e-6, 1e-9)
+"""The errors that methods are recommended for where none is given."""
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+
+
+def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
+    """Let -o FILE.png, .svg or .pdf be a picture; then the text goes to stdout all the same."""
+
+    @functools.wraps(write)
+    def call(*, path: str | None, format_: str | None, **options: Any) -> None:
+        from ..figures.saving import FORMATS as PICTURES
+        from ..figures.saving import check_place
+
+        if format_ not in (None, *FORMATS):
+            raise Refusal(f"format must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
+        is_picture = path is not None and os.path.splitext(path)[1].lower().removeprefix(".") in PICTURES
+        if is_picture:
+            check_place(str(path), "output")
+        text_path = None if is_picture else path
+        write(path=text_path, format_=format_, picture=path if is_picture else None, **options)
+
+    return call
+
+
+@click.command()
+@takes_scene(as_argument=True)
+@click.option(
+    "--methods", metavar="NAMES", help="Names with commas between, or all; by default, those known to be good."
+)
+@click.option("--span", metavar="T", help="How long runs are; by default, some turns of the motion.")
+@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@click.option("--errors", metavar="A:B", default="1e-3:1e-12", show_default=True, help="The errors of interest.")
+@click.option("--measure", metavar="NAME", default="all", help="solution, energy, or modified-energy; by default, all.")
+@click.option(
+    "--error", "wanted", metavar="E", multiple=True, help="An accuracy to recommend a method for; repeatable."
+)
+@click.option("--for", "length", metavar="T", help="Recommend for runs of this length, longer than those measured.")
+@click.option(
+    "--predict/--no-predict", default=True, help="Whether to compare with what the modified equation lets expect."
+)
+@takes_picture
+@takes_output
+def cost(
+    scene: Scene,
+    effects: Sequence[str],
+    methods: str | None,
+    span: str | None,
+    start: str | None,
+    errors: str,
+    measure: str,
+    wanted: Sequence[str],
+    length: str | None,
+    predict: bool,
+    picture: str | None,
+    output: Output,
+) -> Iterable[str]:
+    """What accuracy costs on a scene: CPU time against errors, for many methods and steps.
+
+    Runs methods that suit the scene over a range of steps, measures errors of the solution (against a reference), of
+    the energy and of the modified energy, and times steps apart from that. Prints the CPU time for each power of ten
+    of the error (empty where a method does not reach it), the cheapest one with *, and recommends a method and a step
+    for each --error. -o FILE.png, .svg or .pdf draws the diagram; --format csv and json have all runs.
+
+    modifying-midpoint4 and 6 are modifying integrators: the implicit midpoint rule on its modifying field.
+
+    \b
+    Examples:
+      bseries cost kepler
+      bseries cost kepler --error 1e-8 -o kepler.png
+      bseries cost pendulum --methods stormer-verlet,rk4,gauss3 --span 100 --errors 1e-2:1e-8
+      bseries cost henon-heiles --measure energy --error 1e-6 --for 1e6
+      bseries cost kepler --effect relativity --format json -o kepler.json
+      bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods all
+    """
+    from ..advice.ahead import reference_compiled_ahead
+    from ..advice.precision_curves import work_precision
+
+    if start is not None:
+        scene = read_start(start, scene)
+    limits = _errors(errors)
+    goals = [_positive(text, "error") for text in wanted]
+    measured, longer = (
+        None if text is None else _positive(text, option) for text, option in ((span, "span"), (length, "for"))
+    )
+    with reference_compiled_ahead():
+        found = work_precision(
+            scene,
+            _names(methods),
+            span=measured,
+            errors=limits,
+            measure=measure,
+            progress=output.progress.update,
+        )
+    if picture is not None:
+        _draw(found, picture)
+    if output.format == "csv":
+        return layout.csv(CSV, _csv_rows(found))
+    goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
+    choices = {error: _choice(found, error, longer) for error in goals}
+    predictions = {error: _prediction(found, choice) for error, choice in choices.items()} if predict else {}
+    if output.format == "json":
+        return [layout.json({**found.to_dict(), "choices": _choice_facts(choices, predictions)}, "methods")]
+    return _written(found, choices, predictions, output)
+
+
+def _names(text: str | None) -> list[str] | str | None:
+    if text is None or text.strip() == "all":
+        return text and "all"
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _positive(text: str, option: str) -> float:
+    number = read_float(text, option)
+    if not number > 0:
+        raise Refusal(f"{option} must be positive, but was {text!r:.60}")
+    return number
+
+
+def _errors(text: str) -> tuple[float, float]:
+    """The two errors of A:B, the larger one first."""
+    from ..advice.precision_curves import check_errors
+
+    pieces = text.split(":")
+    if len(pieces) != 2:
+        raise Refusal(f"errors must be A:B, as in 1e-3:1e-12, but was {text!r:.60}")
+    first, second = sorted((read_float(piece, "errors") for piece in pieces), reverse=True)
+    return check_errors((first, second))
+
+
+def _choice(found: WorkPrecision, error: float, length: float | None) -> Choice | str:
+    """The recommendation for an error, or why there is none."""
+    from integrators import IntegratorError
+
+    if length is not None and length < found.span:
+        raise Refusal(f"for must be at least the span measured, {found.span:g}, but was {length:g}")
+    try:
+        return found.best(error, length, found.measures[0])
+    except IntegratorError as refusal:
+        return str(refusal)
+
+
+def _prediction(found: WorkPrecision, choice: Choice | str) -> Prediction | None:
+    """What the modified equation lets expect of a recommended run; None for modifying integrators."""
+    from bseries import errors
+
+    from ..advice.prediction import predict_run
+
+    if isinstance(choice, str):
+        return None
+    candidate = next(curve.candidate for curve in found.curves if curve.candidate.name == choice.method)
+    if candidate.is_modifying:
+        return None
+    try:
+        return predict_run(
+            candidate.scene,
+            candidate.method,
+            h=choice.h,
+            steps=choice.steps,
+            seconds_per_step=choice.seconds / choice.steps,
+        )
+    except errors:
+        return None
+
+
+def _draw(found: WorkPrecision, path: str) -> None:
+    from integrators.text_files import atomic_write
+
+    from ..advice.cost_picture import draw
+    from ..figures.saving import picture, picture_format
+
+    atomic_write(path, picture(draw(found), picture_format(path)))
+
+
+def _written(
+    found: WorkPrecision,
+    choices: dict[float, Choice | str],
+    predictions: dict[float, Prediction | None],
+    output: Output,
+) -> Iterable[str]:
+    """The table for readers, and the notes below it."""
+    measure = found.measures[0]
+    decades = _decades(found.errors)
+    columns = [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)]
+    times = {curve.candidate.name: [curve.seconds(error, measure) for error in decades] for curve in found.curves}
+    least = [min((t for t in column if t is not None), default=None) for column in zip(*times.values(), strict=True)]
+    rows = [[name, *map(_cell, row, least)] for name, row in times.items()]
+    title = f"{found.scene.title}, t = 0 to {found.span:g}: CPU time against the error of the {_spoken(measure)}"
+    notes = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
+    left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
+    return output.listing(columns, rows, title, [*notes, *found.notes, *left_out])
+
+
+def _spoken(measure: str) -> str:
+    return measure.replace("-", " ")
+
+
+def _decades(errors: tuple[float, float]) -> list[float]:
+    """The powers of ten among the errors of interest; the errors themselves if there are none."""
+    first, last = (math.log10(error) for error in errors)
+    return [10.0**k for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
+
+
+def _cell(seconds: float | None, least: float | None) -> str:
+    return "" if seconds is None else shown_time(seconds) + ("*" if seconds == least else "")
+
+
+def shown_time(seconds: float) -> str:
+    """A time with its unit.
+
+    Example:
+        >>> [shown_time(seconds) for seconds in (75.0, 0.0123, 4.567e-5)]
+        ['75 s', '12.3 ms', '45.7 µs']
+    """
+    size, unit = next((u for u in UNITS if seconds >= u[0]), UNITS[-1])
+    return f"{seconds / size:.3g} {unit}"
+
+
+def _advice(error: float, choice: Choice | str, prediction: Prediction | None) -> Iterator[str]:
+    """The recommendation for an error, in sentences."""
+    if isinstance(choice, str):
+        yield f"Error {error:.0e}: {choice}."
+        return
+    others = ", ".join(f"{name} {shown_time(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
+    yield (
+        f"Error {error:.0e}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
+        f"{shown_time(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
+        + (f"; next {others}." if others else ".")
+    )
+    if prediction is not None and choice.measure != "modified-energy":
+        expected = prediction.energy if choice.measure == "energy" else prediction.solution
+        yield f"    expected of the modified equation: error {expected}."
+
+
+def _choice_facts(
+    choices: dict[float, Choice | str], predictions: dict[float, Prediction | None]
+) -> list[dict[str, Any]]:
+    """The recommendations for JSON."""
+    facts = []
+    for error, choice in choices.items():
+        found = {"reason": choice} if isinstance(choice, str) else choice.to_dict()
+        prediction = predictions.get(error)
+        facts.append({"wanted": error, **found, "prediction": None if prediction is None else prediction.to_dict()})
+    return facts
+
+
+def _csv_rows(found: WorkPrecision) -> Iterator[list[str]]:
+    for curve in found.curves:
+        for row in curve.rows:
+            costs = (None,) * 4 if row.cost is None else row.cost
+            errors = (getattr(row.errors, name) for name in CSV[-5:])
+            values = [curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors]
+            yield ["" if value is None else str(value) for value in values]

@@ -1,0 +1,353 @@
+"""`predict_run`: expected errors against measured ones, and honest answers where they cannot be known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bseries as bs
+from bseries.advice import pilot as pilots
+from bseries.advice.distances import relative_change, relative_distance, relative_distances, without_time
+from bseries.advice.growth import REGULAR, change_after, from_parts, size_after, window_means
+from bseries.advice.modified_terms import modified_terms
+from bseries.advice.pilot import pilot
+
+FACTOR = 3.0
+SHIPPED = {name: getattr(pilots, name) for name in ("SECONDS", "MOST_POINTS")}
+
+
+@pytest.fixture(autouse=True)
+def same_pilots(monkeypatch):
+    """Pilots of the same length however busy the machine is."""
+    monkeypatch.setattr(pilots, "SECONDS", 1e9)
+    monkeypatch.setattr(pilots, "MOST_POINTS", 2**13)
+
+
+def predicted(scene, method, h, steps, **options):
+    return bs.predict_run(scene, method, h=h, steps=steps, timed=False, **options)
+
+
+def measured(scene, method, h, steps, finer):
+    """The errors of energy and solution of a run, the latter from another method with finer steps."""
+    every = max(1, steps // 300)
+    run = bs.integrate(scene, method, h=h, steps=steps, save_every=every, observe="energy", observe_every=1)
+    exact = bs.integrate(scene, "gauss4", h=h / finer, steps=steps * finer, save_every=every * finer).y
+    energy = run.observed["energy"]
+    return relative_change(energy), relative_distance(run.y, exact)
+
+
+RUNS = [
+    ("pendulum", "stormer-verlet", 0.4, 50, 4),
+    ("pendulum", "stormer-verlet", 0.05, 200_000, 1),
+    ("pendulum", "rk4", 0.1, 30_000, 1),
+    ("pendulum", "yoshida6", 0.1, 100_000, 1),
+    ("kepler", "stormer-verlet", 0.002, 30_000, 1),
+    ("kepler", "rk4", 0.02, 3_000, 2),
+    ("kepler", "rk4", 0.01, 200_000, 1),
+    ("kepler", "gauss2", 0.05, 40_000, 5),
+    ("henon-heiles", "rk4", 0.1, 20_000, 1),
+    ("henon-heiles", "yoshida6", 0.1, 50_000, 1),
+    ("toda", "gauss2", 0.1, 500, 4),
+    ("toda", "yoshida6", 0.03, 20_000, 1),
+    ("lotka-volterra", "symplectic-euler-p", 0.03, 2_000, 1),
+    ("lotka-volterra", "gauss2", 0.1, 20_000, 2),
+    ("outer-solar-system", "stormer-verlet", 100, 2_000, 2),
+    ("outer-solar-system", "rk4", 20, 10_000, 1),
+]
+"""Scene, method, step size, steps, and how much finer the steps of the other method are."""
+
+
+@pytest.mark.parametrize(("name", "method", "h", "steps", "finer"), RUNS)
+def test_errors_are_within_a_factor_of_three(name, method, h, steps, finer):
+    scene = bs.scene(name)
+    found, real = predicted(scene, method, h, steps), measured(scene, method, h, steps, finer)
+    for expected, value in zip((found.energy, found.solution), real, strict=True):
+        assert expected.value is not None, expected.reason
+        assert 1 / FACTOR < expected.value / value < FACTOR
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "h", "steps", "finer"),
+    [
+        ("pendulum", "stormer-verlet", 0.05, 400_000, 1), ("kepler", "gauss2", 0.05, 60_000, 5),
+        ("henon-heiles", "rk4", 0.1, 20_000, 1), ("outer-solar-system", "stormer-verlet", 100, 10_000, 2),
+    ],
+)  # fmt: skip
+def test_errors_with_the_pilots_that_are_shipped(name, method, h, steps, finer, monkeypatch):
+    for setting, value in SHIPPED.items():
+        monkeypatch.setattr(pilots, setting, value)
+    test_errors_are_within_a_factor_of_three(name, method, h, steps, finer)
+
+
+@pytest.mark.parametrize(("method", "h"), [("stormer-verlet", 0.02), ("gauss2", 0.02), ("rk4", 0.01)])
+def test_energy_errors_of_atoms_are_known_though_their_paths_are_not(method, h):
+    atoms, steps = bs.scene("lennard-jones"), round(100 / h)
+    found = predicted(atoms, method, h, steps)
+    energy = bs.integrate(atoms, method, h=h, steps=steps, save_every=None, observe="energy", observe_every=1)
+    values = energy.observed["energy"]
+    assert found.energy.value is not None
+    assert 1 / FACTOR < found.energy.value / (abs(values - values[0]).max() / abs(values[0])) < FACTOR
+
+
+def test_a_wrong_order_would_be_noticed():
+    """What the second order method does is not what is expected of the fourth order one: the test above can fail."""
+    pendulum = bs.scene("pendulum")
+    real = measured(pendulum, "stormer-verlet", 0.1, 1000, 1)
+    other = predicted(pendulum, "gauss2", 0.1, 1000)
+    assert other.energy.value is not None
+    assert other.solution.value is not None
+    assert real[0] > 100 * other.energy.value
+    assert real[1] > 100 * other.solution.value
+
+
+def test_extrapolation_by_a_wrong_law_fails():
+    """Rk4 loses energy, and its solution error is quadratic: the linear law of symplectic methods is far off."""
+    kepler, h, steps = bs.scene("kepler"), 0.01, 500_000
+    found = pilot(modified_terms(bs.method("rk4"), kepler), kepler.y0, h, h * steps)
+    sizes, times = np.linalg.norm(found.errors, axis=0), h * steps / found.t[-1]
+    assert size_after(sizes, times, 2) > 5 * size_after(sizes, times, 1)
+
+
+class TestUnknown:
+    """Where errors cannot be known, that is said with a reason."""
+
+    def test_chaos(self):
+        found = predicted(bs.scene("lennard-jones"), "stormer-verlet", 0.005, 10**6)
+        assert found.solution.value is None
+        assert "cannot be told" in found.solution.reason
+        assert found.energy.value is not None
+
+    def test_chaos_on_a_scene_that_is_also_regular(self):
+        scene = bs.scene("henon-heiles")
+        wild, tame = ([(1 / 3 - 0.01 - 0.002) ** 0.5, 0.1, 0.0, 0.0], None)
+        found = predicted(scene, "gauss2", 0.1, 20_000, y0=wild).solution
+        assert found.value is None or found.reason == "as large as orbits are"
+        regular = predicted(scene, "gauss2", 0.1, 20_000, y0=tame).solution.value
+        assert regular is not None
+        assert regular < 1e-3
+
+    def test_chaos_from_errors_that_are_still_small(self):
+        """The kicked solution is lost long before a run with so small errors is."""
+        wild = [(1 / 3 - 0.01 - 0.002) ** 0.5, 0.1, 0.0, 0.0]
+        found = predicted(bs.scene("henon-heiles"), "gauss4", 0.02, 30_000, y0=wild)
+        assert found.pilot == 1
+        assert found.solution.value is None
+
+    @pytest.mark.parametrize(
+        ("name", "method", "h"),
+        [("pendulum", "stormer-verlet", 2.5), ("kepler", "gauss2", 1.0), ("kepler", "rk4", 0.5)],
+    )
+    def test_steps_beyond_the_radius(self, name, method, h):
+        found = predicted(bs.scene(name), method, h, 1000)
+        assert found.energy.value is None
+        assert "modified equation" in found.energy.reason or "orbit" in found.energy.reason
+
+    def test_an_orbit_that_is_lost(self):
+        found = predicted(bs.scene("pendulum"), "explicit-euler", 0.1, 1000)
+        assert found.energy.value is found.solution.value is None
+        assert "another" in found.energy.reason
+
+    def test_no_energy(self):
+        found = predicted(bs.scene("pendulum", effects=["damping"]), "rk4", 0.1, 1000)
+        assert found.energy.reason == "there is no energy that the scene conserves"
+        assert found.solution.value is not None
+
+    def test_blow_up(self):
+        found = predicted(bs.parse_scene("y' = y^2"), "rk4", 0.01, 1000, y0=[1.0])
+        assert found.solution.reason == "the solution could not be followed beyond t = 1.02"
+        assert found.powers == ()
+
+    def test_variable_steps(self):
+        found = predicted(bs.scene("kepler"), "stormer-verlet", 0.01, 1000, control="sqrt(q1^2 + q2^2)")
+        assert "constant steps" in found.solution.reason
+        assert "errors unknown: " in str(found)
+
+    def test_symbols_are_refused(self):
+        with pytest.raises(bs.IntegratorError, match="must"):
+            predicted(bs.scene("kepler", mu="mu"), "rk4", 0.01, 100)
+
+
+@pytest.mark.parametrize(("name", "method"), [("pendulum", "avf"), ("rigid-body", "gauss2")])
+def test_of_energy_that_is_conserved_only_rounding_is_left(name, method):
+    found = predicted(bs.scene(name), method, 0.1, 10**5)
+    assert found.energy.reason == "rounding will be larger"
+    assert found.energy.value is not None
+    assert found.energy.value < 1e-14
+
+
+def test_a_motion_may_begin_slowly():
+    """The double pendulum begins at rest; the grid must not be that of its first moment."""
+    scene = bs.scene("double-pendulum")
+    found = predicted(scene, "gauss2", 0.01, 200)
+    real = measured(scene, "gauss2", 0.01, 200, 2)
+    for expected, value in zip((found.energy, found.solution), real, strict=True):
+        assert expected.value is not None, expected.reason
+        assert 1 / FACTOR < expected.value / value < FACTOR
+
+
+def test_damped_errors_do_not_grow_for_ever():
+    """After the pendulum has come to rest nothing is added."""
+    damped = bs.scene("pendulum", effects=["damping"], gamma="1/2")
+    short, long = (predicted(damped, "rk4", 0.2, steps).solution for steps in (500, 50_000))
+    assert short.value is not None
+    assert long.value == pytest.approx(short.value, rel=0.1)
+
+
+def test_time_among_the_variables_has_no_error():
+    driven = bs.scene("pendulum", effects=["drive"], amplitude="1/100")
+    found = predicted(driven, "rk4", 0.1, 300)
+    runs = [bs.integrate(driven, m, h=0.1 / k, steps=300 * k, save_every=k).y for m, k in (("rk4", 1), ("gauss4", 2))]
+    real = relative_distance(*(without_time(driven, y) for y in runs))
+    assert found.solution.value is not None
+    assert 1 / FACTOR < found.solution.value / real < FACTOR
+    assert relative_distance(*runs) < real / FACTOR  # with the time, which is 30 in the end
+
+
+def test_backwards_in_time_is_as_good_as_forwards():
+    pendulum = bs.scene("pendulum")
+    there, back = (predicted(pendulum, "gauss2", h, 1000) for h in (0.1, -0.1))
+    assert back.energy.value == pytest.approx(there.energy.value, rel=1e-3)
+    assert back.solution.value == pytest.approx(there.solution.value, rel=1e-2)
+
+
+def test_exact_methods_have_rounding_errors_only():
+    free = bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2", start={"p": [1], "q": [0]})
+    found = predicted(free, "rk4", 0.1, 100)
+    assert found.energy == found.solution == bs.Expected(0.0, "only rounding")
+
+
+@pytest.mark.parametrize(
+    ("name", "scene", "holds"),
+    [
+        ("stormer-verlet", "outer-solar-system", True), ("rk4", "outer-solar-system", False),
+        ("gauss2", "kepler", True), ("rk4", "kepler", False), ("stormer-verlet", "lennard-jones", True),
+        ("symplectic-euler-p", "lotka-volterra", True), ("gauss2", "lotka-volterra", False),
+        ("rk4", "rigid-body", False),
+    ],
+)  # fmt: skip
+def test_hamiltonian_terms_are_told_from_others(name, scene, holds):
+    made = bs.scene(scene)
+    terms, point = modified_terms(bs.method(name), made), made.y0
+    states = point[:, None] * (1 + 0.01 * np.random.default_rng(1).normal(size=(len(point), 10)))
+    assert terms.is_hamiltonian(states, terms.powers) is holds
+
+
+@pytest.mark.parametrize(
+    ("name", "powers"),
+    [("explicit-euler", (1, 2, 3)), ("dop853", (8, 9, 10)), ("yoshida6", (6, 8)), ("gauss4", (8, 10))],
+)
+def test_powers_begin_with_the_order(name, powers):
+    assert modified_terms(bs.method(name), bs.scene("pendulum")).powers == powers
+
+
+def test_times_are_those_of_the_same_code():
+    found = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=10**9, observe="energy", observe_every=1000)
+    assert found.seconds is not None
+    assert 0.1 < found.seconds < 1e5
+    again = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=10, seconds_per_step=2.0)
+    assert again.seconds == 20.0
+
+
+@pytest.mark.parametrize("steps", [63, 64])
+def test_short_runs_are_repeated_until_their_time_is_known(steps):
+    found = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=steps)
+    longer = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=2 * steps)
+    assert found.seconds is not None
+    assert longer.seconds is not None
+    assert 1 / 5 < found.seconds / longer.seconds < 5
+
+
+@pytest.mark.parametrize("steps", [0, 1, 10])
+def test_times_of_too_few_steps_are_unknown_and_not_zero(steps):
+    found = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=steps)
+    assert found.seconds is None
+    assert str(found).startswith("relative energy error ")
+
+
+@pytest.mark.parametrize("steps", [-30, 2.5, "x", True, 2**53 + 1])
+def test_steps_are_a_whole_number(steps):
+    with pytest.raises(bs.IntegratorError, match=r"steps must be a whole number from 0 to 2\^53, but was "):
+        predicted(bs.scene("pendulum"), "rk4", 0.1, steps)
+
+
+@pytest.mark.parametrize("known", [{"timed": False}, {"seconds_per_step": 1.0}])
+def test_options_that_there_are_not(known):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'obsreve'"):
+        bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=10, obsreve="energy", **known)
+
+
+def test_failing_steps_are_errors():
+    with pytest.raises(bs.StepError, match="step 1"):
+        bs.predict_run(bs.parse_scene("y' = y^2"), "implicit-euler", y0=[1.0], h=10, steps=5)
+
+
+class TestGrowth:
+    """Laws of growth, on functions whose laws are known."""
+
+    t = np.linspace(0, 200, 4001)
+
+    def test_means_see_no_oscillations(self):
+        x = np.linspace(0, 1, 8001)
+        centres, means = window_means(5 * x + np.sin(2000 * x) + np.cos(1400 * x))
+        assert abs(means - 5 * centres).max() < 1e-7
+
+    @pytest.mark.parametrize("power", [1, 2])
+    def test_quasi_periodic_growth(self, power):
+        def law(t):
+            return t**power * (2 + np.sin(3 * t) + np.cos(2**0.5 * t)) + 10 * (1 + np.cos(t))
+
+        found = from_parts(lambda n, times: size_after(law(self.t[:n]), times, power), len(self.t), 100.0)
+        assert found.value == pytest.approx(4 * 20_000**power, rel=0.1)
+        assert found.disagreement < 1.2
+
+    def test_exponential_growth_is_seen(self):
+        errors = np.exp(self.t / 20)
+        assert from_parts(lambda n, times: size_after(errors[:n], times, 2), len(errors), 10.0).disagreement > 3
+
+    @pytest.mark.parametrize("span", [10, 20, 50])
+    @pytest.mark.parametrize(("method", "h", "power"), [("gauss2", 0.05, 1), ("rk4", 0.02, 2)])
+    def test_what_few_turns_do_not_tell_is_unknown(self, span, method, h, power):
+        """The Kepler problem turns in 2π: from 1.6, 3 and 8 turns to twice and five times as long."""
+        kepler, steps = bs.scene("kepler"), round(5 * span / h)
+        run = bs.integrate(kepler, method, h=h, steps=steps).y
+        exact = bs.integrate(kepler, "gauss4", h=h, steps=steps).y
+        errors, points = relative_distances(run, exact), steps // 5 + 1
+        for times in (2, 5):
+            found = from_parts(lambda n, f: size_after(errors[:n], f, power), points, times)
+            real = errors[: times * points].max()
+            assert found.disagreement > REGULAR or 1 / REGULAR < found.value / real < REGULAR
+            if power == 1:
+                assert (found.disagreement > REGULAR) == (span < 50)
+
+    def test_errors_that_have_not_faded_grow_at_least_linearly(self):
+        """A polynomial through windows of a single turn falls; what has faded stays."""
+        errors = np.sin(0.6 * np.pi * np.linspace(0, 1, 400)) ** 2 + 0.2
+        assert size_after(errors, 10.0, 2) >= 10 * errors.max()
+        assert size_after(np.exp(-self.t / 20), 10.0, 2) == 1.0
+
+    @pytest.mark.parametrize("power", [1, 2])
+    def test_errors_that_begin_with_zeros(self, power):
+        errors = np.maximum(self.t - 150, 0.0)
+        assert size_after(errors, 4.0, power) >= 200
+        assert size_after(1e-200 * errors, 4.0, power) == pytest.approx(1e-200 * size_after(errors, 4.0, power))
+
+    @pytest.mark.parametrize("points", [1, 2, 5])
+    def test_few_points_are_no_law(self, points):
+        errors = np.linspace(0, 1, points) ** 2
+        assert size_after(errors, 3.0, 2) == (9.0 if points > 1 else 0.0)
+        found = from_parts(lambda n, f: size_after(errors[:n], f, 1), points, 3.0)
+        assert found.disagreement > REGULAR or not errors.any()
+
+    def test_drift_below_oscillations(self):
+        changes = np.sin(self.t) + 1e-4 * self.t
+        assert change_after(changes, 1e4, drifts=True) == pytest.approx(201, rel=0.1)
+        assert change_after(changes, 1e4, drifts=False) == pytest.approx(1.02, rel=0.02)
+
+
+def test_plain_data_and_text():
+    found = bs.predict_run(bs.scene("pendulum"), "gauss2", h=0.1, steps=10**6, timed=False)
+    data = found.to_dict()
+    assert data["powers"] == [4, 6]
+    assert data["energy_error"]["value"] == found.energy.value
+    assert str(found).startswith("relative energy error 1.8e-06, relative solution error ")
+    assert "from the modified equation to h^6, extrapolated from" in str(found)

@@ -1,0 +1,315 @@
+"""Work and precision: errors against closed forms, orders, the modified energy, and recommendations that hold."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+
+import numpy as np
+import pytest
+
+import bseries as bs
+from bseries.advice import recommendation, sweeps
+from bseries.advice.candidates import candidate, candidates
+from bseries.advice.dense_reference import DenseReference
+from bseries.advice.modifying_scenes import modifying_scene
+from bseries.advice.recommendation import largest_step
+from bseries.advice.run_errors import Judge, RunErrors
+from bseries.advice.sweeps import Curve, Row, time_scale
+from bseries.advice.timing import Timing
+
+METHODS = ("stormer-verlet", "rk4", "gauss2")
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return bs.work_precision(bs.scene("pendulum"), METHODS, span=20, errors=(1e-2, 1e-7), budget=0.05)
+
+
+def curve(found, name) -> Curve:
+    return next(curve for curve in found.curves if curve.candidate.name == name)
+
+
+# Errors
+
+
+def test_errors_of_runs_against_the_closed_solution():
+    oscillator, span, n = bs.scene("linear"), 7.0, 60
+    found = Judge(oscillator, span).run(candidate(oscillator, "rk4"), n)
+    h, z = span / n, 1.0 + 0.0j  # rk4 multiplies by its stability function, the exact flow by exp(ih)
+    factor, distances = sum((1j * h) ** k / math.factorial(k) for k in range(5)), []
+    for k in range(1, n + 1):
+        z *= factor
+        distances.append(abs(z - cmath.exp(1j * h * k)))
+    assert found.solution == pytest.approx(max(distances), rel=1e-6)
+    assert found.energy in (None, pytest.approx(1 - abs(z) ** 2, rel=1e-6))
+
+
+def test_the_dense_reference_between_its_points():
+    times = np.random.default_rng(8).uniform(0, 0.9, 200)
+    riccati = bs.scene("riccati")
+    found = DenseReference(riccati, riccati.y0, 0.9)
+    assert np.abs(found(times)[0] * (1 - times) - 1).max() < 1e-13
+    with pytest.raises(bs.IntegratorError, match="t must end before 1"):
+        DenseReference(riccati, riccati.y0, 1.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        ("stormer-verlet", 2),
+        ("implicit-midpoint", 2),
+        ("rk4", 4),
+        ("modifying-midpoint4", 4),
+        ("modifying-midpoint6", 6),
+    ],
+)
+def test_errors_fall_with_the_order(name, order):
+    scene = bs.scene("pendulum")
+    judge, method = Judge(scene, 5.0, ("solution",)), candidate(scene, name)
+    rough, fine = (judge.run(method, n).solution for n in (100, 200))
+    assert rough is not None
+    assert fine is not None
+    assert abs(math.log2(rough / fine) - order) < 0.2
+
+
+def test_the_modified_energy_changes_less_than_the_energy(pendulum):
+    errors = next(row.errors for row in curve(pendulum, "stormer-verlet").rows if row.h < 0.06)
+    assert errors.modified_order is not None
+    assert errors.modified_order >= 3
+    assert (errors.error("modified-energy") or 1.0) < 1e-3 * (errors.error("energy") or 0.0)
+    assert all(row.errors.modified_energy is None for row in curve(pendulum, "rk4").rows)  # it has none
+
+
+def test_a_scene_without_energy():
+    lorenz = bs.scene("lorenz")
+    found = bs.work_precision(lorenz, ["rk4"], span=1, errors=(1e-2, 1e-4), budget=0.02)
+    assert found.measures == ("solution",)
+    with pytest.raises(bs.IntegratorError, match="measure must be one that can be had on lorenz, but energy cannot"):
+        bs.work_precision(lorenz, ["rk4"], measure="energy")
+
+
+def test_default_spans_end_before_the_solution_does():
+    found = bs.work_precision(bs.scene("riccati"), ["rk4"], errors=(1e-2, 1e-6), budget=0.02)
+    assert found.span == pytest.approx(0.5)
+    assert found.measures == ("solution",)
+    assert time_scale(bs.scene("kepler")) == pytest.approx(0.3108, abs=1e-3)
+
+
+# Rows
+
+
+def test_rows_have_times_and_failures_stay():
+    riccati = bs.scene("riccati")
+    found = bs.work_precision(riccati, ["implicit-euler"], span=0.9, errors=(0.5, 1e-3), budget=0.02)
+    rows = found.curves[0].rows
+    assert rows[0].errors.failure is not None
+    assert rows[0].seconds is None
+    assert rows[-1].errors.failure is None
+    assert rows[-1].cost is not None
+    assert rows[-1].cost.seconds > 0
+    assert "runs failed" in " ".join(found.notes)
+
+
+def test_stiff_scenes_get_newtons_method():
+    stiff = bs.parse_scene("y' = z; z' = -1000*z - 1000*y").with_start(y=[1, -1])
+    found = bs.work_precision(stiff, ["radau-iia2", "rk4"], span=2, errors=(1e-1, 1e-6), budget=0.05)
+    implicit, explicit = found.curves
+    assert implicit.candidate.solver == "auto"
+    assert explicit.candidate.solver == "fixed-point"
+    steps = [min(row.steps for row in c.rows if (row.errors.solution or 1) < 1e-4) for c in found.curves]
+    assert 20 * steps[0] < steps[1]
+
+
+def test_interpolated_times_and_fronts():
+    scene = bs.scene("pendulum")
+    points = [(10, 1e-2, 1e-6), (20, 1e-4, 1e-6), (40, 1e-3, 1e-6), (80, 1e-6, 1e-6)]
+    rows = [Row(1 / n, n, Timing(t, t, t, 5), RunErrors(solution=error)) for n, error, t in points]
+    made = Curve(candidate(scene, "rk4"), tuple(rows))
+    assert made.front("solution") == [
+        (1e-2, pytest.approx(1e-5)),
+        (1e-4, pytest.approx(2e-5)),
+        (1e-6, pytest.approx(8e-5)),
+    ]
+    assert made.seconds(1e-3) == pytest.approx(math.sqrt(2) * 1e-5)
+    assert made.seconds(0.5) == pytest.approx(1e-5)
+    assert made.seconds(1e-7) is None
+    assert made.seconds(1e-3, "energy") is None
+
+
+def test_the_answer_is_plain_data(pendulum):
+    data = json.loads(json.dumps(pendulum.to_dict()))
+    assert (data["kind"], data["scene"], data["span"]) == ("work-precision", "pendulum", 20.0)
+    assert [entry["method"] for entry in data["methods"]] == list(METHODS)
+    assert {"date", "processor", "versions"} <= set(data["machine"])
+    assert "3 methods on pendulum" in repr(pendulum)
+
+
+# Candidates
+
+
+@pytest.mark.parametrize(
+    ("scene", "has", "has_not"),
+    [
+        ("kepler", "blanes-casas-rkn8", "radau-iia3"),
+        ("lotka-volterra", "blanes-moan6", "blanes-casas-rkn8"),
+        ("lorenz", "rodas4", "stormer-verlet"),
+    ],
+)
+def test_methods_suit_the_structure(scene, has, has_not):
+    names = [method.name for method in candidates(bs.scene(scene)).found]
+    assert has in names
+    assert has_not not in names
+    assert "modifying-midpoint6" in names
+
+
+def test_methods_that_do_not_fit_are_left_out_with_a_reason():
+    found = candidates(bs.scene("lorenz"), ["rk4", "rkn-verlet", "rk4"])
+    assert [method.name for method in found.found] == ["rk4"]
+    assert "q'' = g(q)" in found.left_out["rkn-verlet"] or "must" in found.left_out["rkn-verlet"]
+
+
+def test_modifying_fields_are_refused_where_formulas_would_be_long():
+    many = bs.scene("toda", n=5)
+    with pytest.raises(bs.SeriesError, match="must have at most 8 variables, but toda has 10"):
+        modifying_scene(bs.method("implicit-midpoint"), many, 4)
+    with pytest.raises(bs.SeriesError, match="must treat the whole field alike"):
+        modifying_scene(bs.method("stormer-verlet"), bs.scene("pendulum"), 4)
+
+
+# Recommendations
+
+
+@pytest.mark.parametrize("error", [1e-2, 1e-4, 1e-6])
+def test_the_step_is_the_largest_that_meets_the_error(pendulum, error):
+    for found in pendulum.curves:
+        step = largest_step(pendulum.judge, found, error, "solution")
+        if step is None:
+            assert found.candidate.name == "stormer-verlet"
+            assert error == 1e-6
+            continue
+        assert step.error <= error
+        larger = pendulum.judge.run(found.candidate, math.floor(step.steps / 1.05)).solution
+        assert larger is None or larger > error
+
+
+SCENES = {"pendulum": METHODS, "lotka-volterra": ("rk4", "blanes-moan4", "gauss2")}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_recommendations_against_a_search(scene, monkeypatch):
+    """With what steps cost fixed, so that only the choice is tested."""
+    prices = dict(zip(SCENES[scene], (1e-7, 3e-7, 2e-7), strict=True))
+
+    def costs(work, **options):
+        names = {name: name.split(" ")[0] for name in work}
+        return {name: Timing(prices[method], prices[method], prices[method], 5) for name, method in names.items()}
+
+    monkeypatch.setattr(sweeps, "step_costs", costs)
+    monkeypatch.setattr(recommendation, "step_costs", costs)
+    found = bs.work_precision(bs.scene(scene), SCENES[scene], span=10, errors=(1e-2, 1e-5), budget=0.02)
+    for error in (1e-2, 1e-4):
+        chosen = found.best(error)
+        assert chosen.error <= error
+        assert chosen.seconds == pytest.approx(chosen.steps * prices[chosen.method])
+        best = min(prices[c.candidate.name] * fewest(found.judge, c, error) for c in found.curves)
+        assert best <= chosen.seconds * 1.001 <= 1.10 * best
+
+
+def fewest(judge, found, error):
+    """The fewest steps from which on the error is met, on a grid that goes up by 2 %."""
+    last = math.inf
+    for steps in sorted({round(2 * 1.02**k) for k in range(330)}, reverse=True):
+        solution = judge.run(found.candidate, steps).solution
+        if solution is None or solution > error:
+            break
+        last = steps
+    return last
+
+
+def test_longer_spans_follow_the_growth_of_errors(pendulum):
+    assert [found.power for found in pendulum.curves] == [1, 2, 1]
+    judge = Judge(pendulum.scene, 80.0, ("solution",))
+    known = 0
+    for found in pendulum.curves:
+        step = largest_step(pendulum.judge, found, 1e-3, "solution", 4.0)
+        if step is not None:
+            known += 1
+            actual = judge.run(found.candidate, 4 * step.steps).solution
+            assert actual is not None
+            assert 1 / 2 < actual / step.error < 2
+    assert known  # three turns tell little
+    chosen = pendulum.best(1e-3, span=80)
+    assert "extrapolated, as errors grow like t" in chosen.basis
+    assert chosen.steps == math.ceil(80 / chosen.h * (1 - 1e-12))
+    assert pendulum.best(1e-3).basis == "measured over 20"
+
+
+def test_errors_that_grow_exponentially_are_noticed():
+    times = np.linspace(0, 1, 201)
+    assert RunErrors(solution=1.0, distances=tuple(times)).error("solution", 4.0, 1) == pytest.approx(4, rel=0.3)
+    assert RunErrors(solution=1.0, distances=tuple(times**2)).error("solution", 4.0, 2) == pytest.approx(16, rel=0.3)
+    assert RunErrors(solution=1.0, distances=tuple(np.exp(20 * (times - 1)))).error("solution", 4.0, 2) is None
+
+
+def test_too_few_turns_do_not_tell_how_errors_grow():
+    """From 1.6 turns of Kepler's ellipse dop853's error looks a hundred times too small after 8 turns."""
+    kepler = bs.scene("kepler")
+    found = bs.work_precision(kepler, ["dop853"], span=10, errors=(1e-3, 1e-7), measure="solution")
+    with pytest.raises(bs.IntegratorError, match="how errors grow on from 10 to 50 may be unknown"):
+        found.best(1e-5, span=50)
+
+
+def test_the_energy_as_the_measure(pendulum):
+    chosen = pendulum.best(1e-3, measure="energy")
+    assert chosen.measure == "energy"
+    assert chosen.error <= 1e-3
+    assert json.loads(json.dumps(chosen.to_dict()))["method"] == chosen.method
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"methods": ["no-such"]}, "name must be a method of the catalogue, but was 'no-such'"),
+        ({"methods": []}, "methods must name at least one method"),
+        ({"methods": [4]}, "methods must be names, but one was 4"),
+        (
+            {"methods": ["modifying-midpoint99"]},
+            "methods must have an even order from 4 to 10 behind modifying-midpoint, but one was",
+        ),
+        ({"methods": ["lawson4"]}, "methods must have one that fits pendulum, but had none"),
+        ({"span": -1}, "span must be positive, but was -1"),
+        ({"span": "x"}, "span must be a finite number"),
+        ({"errors": (1e-5, 1e-3)}, "errors must be two numbers from 1 to 1e-15, the larger one first"),
+        ({"errors": 3}, "errors must be two numbers"),
+        ({"measure": "speed"}, "measure must be one of solution, energy, modified-energy, but was 'speed'"),
+        ({"budget": 0}, "budget must be a positive number of seconds, but was 0"),
+    ],
+)
+def test_bad_arguments(options, message):
+    with pytest.raises(bs.IntegratorError, match=message):
+        bs.work_precision(bs.scene("pendulum"), **options)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0,), "error must be positive, but was 0"),
+        ((1e-30,), "error must be one that a method reaches on pendulum within its budget, but was 1e-30"),
+        ((1e-3, 1.0), "span must be at least the one measured, 20, but was 1"),
+        ((1e-3, None, "speed"), "measure must be one of"),
+    ],
+)
+def test_bad_wishes(pendulum, arguments, message):
+    with pytest.raises(bs.IntegratorError, match=message):
+        pendulum.best(*arguments)
+
+
+def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
+    pytest.importorskip("matplotlib")
+    from bseries.advice.cost_picture import draw
+
+    figure = draw(pendulum)
+    assert len(figure.axes) == 3
+    assert {text.get_text() for text in figure.axes[0].texts} == set(METHODS)

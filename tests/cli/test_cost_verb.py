@@ -1,0 +1,93 @@
+"""`bseries cost` in all formats, against the library, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
+
+
+def test_the_table_and_the_recommendation(answer):
+    lines = answer(*SMALL, "--measure", "solution", "--error", "1e-3").splitlines()
+    assert lines[0] == "pendulum, t = 0 to 10: CPU time against the error of the solution"
+    assert lines[2].split() == ["method", "1e-02", "1e-03", "1e-04"]
+    table = {line.split()[0]: line for line in lines[4:6]}
+    assert set(table) == {"stormer-verlet", "rk4"}
+    assert sum(line.count("*") for line in table.values()) == 3
+    advice = next(line for line in lines if line.startswith("Error 1e-03: "))
+    assert "with h = " in advice
+    assert "(measured over 10)" in advice
+    assert any("expected of the modified equation: error" in line for line in lines)
+    assert any(line.startswith("Measured ") for line in lines)
+
+
+def test_json_and_csv_have_all_runs(answer):
+    data = json.loads(answer(*SMALL, "--error", "1e-3", "--format", "json"))
+    assert (data["schema"], data["kind"], data["scene"], data["span"]) == (1, "work-precision", "pendulum", 10.0)
+    assert data["measures"] == ["solution", "energy", "modified-energy"]
+    choice = data["choices"][0]
+    assert choice["wanted"] == 1e-3
+    assert choice["error"] <= 1e-3
+    assert (choice["span"], choice["basis"]) == (10.0, "measured over 10")
+    expected = choice["prediction"]["solution_error"]["value"]
+    assert 1 / 3 < expected / choice["error"] < 3
+    rows = list(csv.DictReader(io.StringIO(answer(*SMALL, "--measure", "solution", "--format", "csv"))))
+    methods = {entry["method"]: entry["rows"] for entry in data["methods"]}
+    assert {row["method"] for row in rows} == set(methods)
+    row = next(row for row in rows if row["method"] == "rk4" and row["steps"] == str(methods["rk4"][2]["steps"]))
+    assert float(row["solution"]) == methods["rk4"][2]["solution"]
+    assert row["energy"]  # is looked at in any case, for the sake of drifts
+
+
+def test_recommendations_for_longer_runs(answer):
+    text = answer(*SMALL, "--measure", "energy", "--error", "1e-3", "--for", "1e4", "--no-predict")
+    advice = next(line for line in text.splitlines() if line.startswith("Error 1e-03: "))
+    assert "steps over 10000" in advice
+    assert "(measured over 10; extrapolated, as the energy " in advice
+
+
+def test_the_picture_is_written_and_the_text_goes_to_stdout(answer, tmp_path):
+    pytest.importorskip("matplotlib")
+    for name, begin in (("cost.svg", b"<?xml"), ("cost.png", b"\x89PNG")):
+        path = tmp_path / name
+        text = answer(*SMALL, "--measure", "energy", "--no-predict", "-o", str(path))
+        assert "error of the energy" in text
+        assert "expected of" not in text
+        assert path.read_bytes().startswith(begin)
+    assert answer(*SMALL, "--measure", "energy", "--no-predict", "-o", str(tmp_path / "cost.md")) == ""
+    assert (tmp_path / "cost.md").read_text(encoding="utf-8").startswith("pendulum")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
+    small = ("--methods", "rk4,rkn-verlet", "--span", "1", "--errors", "1e-2:1e-3")
+    text = answer("cost", "lorenz", *small, "--error", "1e-25")
+    assert "Left out: rkn-verlet: scene must" in text
+    assert "Error 1e-25: error must be one that a method reaches on lorenz" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "SCENE must be given"),
+        (("pendulum", "--methods", "rk5"), "name must be a method of the catalogue, but was 'rk5'"),
+        (("pendulum", "--methods", ","), "methods must name at least one method"),
+        (("pendulum", "--errors", "1e-3"), "errors must be A:B, as in 1e-3:1e-12, but was '1e-3'"),
+        (("pendulum", "--errors", "1:2"), "errors must be two numbers from 1 to 1e-15"),
+        (("pendulum", "--span", "0"), "span must be positive"),
+        (("pendulum", "--measure", "x"), "measure must be one of solution, energy, modified-energy, but was 'x'"),
+        (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, but was 'latex'"),
+        (("pendulum", "-o", "missing/cost.png"), "output must be a file in a folder that is there"),
+        (("pendulum", "-o", "cost.jpg"), "output must end in one of"),
+        ((*SMALL[1:], "--for", "5"), "for must be at least the span measured, 10, but was 5"),
+    ],
+)
+def test_refusals(run, arguments, message):
+    result = run("cost", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,125 @@
+"""`bseries effects`, against the library and against itself in all formats."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+
+import pytest
+
+import bseries as bs
+
+DAMPED = ("pendulum", "--method", "explicit-midpoint", "--effect", "damping", "--parameter", "gamma=1e-6")
+RUN = (*DAMPED, "--step", "1/20", "--span", "2")
+
+
+@pytest.fixture
+def effects(answer):
+    """The answer in JSON."""
+    return lambda *arguments, **options: json.loads(answer("effects", *arguments, "--format", "json", **options))
+
+
+def untimed(data):
+    """What does not depend on how long steps take."""
+    rows = [{k: x for k, x in row.items() if k not in ("seconds", "uncertainty")} for row in data["rows"]]
+    return {**{k: x for k, x in data.items() if k not in ("seconds_per_step", "machine")}, "rows": rows}
+
+
+def test_json_says_what_the_library_computes(effects):
+    data = effects(*RUN)
+    report = bs.effect_influence(
+        "pendulum", "explicit-midpoint", h=0.05, span=2, effects="damping", parameters={"gamma": "1e-6"}
+    )
+    assert untimed(data) == untimed(json.loads(json.dumps(report.to_dict())))
+    assert (data["kind"], data["leave_out"], data["keep"], data["steps"]) == ("effects", ["damping"], [], 40)
+    assert 0 < data["apart"]["solution"] <= data["promised"] <= data["accept"]
+    assert data["seconds_per_step"]["full"]["seconds"] > 0
+    assert "processor" in data["machine"]
+
+
+def test_what_is_accepted(effects):
+    assert effects(*RUN, "--accept", "1e-9")["leave_out"] == []
+    by_energy = effects(*RUN, "--measure", "energy", "--accept", "1/10")
+    assert (by_energy["accept"], by_energy["leave_out"], by_energy["measure"]) == (0.1, ["damping"], "energy")
+
+
+def test_all_formats_agree(answer):
+    table, markdown = answer("effects", *RUN), answer("effects", *RUN, "--format", "markdown")
+    rows = list(csv.reader(io.StringIO(answer("effects", *RUN, "--format", "csv"))))
+    assert rows[0] == ["effect", "solution", "energy", "alone", "step", "±", "advice"]
+    assert [row[0] for row in rows[1:]] == ["damping", "(error of the method)"]
+    title = "Effects of pendulum, explicit-midpoint: 40 steps of 0.05\n"
+    assert table.startswith(title)
+    assert markdown.startswith(title)
+    for name, solution, energy, alone, *_ in rows[1:]:
+        assert re.search(rf"\n{re.escape(name)} +{solution} +{energy}( +{alone} .*)?\n", table)
+        assert f"| `{name}` | `{solution}` | `{energy}` |" in markdown
+    assert re.search(r"\nLeave out damping.*; keep none: \S+ is accepted for the solution\.\nPromised: ", table)
+    assert r"(error of the method) & " in answer("effects", *RUN, "--format", "latex")
+
+
+def test_scenes_from_files_and_standard_input(effects, tmp_path):
+    text = bs.scene("pendulum", effects=["damping"], gamma="1e-6").to_toml()
+    file = tmp_path / "mine.toml"
+    file.write_text(text, encoding="utf-8")
+    expected = untimed(effects(*RUN))
+    options = ("--method", "explicit-midpoint", "--step", "1/20", "--span", "2")
+    assert untimed(effects(str(file), *options)) == expected
+    assert untimed(effects("-", *options, stdin=text)) == expected
+
+
+def test_starts_and_options_of_built_in_scenes(effects):
+    moved = effects(*RUN, "--start", "p=1;q=0")
+    assert moved["rows"][0]["alone"] != effects(*RUN)["rows"][0]["alone"]
+    options = ("--method", "explicit-midpoint", "--step", "0.01", "--span", "0.1", "--parameter", "masses=1,1,2")
+    found = effects("n-body", *options, "--parameter", "epsilon=1/100")
+    values = {"masses": ["1", "1", "2"], "epsilon": "1/100"}
+    report = bs.effect_influence("n-body", "explicit-midpoint", h=0.01, span=0.1, parameters=values)
+    assert found["rows"][0]["left_out"] == report.rows[0].left_out._asdict()
+    assert found["keep"] == ["softening"]
+
+
+def test_costs_without_a_span(answer, effects):
+    call = (*DAMPED[:5], "--step", "0.05", "--order", "4")
+    data = effects(*call)
+    assert (data["kind"], data["order"], data["h"]) == ("effect costs", 4, 0.05)
+    assert [(row["effects"], row["trees"], row["all_trees"]) for row in data["rows"]] == [
+        ([], 8, 8),
+        (["damping"], 8, 8),
+    ]
+    assert all(row["field"]["seconds"] > 0 and row["step"]["seconds"] > 0 for row in data["rows"])
+    found = answer("effects", *call)
+    assert found.startswith("Cost of effects of pendulum, explicit-midpoint\n\non  effects ")
+    assert re.search(r"\n 1  damping +\S+ ns +\S+ +\S+ ns +\S+ +8 +8\n", found)
+
+
+MISTAKES = {
+    "no scene": ("--method rk4 --step 0.1", "SCENE must be given"),
+    "no method": ("pendulum --step 0.1", "method must be given"),
+    "no step": ("pendulum --method rk4 --span 2", "step must be given"),
+    "no effects": ("lorenz --method rk4 --step 0.1 --span 2", "scene must have effects, but lorenz has none"),
+    "unknown effect": ("kepler --method rk4 --step 0.1 --span 2 --effect wind", "effects must be of relativity"),
+    "parameter": ("pendulum --method rk4 --step 0.1 --span 2 --parameter mass=2", "parameters must be of"),
+    "accept alone": ("pendulum --method rk4 --step 0.1 --accept 1", "span must be given with --accept"),
+    "order": ("pendulum --method rk4 --step 0.1 --span 1 --order 3", "order must be left out with --span"),
+    "no number": ("pendulum --method rk4 --step x --span 1", "step must be"),
+    "span": ("pendulum --method rk4 --step 0.1 --span -1", "span must be positive"),
+    "beyond doubles": ("pendulum --method rk4 --step 1e-3 --span 1e400", "span must be a finite number, but was"),
+    "zero": ("pendulum --method rk4 --step 0", "h must not be zero, but was"),
+    "measure": ("pendulum --method rk4 --step 0.1 --span 1 --measure x", "measure must be one of solution, energy"),
+    "two stdins": ("- --method - --step 0.1 --span 1", "METHOD and SCENE must not both be -|must"),
+    "splitting": ("pendulum --method strang --step 0.1 --span 1", "parts must say what the method's parts a, b"),
+    "kind": ("kepler --method blanes-moan-rkn6 --step 0.1 --span 1", "scene must be of the kind that blanes-moan-rkn6"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_end_in_one_line(run, mistake):
+    line, sentence = MISTAKES[mistake]
+    result = run("effects", *line.split())
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("bseries: error: ")
+    assert result.stderr.count("\n") == 1
+    assert re.search(sentence, result.stderr), result.stderr
