@@ -23,7 +23,8 @@ def largest_size(y: np.ndarray) -> float:
     """The largest Euclidean norm of states (variables, n) without the time; 1 if all are 0."""
     import numpy as np
 
-    return float(np.linalg.norm(y, axis=0).max()) or 1.0
+    scale = float(np.abs(y).max()) or 1.0  # squares of states of any size neither overflow nor vanish
+    return float(np.linalg.norm(y / scale, axis=0).max()) * scale or 1.0
 
 
 def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None = None) -> np.ndarray:
@@ -41,7 +42,7 @@ def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None 
     """
     import numpy as np
 
-    return np.linalg.norm(y - reference, axis=0) / (largest_size(reference) if size is None else size)
+    return np.linalg.norm((y - reference) / (largest_size(reference) if size is None else size), axis=0)
 
 
 def relative_distance(y: np.ndarray, reference: np.ndarray) -> float:

@@ -184,10 +184,13 @@ class _Walk:
         sizes = self.reach.sizes
         if len(self.powers) < min(2, len(terms.powers)):  # of a single one nothing tells how good it is
             before, power = [(0, *terms.powers)[len(self.powers) + i] for i in (0, 1)]
-            raise SeriesError(
-                f"h must be small enough for the terms of the modified equation to shrink, but was {h:g}, where the "
-                f"one with h^{power} is {sizes[power] / sizes[before]:.1g} times that with h^{before}"
-            )
+            if sizes[power]:
+                raise SeriesError(
+                    f"h must be small enough for the terms of the modified equation to shrink, but was {h:g}, where "
+                    f"the one with h^{power} is {sizes[power] / sizes[before]:.1g} times that with h^{before}"
+                )
+        if not self.powers:
+            raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
         distance = DISTANCE * largest_size(without_time(terms.field.scene, y))
         self.scale = distance / (abs(self.spacing) * RESOLUTION * sum(sizes[k] for k in self.powers))
         self._half_kick = self.scale * self.spacing / 2
