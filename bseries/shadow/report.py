@@ -39,7 +39,7 @@ class ShadowReport:
     Example:
         >>> from integrators import integrate, scene
         >>> from bseries import shadow_energy
-        >>> report = shadow_energy(integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=2000))
+        >>> report = shadow_energy(integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=4000))
         >>> report.has_drift, report.limit
         (False, 'rounding')
         >>> print(f"{report.largest_step:.2f}, {report.step_for(1e-4):.4f}")
