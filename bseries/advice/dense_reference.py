@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from time import thread_time
 from typing import TYPE_CHECKING
 
 from integrators.errors import IntegratorError
@@ -15,9 +16,35 @@ if TYPE_CHECKING:
     from integrators.scenes.base import Scene
 
 DEGREE = 16
-FIRST_INTERVALS, MOST_INTERVALS = 16, 4096
+FIRST_INTERVALS, MOST_INTERVALS = 64, 4096
 PRECISION = 2e-14
 """How far the interpolation may be off, in parts of the state's size."""
+TRIAL = 0.02
+"""The part of a span that shows what all of it costs."""
+SAMPLINGS = 3
+"""How often a solution is computed until there are enough intervals, mostly."""
+
+
+def affordable_span(scene: Scene, span: float, seconds: float) -> float:
+    """How much of a span a dense reference solution can have for so many CPU seconds, from a trial.
+
+    Example:
+        >>> import bseries as bs
+        >>> affordable_span(bs.scene("pendulum"), 10.0, 60.0)
+        10.0
+    """
+    from integrators.reference import reference_solution
+
+    def trial() -> float:
+        began = thread_time()
+        reference_solution(scene, [span * TRIAL], y0=scene.y0, full=True)
+        return thread_time() - began
+
+    try:
+        trial()  # compiles
+        return min(span, span * TRIAL * seconds / (SAMPLINGS * trial()))
+    except IntegratorError:  # the solution ends early
+        return span
 
 
 class DenseReference:

@@ -15,6 +15,7 @@ from integrators.steppers.run_input import read_number
 from integrators.steppers.states import StepError
 
 from .candidates import Candidate, candidates
+from .dense_reference import affordable_span
 from .machine import machine
 from .run_errors import MEASURES, Judge, check_measure
 from .sweeps import Curve, Row, sweep, time_scale, timed
@@ -29,6 +30,8 @@ TINY = 1e-9
 LOOSEST, FINEST = 1.0, 1e-15
 SPAN = 200.0
 """How long runs are by default, in times |y|/|f| at the start."""
+REFERENCE_SECONDS = 10.0
+"""By default spans are so short that their reference solution takes no more CPU time."""
 SHORTER, TRIALS = 2.2, 8
 """By this factor default spans are shortened while there is no reference solution, so many times at most."""
 
@@ -137,7 +140,8 @@ def work_precision(
         methods: Names of methods, or one; ``modifying-midpoint4`` and others with an even number behind are modifying
             integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those known to be
             good on scenes of this structure.
-        span: How long; by default about two hundred times |y|/|f| at the start, or as long as a reference solution is.
+        span: How long; by default about two hundred times |y|/|f| at the start, or as long as a reference solution
+            goes, and can be had in some seconds.
         errors: The largest and the smallest error of interest.
         measure: ``"solution"`` (against the reference), ``"energy"``, ``"modified-energy"``, or ``"all"`` of them.
         budget: CPU seconds for the longest run of a method.
@@ -223,6 +227,8 @@ def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge
             raise IntegratorError(f"span must be positive, but was {shorten(repr(span))}")
         return Judge(scene, length, measures)
     length = _rounded(SPAN * time_scale(scene))
+    if "solution" in measures:
+        length = _rounded(affordable_span(scene, length, REFERENCE_SECONDS))
     judge = Judge(scene, length, measures)
     for _ in range(TRIALS):
         if judge.problem is None:
