@@ -167,6 +167,8 @@ class _Walk:
         first = y0[:, None]
         sums, rates = self._perturbation(first)
         self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in sums]
+        if len(self._kicked[0].memory):  # the compiled steps would take y from there, and kicks would be lost
+            raise SeriesError(f"scene must have slopes that depend on the state, but those of {scene.name} do not")
         for state, r in zip(self._kicked, sums, strict=True):
             state.values += self._half_kick * r[:, 0]
         self.pieces, self.checked = [(first, np.zeros_like(first), rates)], [np.zeros_like(first)]

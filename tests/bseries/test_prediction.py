@@ -351,3 +351,12 @@ def test_plain_data_and_text():
     assert data["energy_error"]["value"] == found.energy.value
     assert str(found).startswith("relative energy error 1.8e-06, relative solution error ")
     assert "from the modified equation to h^6, extrapolated from" in str(found)
+
+
+def test_fields_of_the_time_alone_are_not_predicted():
+    """Their compiled steps keep y to themselves, so that kicks of a second solution would be lost."""
+    found = bs.predict_run(bs.parse_scene("y' = t^5", start="y=1"), "rk4", h=0.1, steps=60, timed=False)
+    assert found.solution.value is None
+    assert "slopes that depend on the state" in found.solution.reason
+    nearly = bs.predict_run(bs.parse_scene("y' = t^5 + y/10^8", start="y=1"), "rk4", h=0.1, steps=60, timed=False)
+    assert nearly.solution.value == pytest.approx(9.6e-9, rel=0.05)
