@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from statistics import median
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -82,4 +81,4 @@ def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: 
     while watch.seconds <= SECONDS / 2 and perf_counter() - began < SECONDS:
         watch = run(steps)
         costs.append(watch.seconds / watch.steps)
-    return median(costs)
+    return sorted(costs)[len(costs) // 2]

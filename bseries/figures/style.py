@@ -53,6 +53,6 @@ def print_style() -> AbstractContextManager[None]:
 
 def new_figure(size: tuple[float, float]) -> Figure:
     """An empty figure, its size in centimetres."""
-    from .print_figure import PrintFigure
+    from ..print_figure import PrintFigure
 
     return PrintFigure(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from .saving import picture
+from .figures.saving import picture
 
 
 class PrintFigure(Figure):
