@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 import bseries as bs
-from bseries.advice.distances import relative_change, relative_distance
+from bseries.advice.distances import energy_size, relative_change, relative_distance
 
 from .kinds import Figure, Measurement
 
@@ -55,8 +55,8 @@ class Row(NamedTuple):
     method: str
     h: float
     span: float
-    energy: tuple[bs.Expected, float]
-    solution: tuple[bs.Expected, float]
+    energy: tuple[bs.ExpectedError, float]
+    solution: tuple[bs.ExpectedError, float]
 
 
 def rows(settings: tuple[Setting, ...] = SETTINGS, methods: tuple[str, ...] = METHODS) -> list[Row]:
@@ -76,7 +76,10 @@ def _row(setting: Setting, method: str, h: float, span: float) -> Row:
     every, finer = max(1, steps // LOOKS), max(1, round(h / setting.exact))
     run = bs.integrate(scene, method, h=h, steps=steps, save_every=every, observe="energy")
     exact = bs.integrate(scene, "gauss4", h=h / finer, steps=steps * finer, save_every=every * finer).y
-    change, error = relative_change(run.observed["energy"]), relative_distance(run.y, exact)
+    change, error = (
+        relative_change(run.observed["energy"], energy_size(scene, scene.y0)),
+        relative_distance(run.y, exact),
+    )
     return Row(setting.scene, method, h, span, (expected.energy, change), (expected.solution, error))
 
 
@@ -89,7 +92,7 @@ def table(found: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _cell(expected: bs.Expected, value: float) -> str:
+def _cell(expected: bs.ExpectedError, value: float) -> str:
     if expected.value is None:
         return f"unknown, {value:.1e}"
     return f"{expected.value:.1e} / {value:.1e} = {expected.value / value:.2f}"

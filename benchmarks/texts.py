@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from bseries.advice.durations import duration as with_unit
+
 
 def duration(seconds: float | None) -> str:
-    """Seconds, in a unit that suits them."""
-    if seconds is None:
-        return "–"
-    for unit, factor in (("ns", 1e9), ("µs", 1e6), ("ms", 1e3)):
-        if seconds * factor < 999.5:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{seconds:.3g} s"
+    """Seconds, in a unit that suits them, if there are any."""
+    return "–" if seconds is None else with_unit(seconds)
 
 
 def memory(size: float | None) -> str:

@@ -1,4 +1,7 @@
-"""Figures that a notebook shows, without pyplot and its global state."""
+"""Figures that a notebook shows, without pyplot and its global state.
+
+Not in `figures`, where every file is a figure of the lecture.
+"""
 
 from __future__ import annotations
 

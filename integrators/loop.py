@@ -16,7 +16,7 @@ from .recordings import Contents, Counts, FolderRecording, MemoryRecording
 from .run_description import description, identity
 from .runs import Grid, Run
 from .scenes.blocks import TIME
-from .steppers.run_input import check_end, read_whole
+from .steppers.run_input import check_end, read_steps
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 from .text_files import check_path
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 CHUNK_SECONDS = 0.15
 """How long compiled code runs before Ctrl-C, progress and checkpoints have their turn."""
 FIRST_CHUNK, MOST_GROWTH = 16, 8
-MOST_STEPS = 2**53
-"""Beyond, a double does not hold the number of a step."""
 
 
 def integrate(
@@ -107,9 +105,9 @@ def integrate(
     References:
         HLW, section VIII.5 (compensated summation).
     """
-    steps = _count(steps, "steps", 0)
-    save_every = None if save_every is None else _count(save_every, "save_every", 1)
-    observe_every = save_every if observe_every is None else _count(observe_every, "observe_every", 1)
+    steps = read_steps(steps, "steps", 0)
+    save_every = None if save_every is None else read_steps(save_every, "save_every", 1)
+    observe_every = save_every if observe_every is None else read_steps(observe_every, "observe_every", 1)
     numerics: dict[str, Any] = {
         "compensated": compensated,
         "split": split,
@@ -199,10 +197,6 @@ def _closed(run: Run, checkpoint: Checkpoint | None) -> Trajectory:
         checkpoint.remove()
     run.recording.clear()
     return trajectory
-
-
-def _count(value: Any, argument: str, least: int) -> int:
-    return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
 
 
 def _path(value: Any, argument: str) -> str | None:

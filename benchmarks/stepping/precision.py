@@ -6,11 +6,12 @@ import json
 import os
 import subprocess
 from collections.abc import Iterable, Sequence
-from math import inf, log, pi
+from math import inf, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
+from bseries.advice.fronts import pareto_front, seconds_at
 
 from .c_steps import METHODS, CFailure
 from .our_steps import LIKE_C, our_steps_like_c
@@ -61,34 +62,18 @@ class Curve(NamedTuple):
     problem: str
     points: list[Point]
 
-    def seconds(self, error: float) -> float | None:
-        """CPU seconds that reach this error, between points by a straight line between logarithms.
+    @property
+    def front(self) -> list[Point]:
+        """The points that no other beats in both; an error of 0 was not seen, and an infinite one is a lost orbit."""
+        return pareto_front(point for point in self.points if 0 < point.error < inf)
 
-        A point counts if no other is both faster and more precise. For an error larger than all, it is the least time
-        measured; for one smaller than all, None.
-        """
-        points = front(self.points)
-        if not points or error < points[-1].error:
-            return None
-        if error >= points[0].error:
-            return points[0].seconds
-        after = next(k for k, point in enumerate(points) if point.error <= error)
-        rough, fine = points[after - 1], points[after]
-        part = log(rough.error / error) / log(rough.error / fine.error)
-        return rough.seconds * (fine.seconds / rough.seconds) ** part
+    def seconds(self, error: float) -> float | None:
+        """CPU seconds that reach this error, between the points of the front."""
+        return seconds_at(self.front, error)
 
     def to_dict(self) -> dict[str, Any]:
         """The curve for JSON."""
         return {**self._asdict(), "points": [list(point) for point in self.points]}
-
-
-def front(points: Iterable[Point]) -> list[Point]:
-    """The points that no other beats in both, from the fastest to the most precise."""
-    kept: list[Point] = []
-    for point in sorted(points, key=lambda p: (p.seconds, p.error)):
-        if 0 < point.error < (kept[-1].error if kept else inf):
-            kept.append(point)
-    return kept
 
 
 def best(curves: Iterable[Curve], error: float) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.errors import IntegratorError
@@ -10,6 +10,7 @@ from integrators.expressions import shorten
 from integrators.methods.recommendations import RECOMMENDED
 from integrators.methods.registry import catalogue, method
 
+from ..coefficients import check_method
 from ..exceptions import SeriesError
 from .modifying_scenes import modifying_scene
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from integrators.steppers.stepping import Stepper
 
     from ..coefficients import Method
+
+    Methods = Iterable[Method | str] | Method | str | None
 
 NYSTROM = (
     *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),
@@ -81,28 +84,28 @@ class Candidates(NamedTuple):
     left_out: dict[str, str]
 
 
-def candidates(scene: Scene, names: Sequence[str] | str | None = None) -> Candidates:
-    """The methods of these names that fit a scene.
+def candidates(scene: Scene, methods: Methods = None) -> Candidates:
+    """Those of some methods that fit a scene.
 
     Args:
         scene: The scene.
-        names: Names of the catalogue, or ``modifying-midpoint`` followed by an order; ``"all"`` are those of the
-            catalogue without parameters, of families those with few stages; None are those known to be good on scenes
-            of this structure.
+        methods: Methods, names of the catalogue, or ``modifying-midpoint`` followed by an order; ``"all"`` are those
+            of the catalogue without parameters, of families those with few stages; None are those known to be good on
+            scenes of this structure.
 
     Raises:
-        IntegratorError: There is no method of a name, or none fits.
+        IntegratorError: There is no method of a name, two have the same, or none fits.
 
     Example:
         >>> import bseries as bs
         >>> [candidate.name for candidate in candidates(bs.scene("lorenz")).found][:3]
         ['rk4', 'dormand-prince54', 'tsit5']
     """
-    chosen, left_out = _names(scene, names), dict[str, str]()
+    left_out = dict[str, str]()
     found = []
-    for name in chosen:
+    for name, given in _named(scene, methods).items():
         try:
-            found.append(candidate(scene, name))
+            found.append(candidate(scene, given))
         except (IntegratorError, SeriesError) as error:
             left_out[name] = str(error)
     if not found:
@@ -111,38 +114,40 @@ def candidates(scene: Scene, names: Sequence[str] | str | None = None) -> Candid
     return Candidates(found, left_out)
 
 
-def candidate(scene: Scene, name: str) -> Candidate:
-    """One method on a scene.
+def candidate(scene: Scene, given: Method | str) -> Candidate:
+    """One method on a scene; or its name.
 
     Raises:
         IntegratorError: There is none of this name, or it does not fit.
         SeriesError: It is a modifying integrator whose formulas would be too long.
     """
-    order = _modifying_order(name)
-    if order is None:
-        found = Candidate(name, method(name), scene)
+    if not isinstance(given, str):
+        found = Candidate(given.name, given, scene)
+    elif (order := _modifying_order(given)) is None:
+        found = Candidate(given, method(given), scene)
     else:
         basic = method("implicit-midpoint")
-        found = Candidate(name, basic, modifying_scene(basic, scene, order), True)
+        found = Candidate(given, basic, modifying_scene(basic, scene, order), True)
     found.stepper()
     return found
 
 
-def _names(scene: Scene, names: Sequence[str] | str | None) -> Iterable[str]:
-    """The names, each once; those that are no methods are refused."""
-    if names is None:
-        return _usual(scene)
-    if names == ALL:
-        return dict.fromkeys(_everything())
-    given = [names] if isinstance(names, str) else list(names)
-    for name in given:
-        if not isinstance(name, str):
-            raise IntegratorError(f"methods must be names, but one was {shorten(repr(name))}")
-        if _modifying_order(name) is None:
-            method(name)
-    if not given:
+def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
+    """Methods by name; what is no method is refused."""
+    if methods is None or methods == ALL:
+        return {name: name for name in (_usual(scene) if methods is None else _everything())}
+    found: dict[str, Method | str] = {}
+    for given in [methods] if isinstance(methods, str) or not isinstance(methods, Iterable) else methods:
+        if not isinstance(given, str):
+            check_method(given)
+        elif _modifying_order(given) is None:
+            method(given)
+        name = given if isinstance(given, str) else given.name
+        if found.setdefault(name, given) != given:
+            raise IntegratorError(f"methods must have different names, but two are called {name}")
+    if not found:
         raise IntegratorError("methods must name at least one method, but named none")
-    return dict.fromkeys(given)
+    return found
 
 
 def _modifying_order(name: str) -> int | None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, print_style
 from .curve_labels import Label, label_ends
+from .fronts import pareto_front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +51,7 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
     panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
     panel.grid(color="#dddddd", linewidth=0.4)
     shown = [(k, curve, _within(curve, measure, limits)) for k, curve in enumerate(found.curves)]
-    best = _cheapest([(error, seconds) for _, _, points in shown for error, seconds in points if error >= finest])
+    best = set(pareto_front(point for _, _, points in shown for point in points if point[0] >= finest))
     labels = []
     for k, curve, points in shown:
         if not points:
@@ -65,16 +66,6 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
 def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tuple[float, float]]:
     """The points of a curve that the axis shows."""
     return [(error, seconds) for error, seconds in curve.front(measure) if limits[1] <= error <= limits[0]]
-
-
-def _cheapest(points: list[tuple[float, float]]) -> set[tuple[float, float]]:
-    """The points that no other beats in both."""
-    kept, least = set(), float("inf")
-    for seconds, error in sorted((seconds, error) for error, seconds in points):
-        if error < least:
-            kept.add((error, seconds))
-            least = error
-    return kept
 
 
 def _look(k: int, colour: str, strong: bool) -> dict[str, Any]:

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
     from integrators.scenes.base import Scene
 
+SHIFT, NOISE = 2.0**-20, 2.0**-46
+"""By what part variables are shifted for derivatives, and of which part of its terms an energy is only rounding."""
+
 
 def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
     """The rows of states (variables, n) but that of the time, if it is a variable: it has no error, but a size."""
@@ -50,22 +53,39 @@ def relative_distance(y: np.ndarray, reference: np.ndarray) -> float:
     return float(relative_distances(y, reference).max())
 
 
-def magnitude(start: float) -> float:
-    """What changes of a quantity are relative to: its absolute value at the start, or 1 if that is 0."""
-    return abs(float(start)) or 1.0
+def energy_size(scene: Scene, y0: np.ndarray) -> float:
+    """What changes of the energy are relative to: |H(y0)|, or 1 if that is no more than rounding makes of 0.
+
+    H(y0) is rounding where |H| is far below Σ |∂H/∂y_i · y_i|, so that the last bits of y0 decide about it.
+
+    Example:
+        >>> import bseries as bs, numpy as np
+        >>> [energy_size(bs.scene("pendulum"), np.array([0.0, q])) for q in (np.pi / 3, np.pi / 2)]
+        [0.5000000000000001, 1.0]
+    """
+    import numpy as np
+
+    from integrators.codegen import compiled_scene
+
+    energy = compiled_scene(scene).energy
+    start = float(energy(y0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        shifted = y0 + np.diag(y0 * SHIFT)
+        slopes = [abs(float(energy(y)) - start) / SHIFT for y in shifted]
+    return 1.0 if abs(start) <= NOISE * sum(slopes) else abs(start)
 
 
-def relative_change(values: np.ndarray, reference: np.ndarray | None = None) -> float:
-    """The largest change of a quantity, relative to its start, or its largest distance from another.
+def relative_change(values: np.ndarray, size: float, reference: np.ndarray | None = None) -> float:
+    """The largest change of a quantity, or its largest distance from another, as a part of a size.
 
     Args:
         values: The values, (n,).
+        size: The size.
         reference: The values of the other, at the same times; by default all are the first value.
 
     Example:
         >>> import numpy as np
-        >>> relative_change(np.array([-2.0, -2.5, -1.0])), relative_change(np.array([0.0, 0.25]))
-        (0.5, 0.25)
+        >>> relative_change(np.array([-2.0, -2.5, -1.0]), 2.0)
+        0.5
     """
-    start = values[0] if reference is None else reference[0]
-    return float(abs(values - (start if reference is None else reference)).max()) / magnitude(start)
+    return float(abs(values - (values[0] if reference is None else reference)).max()) / size

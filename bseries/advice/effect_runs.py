@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-from .distances import relative_change, relative_distance
+from .distances import energy_size, relative_change, relative_distance
 from .effect_report import Influence
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class EffectRuns:
         h: The step size.
         steps: How many steps.
         options: Further options of `integrate`.
-        progress: Called with the number of runs made and of all.
+        progress: Called with the number of steps made and of all, in all runs.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class EffectRuns:
         self.variants, self.method, self.h, self.steps = variants, method, h, steps
         self._options, self._progress = dict(options), progress
         self._known: dict[Names, np.ndarray | None] = {}
-        self._begun = 0
+        self._made = 0
 
     @property
     def needed(self) -> set[Names]:
@@ -89,13 +89,21 @@ class EffectRuns:
         """The states at the times of comparison, (variables, times), by steps that are cut into pieces."""
         from integrators.loop import integrate
 
-        if self._progress is not None:
-            self._progress(self._begun, max(self._begun, len(self.needed)) + 1)
-        self._begun += 1
         scene, every = self.variants.build(names), -(-self.steps // LOOKS)  # rounded up
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
         h, steps, save_every = self.h / pieces, self.steps * pieces, every * pieces
-        return integrate(scene, self.method, h=h, steps=steps, save_every=save_every, **options).y
+        try:
+            return integrate(
+                scene, self.method, h=h, steps=steps, save_every=save_every, progress=self._show, **options
+            ).y
+        finally:
+            self._made += steps
+
+    def _show(self, done: int, total: int) -> None:
+        """Say how many steps of all runs are made; those that a recommendation takes are not known before."""
+        if self._progress is not None:
+            known = self.steps * (len(self.needed) + PIECES)
+            self._progress(self._made + done, max(known, self._made + total))
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
         """How far two runs are apart, the second one with the same effects or fewer: what overflows is infinite."""
@@ -110,7 +118,9 @@ class EffectRuns:
             distance = relative_distance(z, y)
             change = None
             if base.is_hamiltonian:
-                change = relative_change(*(_energies(base, x[: base.dimension]) for x in (z, y)))
+                without, with_more = (x[: base.dimension] for x in (z, y))
+                size = energy_size(base, with_more[:, 0])
+                change = relative_change(_energies(base, without), size, _energies(base, with_more))
         return Influence(_infinite_unless_finite(distance), None if change is None else _infinite_unless_finite(change))
 
 

@@ -99,8 +99,10 @@ def effect_variants(
         >>> found.without("drive"), found.build(("damping",)).field
         (('damping',), (-p/5 - sin(q), p))
     """
-    values, blocks = dict(parameters or {}), dict(start or {})
+    values, blocks = _mapping(parameters, "parameters"), _mapping(start, "start")
     chosen = (effects,) if isinstance(effects, str) else tuple(items(effects or (), "effects"))
+    if effects is not None and not chosen:
+        raise SeriesError("effects must name one effect or more, or be None for those of the scene, but was empty")
     if isinstance(scene, str):
         entry = find_entry(scene)
         names = chosen or tuple(entry.effects)
@@ -116,6 +118,12 @@ def effect_variants(
     full = full.with_start(**blocks)
     known = {name: full.effects[name].summary or "" for name in full.active}
     return EffectVariants(known, cache(lambda names: full.with_effects(*names)))
+
+
+def _mapping(values: Any, argument: str) -> dict[str, Any]:
+    if values is not None and not isinstance(values, Mapping):
+        raise SeriesError(f"{argument} must map names to values, but was {values!r:.60}")
+    return dict(values or {})
 
 
 def _built_anew(entry: SceneEntry, names: Names, values: dict[str, Any], start: dict[str, Any]) -> EffectVariants:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators import IntegratorError, StepError
 
 from ..exceptions import SeriesError
-from .distances import largest_size, magnitude, without_time
+from .distances import energy_size, largest_size, without_time
 from .growth import REGULAR, Extrapolated, agreed, change_after, disagreement, from_parts, parts_of, size_after
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead 
 ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
 
 
-class Expected(NamedTuple):
+class ExpectedError(NamedTuple):
     """An error that is expected, or why it cannot be known.
 
     Attributes:
@@ -45,7 +45,7 @@ class Expected(NamedTuple):
         reason: Why not, or what is to be said of the value; empty if nothing.
 
     Example:
-        >>> print(Expected(2.13e-7), Expected(None, "there is no energy"))
+        >>> print(ExpectedError(2.13e-7), ExpectedError(None, "there is no energy"))
         2.1e-07 unknown: there is no energy
     """
 
@@ -59,15 +59,15 @@ class Expected(NamedTuple):
 
 def expected_errors(
     scene: Scene, method: Method, h: float, steps: int, y0: np.ndarray, t0: float, parts: Any, control: Any
-) -> tuple[Expected, Expected, tuple[int, ...], float]:
+) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
     """The errors of energy and solution, the powers of h, and the part of the time that was gone through."""
     import numpy as np
 
     from .modified_terms import modified_terms
     from .pilot import pilot
 
-    def unknown(reason: str) -> tuple[Expected, Expected, tuple[int, ...], float]:
-        return Expected(None, reason), Expected(None, reason), (), 0.0
+    def unknown(reason: str) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
+        return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0
 
     if control is not None:
         return unknown("the modified equation is that of constant steps")
@@ -76,8 +76,8 @@ def expected_errors(
             warnings.simplefilter("ignore")  # what is not finite is seen below
             terms = modified_terms(method, scene, parts)
             if not terms.powers or not steps:
-                exact = Expected(0.0, "only rounding")
-                return exact if scene.is_hamiltonian else Expected(None, NO_ENERGY), exact, (), 1.0
+                exact = ExpectedError(0.0, "only rounding")
+                return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, (), 1.0
             found = pilot(terms, y0, h, h * steps, t0)
     except StepError as error:
         return unknown(f"the solution could not be followed beyond t = {error.t:.3g}")
@@ -92,13 +92,11 @@ def expected_errors(
     return energy, solution, found.powers, float(1 / times)
 
 
-def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool) -> Expected:
+def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool) -> ExpectedError:
     """The largest change of the energy."""
-    from integrators.observers import observers
-
     if found.changes is None:
-        return Expected(None, NO_ENERGY)
-    changes = found.changes / magnitude(observers(scene, "energy")(0.0, y0)[0])
+        return ExpectedError(None, NO_ENERGY)
+    changes = found.changes / energy_size(scene, y0)
 
     def extrapolated(terms: int) -> Extrapolated:
         total = changes[:terms].sum(axis=0)
@@ -108,15 +106,15 @@ def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bo
     if expected.high < ROUNDING:
         return _with_rounding(expected.value)
     if len(changes) > 1 and disagreement(expected.value, extrapolated(len(changes) - 1).value) > AGREEMENT:
-        return Expected(None, TERMS_DIFFER.format(last=found.powers[-1]))
+        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
     if drifts and expected.value > LARGEST_CHANGE:
-        return Expected(None, ANOTHER_ORBIT)
+        return ExpectedError(None, ANOTHER_ORBIT)
     if expected.disagreement > (REGULAR if drifts else AGREEMENT):
-        return Expected(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}")
+        return ExpectedError(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}")
     return _with_rounding(expected.value)
 
 
-def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Expected) -> Expected:
+def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: ExpectedError) -> ExpectedError:
     """The largest error of the solution."""
     import numpy as np
 
@@ -125,7 +123,7 @@ def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Ex
     seen, power = found.checked.shape[1], 2 if drifts else 1
     errors, y = found.errors, without_time(scene, found.y)
     if disagreement(*(_norms(e).max() for e in (errors[:, :seen], found.checked))) > AGREEMENT:
-        return Expected(None, TERMS_DIFFER.format(last=found.powers[-1]))
+        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
     sizes, ranges = _norms(errors), np.array([_range(row) for row in y])
     variables = [abs(row) for row in without_time(scene, errors)]
 
@@ -138,9 +136,9 @@ def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Ex
     free, left = zip(*(bounded(*part) for part in parts_of(len(sizes), times)), strict=True)
     expected = agreed(size * least for size, least in zip(free, left, strict=True))
     if expected.disagreement > REGULAR or not found.is_linear:
-        return Expected(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}, as in chaos")
+        return ExpectedError(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}, as in chaos")
     value = expected.value / largest_size(y)
-    return Expected(value, "as large as orbits are") if min(left) < LOST else _with_rounding(value)
+    return ExpectedError(value, "as large as orbits are") if min(left) < LOST else _with_rounding(value)
 
 
 def _norms(y: np.ndarray) -> np.ndarray:
@@ -156,5 +154,5 @@ def _range(values: np.ndarray) -> float:
     return whole if whole <= STEADY * before else math.inf
 
 
-def _with_rounding(value: float) -> Expected:
-    return Expected(value, "" if value > ROUNDING else "rounding will be larger")
+def _with_rounding(value: float) -> ExpectedError:
+    return ExpectedError(value, "" if value > ROUNDING else "rounding will be larger")

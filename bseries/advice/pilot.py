@@ -94,7 +94,7 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     import numpy as np
 
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
-    walk = _Walk(terms, y0, h, span / total, t0)
+    walk = _Walk(terms, y0, h, span / total, t0, min(FIRST_BLOCK, total))
     walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
     began = thread_time()
     while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
@@ -152,9 +152,9 @@ def _states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float
 
 
 class _Walk:
-    """A pilot under way: the flow, and solutions that are kicked."""
+    """A pilot under way: the flow, and solutions that are kicked; the first points show how large terms are."""
 
-    def __init__(self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float):
+    def __init__(self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, points: int):
         import numpy as np
 
         from integrators.steppers.stepping import stepper
@@ -163,7 +163,7 @@ class _Walk:
         self._terms, self._h, self._t0, self._last = terms, h, t0, y0
         scene = terms.field.scene
         self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
-        self._choose(_states(scene, y0, spacing, FIRST_BLOCK, t0))
+        self._choose(_states(scene, y0, spacing, points, t0))
         first = y0[:, None]
         sums, rates = self._perturbation(first)
         self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in sums]

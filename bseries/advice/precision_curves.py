@@ -21,7 +21,8 @@ from .run_errors import MEASURES, Judge, check_measure
 from .sweeps import Curve, Row, sweep, time_scale, timed
 
 if TYPE_CHECKING:
-    from .recommendation import Choice
+    from .candidates import Methods
+    from .recommendation import Recommendation
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method."""
@@ -71,7 +72,7 @@ class WorkPrecision:
         """What else is to be known."""
         return tuple(_notes(self, self.judge))
 
-    def best(self, error: float, span: float | None = None, measure: str | None = None) -> Choice:
+    def best(self, error: float, span: float | None = None, measure: str | None = None) -> Recommendation:
         """The cheapest method for an error, and the largest step that meets it.
 
         The step is interpolated from the rows, and then bisected with runs: it is the largest one, within some per
@@ -122,7 +123,7 @@ def _row_dict(row: Row) -> dict[str, Any]:
 
 def work_precision(
     scene: Scene,
-    methods: Sequence[str] | str | None = None,
+    methods: Methods = None,
     *,
     span: float | None = None,
     errors: tuple[float, float] = (1e-3, 1e-12),
@@ -137,9 +138,9 @@ def work_precision(
 
     Args:
         scene: The scene, with a start.
-        methods: Names of methods, or one; ``modifying-midpoint4`` and others with an even number behind are modifying
-            integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those known to be
-            good on scenes of this structure.
+        methods: Methods or their names, or one; ``modifying-midpoint4`` and others with an even number behind are
+            modifying integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those
+            known to be good on scenes of this structure.
         span: How long; by default about two hundred times |y|/|f| at the start, or as long as a reference solution
             goes, and can be had in some seconds.
         errors: The largest and the smallest error of interest.

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.steppers.run_input import read_whole
+from integrators.steppers.run_input import read_steps
 
 from .calibration import seconds_per_step as calibrated
-from .expected_errors import Expected, expected_errors
+from .durations import duration
+from .expected_errors import ExpectedError, expected_errors
 
 if TYPE_CHECKING:
     from integrators import Scene
 
     from ..coefficients import Method
-
-MOST_STEPS = 2**53
 
 
 class Prediction(NamedTuple):
@@ -39,8 +38,8 @@ class Prediction(NamedTuple):
     h: float
     steps: int
     seconds: float | None
-    energy: Expected
-    solution: Expected
+    energy: ExpectedError
+    solution: ExpectedError
     powers: tuple[int, ...]
     pilot: float
 
@@ -53,7 +52,7 @@ class Prediction(NamedTuple):
         return f"from the modified equation to h^{self.powers[-1]}{rest}"
 
     def __str__(self) -> str:
-        time = [] if self.seconds is None else [shown_seconds(self.seconds)]
+        time = [] if self.seconds is None else [duration(self.seconds, 2)]
         errors = [f"relative energy error {self.energy}", f"relative solution error {self.solution}"]
         if self.energy == self.solution and self.energy.value is None:
             errors = [f"errors {self.energy}"]
@@ -76,21 +75,8 @@ class Prediction(NamedTuple):
 
 def time_only(h: Any, steps: int, reason: str, seconds: float | None = None) -> Prediction:
     """A prediction without errors, and why."""
-    unknown = Expected(None, reason)
+    unknown = ExpectedError(None, reason)
     return Prediction(float(h), steps, seconds, unknown, unknown, (), 0.0)
-
-
-def shown_seconds(seconds: float) -> str:
-    """A time for readers.
-
-    Example:
-        >>> [shown_seconds(x) for x in (0.0123, 4.2, 61.2, 8000.0)]
-        ['0.012 s', '4.2 s', '61 s', '2 h 13 min']
-    """
-    if seconds < 600:
-        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
 
 
 def predict_run(
@@ -158,7 +144,7 @@ def predict_run(
 
     run = {"h": h, "y0": y0, "t0": t0, "parts": parts, **options}
     signature(integrate).bind(scene, method, steps=steps, **run)  # a TypeError for options that there are not
-    steps = read_whole(steps, "steps", "a whole number from 0 to 2^53", 0, MOST_STEPS)
+    steps = read_steps(steps, "steps", 0)
     method = named(method) if isinstance(method, str) else method
     control = options.get("control")
     state = stepper(scene, method, parts=parts, control=control).start(y0, h=h, t0=t0)

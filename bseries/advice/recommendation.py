@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators.errors import IntegratorError
 from integrators.steppers.run_input import read_number
 
+from .durations import whole_steps
 from .run_errors import MEASURES, Judge, RunErrors, check_measure
 from .step_costs import SAMPLE, step_costs
 
@@ -23,7 +24,7 @@ NARROW = 1.02
 """The largest step is known within this factor."""
 
 
-class Choice(NamedTuple):
+class Recommendation(NamedTuple):
     """A method and a step for an accuracy.
 
     Attributes:
@@ -69,7 +70,7 @@ class Step(NamedTuple):
     errors: RunErrors
 
 
-def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None, measure: str) -> Choice:
+def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None, measure: str) -> Recommendation:
     """The cheapest method for an error; see `WorkPrecision.best`."""
     measure = check_measure(measure, MEASURES)
     if measure not in found.measures:
@@ -93,10 +94,10 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
     name = min(seconds, key=seconds.__getitem__)
     step = met[name]
     h = judge.span / step.steps
-    return Choice(
+    return Recommendation(
         method=name,
         h=h,
-        steps=math.ceil(length / h * (1 - 1e-12)),
+        steps=whole_steps(length, h),
         seconds=seconds[name] * times,
         error=step.error,
         measure=measure,

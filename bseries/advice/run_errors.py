@@ -16,7 +16,7 @@ from integrators.steppers.states import StepError
 from ..exceptions import SeriesError
 from ..hamiltonians.routes import modified_hamiltonian
 from .dense_reference import DenseReference
-from .distances import magnitude, relative_distances, without_time
+from .distances import energy_size, relative_distances, without_time
 from .growth import REGULAR, from_parts, size_after
 from .step_costs import Work
 
@@ -45,7 +45,7 @@ class RunErrors(NamedTuple):
 
     Attributes:
         solution: The largest distance from the reference solution, in parts of the largest size of the state.
-        energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero.
+        energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero but for rounding.
         modified_energy: The same of the truncated modified Hamiltonian.
         modified_order: The number of its terms that was best.
         distances: The distances from the reference at equidistant times from 0 on, in the same parts.
@@ -130,6 +130,10 @@ class Judge:
     def _has_energy(self) -> bool:
         return self.scene.is_hamiltonian
 
+    @cached_property
+    def _energy_size(self) -> float:
+        return energy_size(self.scene, self.y0)
+
     def run(self, candidate: Candidate, steps: int) -> RunErrors:
         """Run a method with so many steps."""
         h, began = self.span / steps, thread_time()
@@ -143,7 +147,7 @@ class Judge:
         seconds = thread_time() - began
         values, y = run.observed.get("energy"), run.y[: self.scene.dimension]
         distances = None if self.reference is None else self._distances(run.t, y, self.reference)
-        energy, drift = (None, None) if values is None else _largest_change(values)
+        energy, drift = (None, None) if values is None else _largest_change(values, self._energy_size)
         modified, order = self._modified(candidate, y, h)
         solution = None if distances is None else float(distances.max())
         if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
@@ -168,7 +172,7 @@ class Judge:
         """The steps of such a run, to be timed."""
         h = self.span / steps
         y0, options = candidate.start(self.y0, h), {"solver": candidate.solver}
-        return Work(candidate.scene, candidate.method, h, y0, options)
+        return Work(candidate.scene, candidate.method, h, y0, options, steps)
 
     def _distances(self, t: np.ndarray, y: np.ndarray, reference: DenseReference) -> np.ndarray:
         """The errors of the solution."""
@@ -188,7 +192,7 @@ class Judge:
         with np.errstate(over="ignore", invalid="ignore"):
             terms = energy.terms(y) * h ** np.arange(energy.order)[:, None]
             sums = np.cumsum(terms, axis=0)
-            changes = abs(sums - sums[:, :1]).max(axis=1) / magnitude(sums[0, 0])
+            changes = abs(sums - sums[:, :1]).max(axis=1) / self._energy_size
         if not np.isfinite(changes).any():
             return None, None
         best = int(np.nanargmin(changes))
@@ -206,11 +210,11 @@ def _every(steps: int, looks: int) -> int:
     return max(1, steps // looks)
 
 
-def _largest_change(values: np.ndarray) -> tuple[float, float]:
-    """The largest change, relative to the start if that is not 0, and how many times it is that of the first half."""
+def _largest_change(values: np.ndarray, size: float) -> tuple[float, float]:
+    """The largest change, as a part of a size, and how many times it is that of the first half."""
     changes = abs(values - values[0])
     whole, half = float(changes.max()), float(changes[: len(changes) // 2 + 1].max())
-    return whole / magnitude(values[0]), whole / half if half else 1.0
+    return whole / size, whole / half if half else 1.0
 
 
 @lru_cache(maxsize=64)

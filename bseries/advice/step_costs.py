@@ -32,6 +32,7 @@ class Work(NamedTuple):
         h: The step size: what implicit steps cost depends on it.
         y0: The start; by default that of the scene.
         options: Further options of `integrators.stepper`.
+        most_steps: No sample goes on for more steps than this: it begins again.
     """
 
     scene: Scene
@@ -39,9 +40,10 @@ class Work(NamedTuple):
     h: float
     y0: np.ndarray | None = None
     options: Mapping[str, Any] = {}
+    most_steps: int = MOST_STEPS
 
 
-def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: int = MOST_STEPS) -> dict[str, Timing]:
+def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:
     """CPU seconds for one step, for each of several kinds of steps, compiled and warmed up.
 
     Each sample begins at the start again, so that all do the same.
@@ -49,7 +51,6 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: 
     Args:
         work: What to time.
         sample: The seconds that one sample shall take.
-        most_steps: No sample has more steps than this, for runs that leave where they can be at some time.
 
     Raises:
         IntegratorError: A method does not fit its scene; as a StepError, a step failed.
@@ -60,7 +61,7 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: 
         >>> 0 < found["leapfrog"].seconds < 1e-3
         True
     """
-    runs = {name: _Run(entry, sample, most_steps) for name, entry in work.items()}
+    runs = {name: _Run(entry, sample) for name, entry in work.items()}
     found = time_in_turn({name: run.sample for name, run in runs.items()})
     return {name: found[name].less(run.call).scaled(1 / (run.steps * run.repeats)) for name, run in runs.items()}
 
@@ -68,16 +69,16 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE, most_steps: 
 class _Run:
     """Steps from a start, always the same number of them."""
 
-    def __init__(self, work: Work, sample: float, most_steps: int):
+    def __init__(self, work: Work, sample: float):
         from integrators.steppers.stepping import stepper
 
         self.work, self.steps, self.repeats = work, 1, 1
         self._stepper = stepper(work.scene, work.method, **work.options)
         self.steps_again()  # what is to be compiled is
         seconds = self._seconds()
-        while seconds < sample and self.steps < most_steps:
+        while seconds < sample and self.steps < work.most_steps:
             before, growth = self.steps, min(4.0, 1.1 * sample / max(seconds, 1e-9))
-            self.steps = min(math.ceil(before * growth), most_steps)
+            self.steps = min(math.ceil(before * growth), work.most_steps)
             try:
                 seconds = self._seconds()
             except StepError:  # so far the run cannot go: so many steps as could be made have to do

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from .candidates import Candidate
+from .fronts import pareto_front, seconds_at
 from .run_errors import UNSOLVED, Judge, RunErrors
 from .step_costs import step_costs
 from .timing import Timing
@@ -80,26 +81,11 @@ class Curve(NamedTuple):
         """
         power = self.power
         errors = ((row.seconds, row.errors.error(measure, times, power)) for row in self.rows)
-        points = sorted((seconds, max(error, TINY)) for seconds, error in errors if seconds and error is not None)
-        kept: list[tuple[float, float]] = []
-        for seconds, error in points:
-            if error < (kept[-1][0] if kept else math.inf):
-                kept.append((error, seconds))
-        return kept
+        return pareto_front((max(error, TINY), seconds) for seconds, error in errors if seconds and error is not None)
 
     def seconds(self, error: float, measure: str = "solution", times: float = 1.0) -> float | None:
-        """CPU seconds for the span that reach an error, between rows by a straight line between logarithms.
-
-        None if no row does.
-        """
-        front = self.front(measure, times)
-        if not front or error < front[-1][0]:
-            return None
-        after = next(k for k, (e, _) in enumerate(front) if e <= error)
-        if after == 0:
-            return front[0][1]
-        (rough, fast), (fine, slow) = front[after - 1], front[after]
-        return fast * (slow / fast) ** (math.log(rough / error) / math.log(rough / fine))
+        """CPU seconds for the span that reach an error, interpolated between rows; None if no row does."""
+        return seconds_at(self.front(measure, times), error)
 
 
 def _is_accurate(errors: RunErrors) -> bool:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import functools
-import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import layout
 from .application import Refusal
-from .layout import Column
+from .cost_output import CSV, choice_facts, csv_rows, written
+from .method_argument import is_tableau_file, read_method
 from .number_option import read_float
 from .output import takes_output
 from .scene_argument import read_start, takes_scene
@@ -22,17 +22,12 @@ if TYPE_CHECKING:
 
     from ..advice.precision_curves import WorkPrecision
     from ..advice.prediction import Prediction
-    from ..advice.recommendation import Choice
+    from ..advice.recommendation import Recommendation
     from .output import Output
 
 FORMATS = ("table", "json", "csv", "markdown")
-CSV = (
-    *("method", "h", "steps", "seconds_per_step", "low", "high", "rounds", "seconds"),
-    *("solution", "energy", "modified_energy", "modified_order", "failure"),
-)
 USUAL = (1e-3, 1e-6, 1e-9)
 """The errors that methods are recommended for where none is given."""
-UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
 def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
@@ -57,8 +52,10 @@ def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
 @click.command()
 @takes_scene(as_argument=True)
 @click.option(
-    "--methods", metavar="NAMES", help="Names with commas between, or all; by default, those known to be good."
-)
+    "--methods",
+    metavar="NAMES",
+    help="Names or tableau files with commas between, or all; by default, those known to be good.",
+)  # fmt: skip
 @click.option("--span", metavar="T", help="How long runs are; by default, some turns of the motion.")
 @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
 @click.option("--errors", metavar="A:B", default="1e-3:1e-12", show_default=True, help="The errors of interest.")
@@ -117,7 +114,7 @@ def cost(
     with reference_compiled_ahead():
         found = work_precision(
             scene,
-            _names(methods),
+            _methods(methods),
             span=measured,
             errors=limits,
             measure=measure,
@@ -126,19 +123,21 @@ def cost(
     if picture is not None:
         _draw(found, picture)
     if output.format == "csv":
-        return layout.csv(CSV, _csv_rows(found))
+        return layout.csv(CSV, csv_rows(found))
     goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
     choices = {error: _choice(found, error, longer) for error in goals}
     predictions = {error: _prediction(found, choice) for error, choice in choices.items()} if predict else {}
     if output.format == "json":
-        return [layout.json({**found.to_dict(), "choices": _choice_facts(choices, predictions)}, "methods")]
-    return _written(found, choices, predictions, output)
+        return [layout.json({**found.to_dict(), "choices": choice_facts(choices, predictions)}, "methods")]
+    return written(found, choices, predictions, output)
 
 
-def _names(text: str | None) -> list[str] | str | None:
+def _methods(text: str | None) -> list[Any] | str | None:
+    """The methods of a list: names, or files with tableaux."""
     if text is None or text.strip() == "all":
         return text and "all"
-    return [name.strip() for name in text.split(",") if name.strip()]
+    names = (name.strip() for name in text.split(",") if name.strip())
+    return [read_method(name, {}, ()) if is_tableau_file(name) else name for name in names]
 
 
 def _positive(text: str, option: str) -> float:
@@ -159,7 +158,7 @@ def _errors(text: str) -> tuple[float, float]:
     return check_errors((first, second))
 
 
-def _choice(found: WorkPrecision, error: float, length: float | None) -> Choice | str:
+def _choice(found: WorkPrecision, error: float, length: float | None) -> Recommendation | str:
     """The recommendation for an error, or why there is none."""
     from integrators import IntegratorError
 
@@ -171,7 +170,7 @@ def _choice(found: WorkPrecision, error: float, length: float | None) -> Choice 
         return str(refusal)
 
 
-def _prediction(found: WorkPrecision, choice: Choice | str) -> Prediction | None:
+def _prediction(found: WorkPrecision, choice: Recommendation | str) -> Prediction | None:
     """What the modified equation lets expect of a recommended run; None for modifying integrators."""
     from bseries import errors
 
@@ -201,84 +200,3 @@ def _draw(found: WorkPrecision, path: str) -> None:
     from ..figures.saving import picture, picture_format
 
     atomic_write(path, picture(draw(found), picture_format(path)))
-
-
-def _written(
-    found: WorkPrecision,
-    choices: dict[float, Choice | str],
-    predictions: dict[float, Prediction | None],
-    output: Output,
-) -> Iterable[str]:
-    """The table for readers, and the notes below it."""
-    measure = found.measures[0]
-    decades = _decades(found.errors)
-    columns = [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)]
-    times = {curve.candidate.name: [curve.seconds(error, measure) for error in decades] for curve in found.curves}
-    least = [min((t for t in column if t is not None), default=None) for column in zip(*times.values(), strict=True)]
-    rows = [[name, *map(_cell, row, least)] for name, row in times.items()]
-    title = f"{found.scene.title}, t = 0 to {found.span:g}: CPU time against the error of the {_spoken(measure)}"
-    notes = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
-    left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
-    return output.listing(columns, rows, title, [*notes, *found.notes, *left_out])
-
-
-def _spoken(measure: str) -> str:
-    return measure.replace("-", " ")
-
-
-def _decades(errors: tuple[float, float]) -> list[float]:
-    """The powers of ten among the errors of interest; the errors themselves if there are none."""
-    first, last = (math.log10(error) for error in errors)
-    return [10.0**k for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
-
-
-def _cell(seconds: float | None, least: float | None) -> str:
-    return "" if seconds is None else shown_time(seconds) + ("*" if seconds == least else "")
-
-
-def shown_time(seconds: float) -> str:
-    """A time with its unit.
-
-    Example:
-        >>> [shown_time(seconds) for seconds in (75.0, 0.0123, 4.567e-5)]
-        ['75 s', '12.3 ms', '45.7 µs']
-    """
-    size, unit = next((u for u in UNITS if seconds >= u[0]), UNITS[-1])
-    return f"{seconds / size:.3g} {unit}"
-
-
-def _advice(error: float, choice: Choice | str, prediction: Prediction | None) -> Iterator[str]:
-    """The recommendation for an error, in sentences."""
-    if isinstance(choice, str):
-        yield f"Error {error:.0e}: {choice}."
-        return
-    others = ", ".join(f"{name} {shown_time(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
-    yield (
-        f"Error {error:.0e}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
-        f"{shown_time(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
-        + (f"; next {others}." if others else ".")
-    )
-    if prediction is not None and choice.measure != "modified-energy":
-        expected = prediction.energy if choice.measure == "energy" else prediction.solution
-        yield f"    expected of the modified equation: error {expected}."
-
-
-def _choice_facts(
-    choices: dict[float, Choice | str], predictions: dict[float, Prediction | None]
-) -> list[dict[str, Any]]:
-    """The recommendations for JSON."""
-    facts = []
-    for error, choice in choices.items():
-        found = {"reason": choice} if isinstance(choice, str) else choice.to_dict()
-        prediction = predictions.get(error)
-        facts.append({"wanted": error, **found, "prediction": None if prediction is None else prediction.to_dict()})
-    return facts
-
-
-def _csv_rows(found: WorkPrecision) -> Iterator[list[str]]:
-    for curve in found.curves:
-        for row in curve.rows:
-            costs = (None,) * 4 if row.cost is None else row.cost
-            errors = (getattr(row.errors, name) for name in CSV[-5:])
-            values = [curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors]
-            yield ["" if value is None else str(value) for value in values]

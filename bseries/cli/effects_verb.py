@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import layout
 from .application import Refusal
-from .layout import Column
+from .effects_output import write_costs, write_report
+from .expectation import Expectation
+from .number_option import read_given
 from .output import WholeNumber, takes_output
 from .scene_argument import (
     complete_effect,
@@ -24,35 +26,9 @@ from .scene_argument import (
 from .simulate_verb import takes_method_option
 
 if TYPE_CHECKING:
-    from ..advice.costs_of_effects import CostRow
-    from ..advice.effect_report import EffectReport, EffectRow, Influence
-    from ..advice.timing import Timing
+    from ..advice.prediction import Prediction
     from .method_argument import Method
     from .output import Output
-
-COLUMNS = (
-    Column("effect"),
-    Column("solution", True),
-    Column("energy", True),
-    Column("alone", True),
-    Column("step", True),
-    Column("±", True),
-    Column("advice"),
-)
-COST_COLUMNS = (
-    Column("on", True),
-    Column("effects"),
-    Column("step", True),
-    Column("±", True),
-    Column("field", True),
-    Column("±", True),
-    Column("trees", True),
-    Column("of", True),
-)
-EXPLANATION = (
-    "solution, energy: what leaving an effect out of all changes, relative to the size of the state and to the energy "
-    "at the start; alone: what it does to the solution by itself; step: CPU time that it adds to a step."
-)
 
 
 @click.command()
@@ -110,7 +86,7 @@ def effects(
     if scene_source is None:
         raise Refusal("SCENE must be given: a name from `bseries scenes`, a .toml file, or - for one on standard input")
     common: dict[str, Any] = {
-        "h": _number(step, "step"),
+        "h": read_given(step, "step"),
         "effects": effects or None,
         "parameters": read_values(parameters),
         "start": None if start is None else read_start_values(start),
@@ -122,29 +98,32 @@ def effects(
         return _costs(scene, method, accept, common, order, output)
     if order is not None:
         raise Refusal("order must be left out with --span, which looks at no trees, but was given")
-    from ..advice.influence_of_effects import effect_influence
+    from ..advice.effect_influences import effect_influence
     from ..advice.machine import machine
+    from ..advice.prediction import time_only
+
+    def expect(cost: float | None) -> Prediction:
+        return time_only(common["h"], 0, "they are what is to be measured")
 
     report = effect_influence(
         scene,
         method,
-        span=_number(span, "span"),
-        accept=None if accept is None else _number(accept, "accept"),
+        span=read_given(span, "span"),
+        accept=None if accept is None else read_given(accept, "accept"),
         measure=measure,
-        progress=output.progress.update,
+        progress=Expectation(output.progress.update, expect, None),
         **common,
     )
     if output.format == "json":
         return [layout.json({**report.to_dict(), "machine": machine()}, "rows")]
-    title = f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}"
-    return _written(output, COLUMNS, list(_rows(report)), title, [EXPLANATION, *_times(report), *report.advice()])
+    return write_report(report, output)
 
 
 def _costs(
     scene: Any, method: Method, accept: str | None, common: dict[str, Any], order: int | None, output: Output
 ) -> Iterable[str]:
     """What effects cost, in any format."""
-    from ..advice.costs_of_effects import ORDER, effect_costs
+    from ..advice.effect_cost_rows import ORDER, effect_costs
     from ..advice.machine import machine
 
     if accept is not None:
@@ -153,63 +132,7 @@ def _costs(
     rows = effect_costs(scene, method, order=order, **common)
     name = scene if isinstance(scene, str) else scene.name
     if output.format == "json":
-        data = {"schema": 1, "kind": "effect costs", "method": method.name, "scene": name, "h": float(common["h"])}
+        data = {"schema": 1, "kind": "effect-costs", "method": method.name, "scene": name, "h": float(common["h"])}
         found = [{**row._asdict(), "step": row.step._asdict(), "field": row.field._asdict()} for row in rows]
         return [layout.json({**data, "order": order, "machine": machine(), "rows": found}, "rows")]
-    notes = [
-        "step, field: CPU time for a step and for an evaluation of the field; ±: half the distance of the quartiles.",
-        f"trees: those to order {order} that the modified equation of {method.name} needs there.",
-    ]
-    return _written(
-        output, COST_COLUMNS, list(map(_cost_row, rows)), f"Cost of effects of {name}, {method.name}", notes
-    )
-
-
-def _written(
-    output: Output, columns: Sequence[Column], rows: Sequence[layout.Row], title: str, notes: Sequence[str]
-) -> Iterable[str]:
-    if output.format == "csv":
-        return layout.csv([column.heading for column in columns], rows)
-    if output.format == "latex":
-        return [layout.latex(columns, (list(map(layout.latex_text, row)) for row in rows))]
-    return output.listing(columns, rows, title, notes)
-
-
-def _rows(report: EffectReport) -> Iterator[layout.Row]:
-    """A row for each effect, and one for the method itself."""
-    for row in report.rows:
-        kept = "leave out" if row.name in report.leave_out else "keep"
-        yield [row.name, *_influence(row.left_out), f"{row.alone.solution:.2g}", *_added(row), kept]
-    yield ["(error of the method)", *_influence(report.own_error), "", "", "", ""]
-
-
-def _influence(found: Influence) -> list[str]:
-    return [f"{found.solution:.2g}", "" if found.energy is None else f"{found.energy:.2g}"]
-
-
-def _added(row: EffectRow) -> list[str]:
-    return ["", ""] if row.seconds is None else [f"{row.seconds * 1e9:+.1f} ns", f"{(row.uncertainty or 0) * 1e9:.1f}"]
-
-
-def _times(report: EffectReport) -> Iterator[str]:
-    """What steps cost with no effects, all, and those that are recommended."""
-    times = ((name, found) for name, found in report.times.items() if found is not None)
-    yield "A step takes " + ", ".join(f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in times) + "."
-
-
-def _cost_row(row: CostRow) -> layout.Row:
-    trees = ["" if count is None else f"{count:,}" for count in (row.trees, row.all_trees)]
-    return [str(len(row.effects)), ", ".join(row.effects), *_timing(row.step), *_timing(row.field), *trees]
-
-
-def _timing(found: Timing) -> list[str]:
-    return [f"{found.seconds * 1e9:,.1f} ns", f"{(found.high - found.low) / 2 * 1e9:.1f}"]
-
-
-def _number(text: str | None, option: str) -> Any:
-    """The number that an option gives; the library refuses what no double can hold."""
-    from integrators.expressions import parse_number
-
-    if text is None:
-        raise Refusal(f"{option} must be given, as in --{option} 1/10, but was not")
-    return parse_number(text, argument=option)
+    return write_costs(rows, name, method.name, order, output)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -86,32 +86,26 @@ class Expectation:
         """None if there were too few."""
         return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
 
-    def outcome(self, energy: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
         """What came of it, beside what was expected, as plain data; None without a prediction.
 
         Args:
-            energy: The row of the answer about the energy, if there is one.
+            energy_error: The relative error of the energy, if the scene has one and it was observed.
         """
-        if self.prediction is None:
-            return None
-        found: dict[str, Any] = {"seconds": self.seconds, "energy_error": None}
-        if energy is not None:
-            relative = energy.get("relative")
-            found["energy_error"] = energy.get("change") if relative is None else relative
-        return found
+        return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
 
-    def notes(self, energy: Mapping[str, Any] | None) -> Iterator[str]:
+    def notes(self, energy_error: float | None) -> Iterator[str]:
         """How well the expectation was met, for readers."""
-        from ..advice.prediction import shown_seconds
+        from ..advice.durations import duration
 
-        found = self.outcome(energy)
+        found = self.outcome(energy_error)
         if found is None or self.prediction is None:
             return
         expected, parts = self.prediction, []
         if expected.seconds is not None and self.seconds > COMPARABLE:
             ratio = 100 * (found["seconds"] / expected.seconds - 1)
             parts.append(
-                f"took {shown_seconds(found['seconds'])} (expected: {shown_seconds(expected.seconds)}, {ratio:+.0f} %)"
+                f"took {duration(found['seconds'], 2)} (expected: {duration(expected.seconds, 2)}, {ratio:+.0f} %)"
             )
         if found["energy_error"] is not None:
             parts.append(f"relative energy error {found['energy_error']:.1e} (expected: {expected.energy})")

@@ -28,7 +28,7 @@ def complete_method(ctx: click.Context, param: click.Parameter, incomplete: str)
 
     from integrators import catalogue
 
-    if _is_path(incomplete) or incomplete.startswith("."):
+    if is_tableau_file(incomplete) or incomplete.startswith("."):
         return [CompletionItem(incomplete, type="file")]
     found = []
     for entry in catalogue():
@@ -79,7 +79,7 @@ def read_method(source: str | None, inline: dict[str, str], settings: Iterable[s
         raise Refusal(f"METHOD must be left out where --A gives a tableau, but was {source!r:.60}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", TableauWarning)  # `issues` below says the same of the values set, too
-        if source is not None and not _is_path(source):
+        if source is not None and not is_tableau_file(source):
             return catalogue_method(source, **values)
         tableau = (_inline_method(**inline) if source is None else _load(source)).substitute(values)
     for issue in tableau.issues:
@@ -87,7 +87,8 @@ def read_method(source: str | None, inline: dict[str, str], settings: Iterable[s
     return tableau
 
 
-def _is_path(source: str) -> bool:
+def is_tableau_file(source: str) -> bool:
+    """Whether a METHOD is a file, or standard input."""
     return source == "-" or "/" in source or "\\" in source or source.lower().endswith((".json", ".toml"))
 
 

@@ -1,6 +1,8 @@
-"""Numbers that options give, as doubles."""
+"""Numbers that options give."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from .application import Refusal
 
@@ -13,3 +15,12 @@ def read_float(text: str, option: str) -> float:
         return float(parse_number(text, argument=option))
     except OverflowError:
         raise Refusal(f"{option} must be a number that a double can hold, but was {text!r:.60}") from None
+
+
+def read_given(text: str | None, option: str) -> Any:
+    """The number that an option gives, exactly where it can be; it must be given."""
+    from integrators.expressions import parse_number
+
+    if text is None:
+        raise Refusal(f"{option} must be given, as in --{option} 1/10, but was not")
+    return parse_number(text, argument=option)

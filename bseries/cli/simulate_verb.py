@@ -15,6 +15,7 @@ from .ensemble_options import simulate_ensemble, takes_ensemble
 from .expectation import Expectation
 from .layout import Column
 from .method_argument import complete_method, read_method
+from .number_option import read_given
 from .output import WholeNumber, takes_output
 from .said_warnings import said_warnings
 from .scene_argument import head, place, read_parts, read_start, takes_parts, takes_scene
@@ -194,11 +195,7 @@ def _number(text: str | None, option: str) -> Fraction:
     """The number that an option gives, exactly; irrational ones to as many digits as doubles have."""
     from fractions import Fraction
 
-    from integrators.expressions import parse_number
-
-    if text is None:
-        raise Refusal(f"{option} must be given, as in --{option} 1/10, but was not")
-    value = parse_number(text, argument=option)
+    value = read_given(text, option)
     return value if isinstance(value, Fraction) else Fraction(float(value))
 
 
@@ -232,17 +229,17 @@ def _text(
     """The answer in any format."""
     if output.format == "csv":
         return _csv(run)
-    records, cost = list(_records(run)), watch.seconds_per_step
-    energy = next((record for record in records if record["what"] == "energy"), None)
+    records, cost = list(_records(run, scene)), watch.seconds_per_step
+    lost = _energy_error(records) if scene.is_hamiltonian else None
     title = f"{place(method, scene, effects)}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
     if output.format == "json":
         facts = head("simulation", method, scene, effects)
         facts |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
         if watch.prediction is not None:
-            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(energy)}
+            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(lost)}
         return [layout.json({**facts, "file": to, "rows": records}, "rows")]
     rows = [_row(record) for record in records]
-    notes = [*_notes(run, rows, cost, to), *watch.notes(energy)]
+    notes = [*_notes(run, rows, cost, to), *watch.notes(lost)]
     shown = rows[:MOST_ROWS]
     if output.format == "markdown":
         return [layout.markdown(COLUMNS, shown, title=title, notes=notes)]
@@ -250,15 +247,32 @@ def _text(
     return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
 
 
-def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
+def _records(run: Trajectory, scene: Scene) -> Iterator[dict[str, Any]]:
     """What was observed and all variables, at the start and at the end; None for numbers that are not finite."""
     for name, values in run.observed.items():
         first, last = _finite(values[0]), _finite(values[-1])
         change = None if first is None else _finite(abs(values - first).max())
-        relative = change / abs(first) if change is not None and first else None
+        is_size = first and not (name == "energy" and _is_rounding(first, run, scene))
+        relative = change / abs(first) if change is not None and first and is_size else None
         yield {"what": name, "start": first, "end": last, "change": change, "relative": relative}
     for name, values in zip(run.variables, run.y, strict=True):
         yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
+
+
+def _is_rounding(energy: float, run: Trajectory, scene: Scene) -> bool:
+    """Whether an energy at the start would be 0 but for rounding, so that nothing is relative to it."""
+    from ..advice.distances import energy_size
+
+    base = scene.with_effects()  # an effect may have the energy, and bring variables of its own
+    return energy_size(base, run.y[: base.dimension, 0]) != abs(energy)
+
+
+def _energy_error(records: Sequence[dict[str, Any]]) -> float | None:
+    """The largest change of the energy, relative to the start if that is not 0 but for rounding."""
+    for record in records:
+        if record["what"] == "energy":
+            return record["change"] if record["relative"] is None else record["relative"]
+    return None
 
 
 def _finite(value: Any) -> float | None:

@@ -12,6 +12,9 @@ from ..expressions import shown
 if TYPE_CHECKING:
     import numpy as np
 
+MOST_STEPS = 2**53
+"""Beyond, a double does not hold the number of a step."""
+
 
 def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
     """Refuse arrays that compiled code would write beyond."""
@@ -64,6 +67,11 @@ def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> i
     if not least <= number <= most:
         raise IntegratorError(f"{argument} must be {what}, but was {shown(value)}")
     return number
+
+
+def read_steps(value: Any, argument: str, least: int) -> int:
+    """A number of steps."""
+    return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
 
 
 def check_end(t0: float, h: float, steps: int) -> None:

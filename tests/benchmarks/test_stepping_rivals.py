@@ -243,13 +243,6 @@ def test_the_diagram_has_a_line_for_every_curve_and_names_for_the_best_of_each_p
     assert len(second.lines) == 1
 
 
-def test_names_in_the_diagram_keep_apart():
-    placed = diagram._spread([0.1, 0.11, 0.5, 0.505, 0.51, 0.9])
-    assert min(np.diff(placed)) >= diagram.LINE - 1e-12
-    assert placed[-1] == 0.9
-    assert np.mean(placed[2:5]) == pytest.approx(0.505)
-
-
 def test_the_command_measures_precision_and_keeps_it(tmp_path):
     kept, picture = tmp_path / "run.json", tmp_path / "run.png"
     options = ["--problem", "kepler", "--method", "rk4", "--budget", "0", "--rivals", str(tmp_path)]

@@ -97,7 +97,45 @@ def test_default_spans_end_before_the_solution_does():
     assert time_scale(bs.scene("kepler")) == pytest.approx(0.3108, abs=1e-3)
 
 
+def test_long_spans_have_a_reference_as_precise_as_times_are():
+    """At t = 200 the last bit of the time is 3e-14, more than the precision of the interpolation elsewhere."""
+    kepler = bs.scene("kepler")
+    found = DenseReference(kepler, kepler.y0, 200.0)
+    exact = bs.reference_solution(kepler, [123.456], full=True).high[:, 0]
+    assert np.abs(found(np.array([123.456]))[:, 0] - exact).max() < 2e-13
+
+
+def test_energies_that_are_only_rounding_at_the_start():
+    """At q = π/2 the pendulum's energy is −6e-17 in doubles: what it loses is not a million times of it."""
+    pendulum = bs.scene("pendulum").with_start(p=[0], q=[math.pi / 2])
+    found = bs.work_precision(pendulum, "rk4", span=10, errors=(1e-2, 1e-6), measure="energy", budget=0.02)
+    assert all(row.errors.energy < 1e-2 for row in found.curves[0].rows if row.h < 0.5)
+    report = bs.effect_influence(pendulum.with_effects("damping", gamma="1e-3"), "rk4", h=0.05, span=5)
+    assert report.rows[0].left_out.energy < 1e-2
+    run = bs.integrate(pendulum, "rk4", h=0.1, steps=100, observe="energy").observed["energy"]
+    expected = bs.predict_run(pendulum, "rk4", h=0.1, steps=100, timed=False).energy
+    assert 1 / 3 < expected.value / abs(run - run[0]).max() < 3
+
+
 # Rows
+
+
+def test_methods_of_users_beside_those_of_the_catalogue(pendulum):
+    mine = bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="mine")
+    found = bs.work_precision(
+        bs.scene("pendulum"), [mine, "explicit-midpoint"], span=5, errors=(1e-1, 1e-3), budget=0.02
+    )
+    first, second = ({row.steps: row.errors.solution for row in curve.rows} for curve in found.curves)
+    assert [curve.candidate.name for curve in found.curves] == ["mine", "explicit-midpoint"]
+    both = first.keys() & second.keys()
+    assert both
+    assert all(first[steps] == second[steps] for steps in both)
+
+
+def test_timed_steps_never_leave_the_span():
+    """Beyond t = 1 the solution of y' = y² does not exist, and far beyond it steps are of another kind."""
+    judge = Judge(bs.scene("riccati"), 0.9)
+    assert judge.work(candidate(bs.scene("riccati"), "rk4"), 30).most_steps == 30
 
 
 def test_rows_have_times_and_failures_stay():
@@ -273,7 +311,11 @@ def test_the_energy_as_the_measure(pendulum):
     [
         ({"methods": ["no-such"]}, "name must be a method of the catalogue, but was 'no-such'"),
         ({"methods": []}, "methods must name at least one method"),
-        ({"methods": [4]}, "methods must be names, but one was 4"),
+        ({"methods": [4]}, "method must be a method such as .*, but was 4"),
+        (
+            {"methods": ["rk4", bs.RungeKutta([[0]], [1], name="rk4")]},
+            "methods must have different names, but two are called rk4",
+        ),
         (
             {"methods": ["modifying-midpoint99"]},
             "methods must have an even order from 4 to 10 behind modifying-midpoint, but one was",
@@ -288,7 +330,7 @@ def test_the_energy_as_the_measure(pendulum):
     ],
 )
 def test_bad_arguments(options, message):
-    with pytest.raises(bs.IntegratorError, match=message):
+    with pytest.raises(bs.errors, match=message):
         bs.work_precision(bs.scene("pendulum"), **options)
 
 

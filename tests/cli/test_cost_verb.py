@@ -8,6 +8,8 @@ import json
 
 import pytest
 
+import bseries as bs
+
 SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
 
 
@@ -41,6 +43,14 @@ def test_json_and_csv_have_all_runs(answer):
     row = next(row for row in rows if row["method"] == "rk4" and row["steps"] == str(methods["rk4"][2]["steps"]))
     assert float(row["solution"]) == methods["rk4"][2]["solution"]
     assert row["energy"]  # is looked at in any case, for the sake of drifts
+
+
+def test_tableau_files_beside_names(answer, tmp_path):
+    mine = tmp_path / "mine.json"
+    bs.save_method(bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="mine"), mine)
+    options = ("--span", "5", "--errors", "1e-1:1e-2", "--no-predict", "--measure", "energy")
+    lines = answer("cost", "pendulum", "--methods", f"rk4,{mine}", *options).splitlines()
+    assert {line.split()[0] for line in lines[4:6]} == {"rk4", "mine"}
 
 
 def test_recommendations_for_longer_runs(answer):

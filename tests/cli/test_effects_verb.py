@@ -45,16 +45,21 @@ def test_what_is_accepted(effects):
     assert (by_energy["accept"], by_energy["leave_out"], by_energy["measure"]) == (0.1, ["damping"], "energy")
 
 
-def test_all_formats_agree(answer):
+def test_all_formats_agree(answer, effects):
     table, markdown = answer("effects", *RUN), answer("effects", *RUN, "--format", "markdown")
     rows = list(csv.reader(io.StringIO(answer("effects", *RUN, "--format", "csv"))))
-    assert rows[0] == ["effect", "solution", "energy", "alone", "step", "±", "advice"]
-    assert [row[0] for row in rows[1:]] == ["damping", "(error of the method)"]
+    data = effects(*RUN)
+    assert rows[0][:5] == ["effect", "solution", "energy", "alone_solution", "alone_energy"]
+    (row,), own = data["rows"], data["own_error"]
+    assert [float(x) for x in rows[1][1:5]] == [*row["left_out"].values(), *row["alone"].values()]
+    assert (rows[1][0], rows[1][-1]) == ("damping", "true")
+    assert [rows[2][0], *map(float, rows[2][1:3])] == ["", *own.values()]
     title = "Effects of pendulum, explicit-midpoint: 40 steps of 0.05\n"
     assert table.startswith(title)
     assert markdown.startswith(title)
-    for name, solution, energy, alone, *_ in rows[1:]:
-        assert re.search(rf"\n{re.escape(name)} +{solution} +{energy}( +{alone} .*)?\n", table)
+    for name, found in (("damping", row["left_out"]), ("(error of the method)", own)):
+        solution, energy = (f"{found[key]:.2g}" for key in ("solution", "energy"))
+        assert re.search(rf"\n{re.escape(name)} +{solution} +{energy}( .*)?\n", table)
         assert f"| `{name}` | `{solution}` | `{energy}` |" in markdown
     assert re.search(r"\nLeave out damping.*; keep none: \S+ is accepted for the solution\.\nPromised: ", table)
     assert r"(error of the method) & " in answer("effects", *RUN, "--format", "latex")
@@ -84,12 +89,18 @@ def test_starts_and_options_of_built_in_scenes(effects):
 def test_costs_without_a_span(answer, effects):
     call = (*DAMPED[:5], "--step", "0.05", "--order", "4")
     data = effects(*call)
-    assert (data["kind"], data["order"], data["h"]) == ("effect costs", 4, 0.05)
+    assert (data["kind"], data["order"], data["h"]) == ("effect-costs", 4, 0.05)
     assert [(row["effects"], row["trees"], row["all_trees"]) for row in data["rows"]] == [
         ([], 8, 8),
         (["damping"], 8, 8),
     ]
     assert all(row["field"]["seconds"] > 0 and row["step"]["seconds"] > 0 for row in data["rows"])
+    names, *table = csv.reader(io.StringIO(answer("effects", *call, "--format", "csv")))
+    numbers = [dict(zip(names, line, strict=True)) for line in table]
+    assert [(line["on"], line["effects"], line["trees"]) for line in numbers] == [("0", "", "8"), ("1", "damping", "8")]
+    assert all(
+        0 < float(line["step_low"]) <= float(line["step_seconds"]) <= float(line["step_high"]) for line in numbers
+    )
     found = answer("effects", *call)
     assert found.startswith("Cost of effects of pendulum, explicit-midpoint\n\non  effects ")
     assert re.search(r"\n 1  damping +\S+ ns +\S+ +\S+ ns +\S+ +8 +8\n", found)

@@ -66,6 +66,21 @@ def test_long_runs_are_announced_by_themselves(run, monkeypatch):
     assert "took " in found.stdout
 
 
+def test_energy_that_effects_take_is_no_error(run):
+    call = ("pendulum", "--effect", "damping", "--method", "rk4", "--step", "0.1", "--steps", "2000", "--predict")
+    assert "energy error" not in run("simulate", *call).stdout
+    assert json.loads(run("simulate", *call, "--format", "json").stdout)["outcome"]["energy_error"] is None
+
+
+def test_nothing_is_relative_to_an_energy_that_is_only_rounding(run):
+    call = ("simulate", "pendulum", "--start", "p=0;q=pi/2", "--method", "rk4", "--step", "0.1", "--steps", "500")
+    data = json.loads(run(*call, "--predict", "--format", "json").stdout)
+    energy = data["rows"][0]
+    assert (energy["what"], energy["relative"]) == ("energy", None)
+    assert data["outcome"]["energy_error"] == energy["change"] < 1e-3
+    assert 1 / 3 < energy["change"] / data["prediction"]["energy_error"]["value"] < 3
+
+
 def test_what_cannot_be_known_is_said(run):
     found = run("simulate", "pendulum", "--method", "rk4", "--step", "3", "--steps", "100", "--predict")
     assert "errors unknown: " in found.stderr

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from .effect_variants import EffectVariants, Names
 
 ORDER = 6
-LEAST_STEPS = 2**16
-"""A sample of time may have so many steps, even beyond the end of a run: fewer are lost in the call."""
 
 
 class CostRow(NamedTuple):
@@ -115,8 +113,10 @@ def variant_costs(
     chosen = tuple(chosen)
     for k, names in enumerate(chosen):
         scene = variants.build(names)
-        work[str(k)] = Work(scene, method, h, options={**options, "parts": variants.parts(parts, scene)})
-    found = step_costs(work, most_steps=max(most_steps, LEAST_STEPS))
+        work[str(k)] = Work(
+            scene, method, h, options={**options, "parts": variants.parts(parts, scene)}, most_steps=most_steps
+        )
+    found = step_costs(work)
     return dict(zip(chosen, found.values(), strict=True))
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from integrators.methods import method as named
-from integrators.steppers.run_input import read_number
+from integrators.steppers.run_input import MOST_STEPS, read_number
 
 from ..coefficients import check_method
 from ..exceptions import SeriesError
-from .costs_of_effects import variant_costs
+from .durations import whole_steps
+from .effect_cost_rows import variant_costs
 from .effect_report import ENERGY, MEASURES, EffectReport, EffectRow
 from .effect_runs import EffectRuns
 from .effect_variants import effect_variants
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
 MARGIN = 2.0
 """Effects act on each other: leaving out two may change more than the sum of what leaving out each one does."""
-MOST_RUN = 2**53
-ROUNDING = 1e-12
-"""A step more for a rounding error of span/h would be one too many."""
 
 
 def effect_influence(
@@ -69,7 +66,7 @@ def effect_influence(
         parts: What the parts of the method are in the scene with all effects.
         solver: How implicit stages are found: ``auto``, ``fixed-point`` or ``newton``.
         margin: By what factor influences are taken too large, 1 or more.
-        progress: Called with the number of runs made and of all.
+        progress: Called with the number of steps made and of all, in all runs.
 
     Raises:
         SeriesError: The scene has no effects, no energy where that is the measure, or an argument is out of its range.
@@ -91,7 +88,9 @@ def effect_influence(
     _check(step, length, factor, wanted, measure)
     if measure == ENERGY and not variants.full.with_effects().is_hamiltonian:
         raise SeriesError(f"measure must be solution for {variants.full.name}, which has no energy, but was {measure}")
-    runs = EffectRuns(variants, method, step, _steps(step, length), {"parts": parts, "solver": solver}, progress)
+    if progress is not None and not callable(progress):
+        raise SeriesError(f"progress must be a function of two numbers, but was {progress!r:.60}")
+    runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, progress)
     own_error = runs.own_error()
     accepted = getattr(own_error, measure) if wanted is None else wanted
     rows = [EffectRow(name, text, runs.alone(name), runs.without(name)) for name, text in variants.effects.items()]
@@ -120,7 +119,7 @@ def _check(h: float, span: float, margin: float, accept: float | None, measure: 
     """Refuse numbers out of their range, and measures that there are not."""
     if h == 0 or span <= 0:
         raise SeriesError(f"span must be positive, and h not zero, but they were {span:g} and {h:g}")
-    if not span / abs(h) < MOST_RUN:
+    if not span / abs(h) < MOST_STEPS:
         raise SeriesError(f"span must have fewer than 2^53 steps, but had {span / abs(h):.2g} of {h:g}")
     if margin < 1:
         raise SeriesError(f"margin must be a factor, 1 or more, but was {margin:g}")
@@ -128,11 +127,6 @@ def _check(h: float, span: float, margin: float, accept: float | None, measure: 
         raise SeriesError(f"accept must be an error, 0 or more, but was {accept:g}")
     if measure not in MEASURES:
         raise SeriesError(f"measure must be one of {', '.join(MEASURES)}, but was {measure!r:.60}")
-
-
-def _steps(h: float, span: float) -> int:
-    """How many steps there are to make."""
-    return max(1, ceil(span / abs(h) * (1 - ROUNDING)))
 
 
 def _recommended(
