@@ -1,4 +1,4 @@
-"""`python -m notebooks`: execute every notebook from start to end; the results are in notebooks/executed/."""
+"""`python -m notebooks [NAME ...]`: execute notebooks from start to end, or all; results are in notebooks/executed/."""
 
 import sys
 from pathlib import Path
@@ -26,14 +26,18 @@ def execute(source: Path, target: Path) -> bool:
     return True
 
 
-def main() -> int:
-    """Run all; 1 if one failed."""
+def main(names: list[str]) -> int:
+    """Run those of these names, or all if there are none; 1 if one failed or is not there."""
     results = HERE / "executed"
     results.mkdir(exist_ok=True)
-    sources = sorted(path for path in HERE.glob("*.py") if not path.name.startswith("_"))
+    known = {path.stem: path for path in sorted(HERE.glob("*.py")) if not path.name.startswith("_")}
+    if unknown := [name for name in names if name not in known]:
+        print(f"NAME must be of {', '.join(known)}, but was {', '.join(unknown)}", file=sys.stderr)
+        return 1
+    sources = [known[name] for name in names or known]
     done = [execute(source, results / f"{source.stem}.ipynb") for source in sources]
     return 0 if all(done) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

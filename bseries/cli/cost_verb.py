@@ -99,7 +99,7 @@ def cost(
       bseries cost pendulum --methods stormer-verlet,rk4,gauss3 --span 100 --errors 1e-2:1e-8
       bseries cost henon-heiles --measure energy --error 1e-6 --for 1e6
       bseries cost kepler --effect relativity --format json -o kepler.json
-      bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods all
+      bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
     from ..advice.ahead import reference_compiled_ahead
     from ..advice.precision_curves import work_precision
