@@ -17,9 +17,9 @@ from .kinds import Figure, Measurement
 
 SCENES = ("pendulum", "kepler", "henon-heiles", "toda", "lotka-volterra")
 ERRORS = (1e-3, 1e-6, 1e-9)
-WITHIN = 2.0
-"""Methods whose coarse curves are farther than this factor from the best are not looked at more finely."""
-GRID = 1.03
+FINER = 4.0
+"""A search begins with so many times the fewest steps of the coarse curve, or the most that it has."""
+GRID = 1.01
 """From one number of steps to the next."""
 BAR = 1.10
 REDUCED = {
@@ -52,15 +52,13 @@ def search(advice: WorkPrecision, everything: WorkPrecision, error: float) -> Fo
         error: The error.
     """
     choice = advice.best(error)
-    times = [(t, curve) for curve in everything.curves if (t := curve.seconds(error)) is not None]
-    least = min(t for t, _ in times)
     judge = everything.judge
-    steps = {curve.candidate.name: (curve, _fewest(judge, curve, error)) for t, curve in times if t <= WITHIN * least}
-    work = {name: judge.work(curve.candidate, count) for name, (curve, count) in steps.items()}
+    steps = {curve.candidate: count for curve in everything.curves if (count := fewest(judge, curve, error))}
+    work = {candidate.name: judge.work(candidate, count) for candidate, count in steps.items()}
     mine = next(curve for curve in advice.curves if curve.candidate.name == choice.method)
     work["recommended"] = judge.work(mine.candidate, choice.steps)
     costs = step_costs(work)
-    seconds = {name: costs[name].seconds * count for name, (_, count) in steps.items()}
+    seconds = {candidate.name: costs[candidate.name].seconds * count for candidate, count in steps.items()}
     best = min(seconds, key=seconds.__getitem__)
     own = costs["recommended"].seconds * choice.steps
     if own < seconds[best]:
@@ -68,17 +66,16 @@ def search(advice: WorkPrecision, everything: WorkPrecision, error: float) -> Fo
     return Found(best, seconds[best], choice.method, own)
 
 
-def _fewest(judge: Judge, curve: Curve, error: float) -> int:
-    """The fewest steps of a fine grid from which on the error is met."""
-    sizes = {row.steps: row.errors.error("solution") or math.inf for row in curve.rows}
+def fewest(judge: Judge, curve: Curve, error: float) -> int | None:
+    """The fewest steps of a fine grid from which on the error is met; None if the method does not reach it."""
+    sizes = {row.steps: math.inf if (e := row.errors.error("solution")) is None else e for row in curve.rows}
     good, _ = bracket(sizes, error)
-    fewest = steps = min((n for n in sizes if n > (good or 0)), default=max(sizes))
-    while steps > 1:
-        found = judge.run(curve.candidate, steps).error("solution")
-        if found is None or found > error:
-            break
-        fewest, steps = steps, min(steps - 1, round(steps / GRID))
-    return fewest
+    if good is None:
+        return None
+    found, steps = None, max(n for n, size in sizes.items() if size <= error and n <= FINER * good)
+    while steps > 1 and (size := judge.run(curve.candidate, steps).error("solution")) is not None and size <= error:
+        found, steps = steps, min(steps - 1, round(steps / GRID))
+    return found
 
 
 def recommended(name: str, methods: Sequence[str] | str = "all", errors: Sequence[float] = ERRORS) -> list[Figure]:
