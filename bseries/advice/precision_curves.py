@@ -174,13 +174,14 @@ def work_precision(
     measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
     if "solution" not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
+    length = None if span is None else _length(span)
     chosen = candidates(scene, methods)
     total = 2 * len(chosen.found)
     report = progress or (lambda done, total: None)
     for k, candidate in enumerate(chosen.found):
         report(k, total)
         _compile(candidate, scene)
-    judge = _judge(scene, span, measures)
+    judge = _judge(scene, length, measures)
     if not judge.available:
         raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
     swept = []
@@ -220,13 +221,17 @@ def check_errors(errors: Any) -> tuple[float, float]:
     return loosest, finest
 
 
+def _length(span: Any) -> float:
+    length = read_number(span, "span")
+    if length <= 0:
+        raise IntegratorError(f"span must be positive, but was {shorten(repr(span))}")
+    return length
+
+
 def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
     """What measures errors; the default span is shortened until there is a reference solution."""
     if span is not None:
-        length = read_number(span, "span")
-        if length <= 0:
-            raise IntegratorError(f"span must be positive, but was {shorten(repr(span))}")
-        return Judge(scene, length, measures)
+        return Judge(scene, span, measures)
     length = _rounded(SPAN * time_scale(scene))
     if "solution" in measures:
         length = _rounded(affordable_span(scene, length, REFERENCE_SECONDS))

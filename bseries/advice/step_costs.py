@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.steppers.states import StepError
 
-from .timing import LEAST_ROUNDS, Timing, time_in_turn
+from .timing import Timing, time_in_turn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,7 +63,7 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str,
     """
     runs = {name: _Run(entry, sample) for name, entry in work.items()}
     found = time_in_turn({name: run.sample for name, run in runs.items()})
-    return {name: found[name].less(run.call).scaled(1 / (run.steps * run.repeats)) for name, run in runs.items()}
+    return {name: found[name].scaled(1 / (run.steps * run.repeats)) for name, run in runs.items()}
 
 
 class _Run:
@@ -72,33 +72,35 @@ class _Run:
     def __init__(self, work: Work, sample: float):
         from integrators.steppers.stepping import stepper
 
-        self.work, self.steps, self.repeats = work, 1, 1
+        self.steps, self.repeats = 1, 1
         self._stepper = stepper(work.scene, work.method, **work.options)
-        self.steps_again()  # what is to be compiled is
-        seconds = self._seconds()
+        self._start = self._stepper.start(work.y0, h=work.h)
+        seconds = self._seconds(1)  # what is to be compiled is
         while seconds < sample and self.steps < work.most_steps:
-            before, growth = self.steps, min(4.0, 1.1 * sample / max(seconds, 1e-9))
-            self.steps = min(math.ceil(before * growth), work.most_steps)
+            growth = min(4.0, 1.1 * sample / max(seconds, 1e-9))
+            wanted = min(math.ceil(self.steps * growth), work.most_steps)
             try:
-                seconds = self._seconds()
+                seconds = self._seconds(wanted)
             except StepError:  # so far the run cannot go: so many steps as could be made have to do
-                self.steps = before
                 break
-
-        self.repeats = max(1, math.ceil(sample / max(seconds, 1e-9) - 0.5))
-        self.call = self.repeats * min(self._seconds(0) for _ in range(LEAST_ROUNDS))
+            self.steps = wanted
+        self.sample()
+        self.repeats = max(1, math.ceil(sample / max(self._repeated(), 1e-9)))
+        self.repeats = max(1, math.ceil(self.repeats * sample / max(self._repeated(), 1e-9)))
 
     def sample(self) -> None:
         """Make the steps, again and again if a run can only be short."""
-        for _ in range(self.repeats):
-            self.steps_again()
+        self._stepper.repeat(self._start, self.steps, self.repeats)
 
-    def steps_again(self, steps: int | None = None) -> None:
-        """Make the steps, or some of them."""
-        state = self._stepper.start(self.work.y0, h=self.work.h)
-        self._stepper.advance(state, self.steps if steps is None else steps)
-
-    def _seconds(self, steps: int | None = None) -> float:
+    def _repeated(self) -> float:
         begin = thread_time()
-        self.steps_again(steps)
+        self.sample()
+        return thread_time() - begin
+
+    def _seconds(self, steps: int) -> float:
+        """Seconds for a run; if fixed-point iteration does not converge in it, all that follows is by Newton's method."""
+        state, begin = self._start.copy(), thread_time()
+        self._stepper.advance(state, steps)
+        if state.solver != self._start.solver:
+            self._start.solver, self._start.memory = state.solver, state.memory
         return thread_time() - begin

@@ -32,11 +32,6 @@ class Timing(NamedTuple):
         """The distance of the quartiles, as a part of the median."""
         return (self.high - self.low) / self.seconds if self.seconds else 0.0
 
-    def less(self, seconds: float) -> Timing:
-        """What is left without something that takes always as long; a tenth at least."""
-        left = [max(value - seconds, value / 10) for value in (self.seconds, self.low, self.high)]
-        return Timing(left[0], left[1], left[2], self.rounds)
-
     def scaled(self, factor: float) -> Timing:
         """Seconds for so many times the work."""
         return Timing(self.seconds * factor, self.low * factor, self.high * factor, self.rounds)

@@ -187,6 +187,39 @@ class Stepper:
             steps -= self._go_back(state, before, steps)
             self._change_solver(state)
 
+    def repeat(self, state: State, steps: int, times: int) -> None:
+        """Make the same steps so many times, to see what they cost; the run stays where it is.
+
+        Args:
+            state: The run.
+            steps: How many steps, all of which can be made.
+            times: How often.
+
+        Raises:
+            IntegratorError: Not all steps could be made by the solver of the state.
+
+        Example:
+            >>> from integrators import scene
+            >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+            >>> state = verlet.start(h=0.1)
+            >>> verlet.repeat(state, 10, 1000)
+            >>> state.n
+            0
+        """
+        import numpy as np
+
+        from .repeating import repeated
+
+        steps, to = self._checked(state, steps), state.copy()
+        times = read_whole(times, "times", "a whole number, 0 or more", 0, MOST_STEPS)
+        made = repeated(
+            self._address(state.solver), state.values, state.carry, state.memory, state.control,
+            to.values, to.carry, to.memory, to.control, self._numbers(state),
+            np.empty(self._text(state.solver).work), state.h, steps, int(state.is_fresh), times,
+        )  # fmt: skip
+        if made < times:
+            raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
+
     def _run(self, state: State, steps: int, *stored: Any) -> bool:
         """Make steps; whether all could be made, with finite numbers at the end.
 

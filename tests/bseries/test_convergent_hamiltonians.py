@@ -1,5 +1,6 @@
 """Modified Hamiltonians in closed form: linear systems, and exercise 5 of the lecture."""
 
+import itertools
 import json
 import math
 import pickle
@@ -49,8 +50,14 @@ def linear_step(method, scene, h):
     return np.eye(n) + h * b @ stages
 
 
-@pytest.mark.parametrize("scene", [OSCILLATOR, STIFF, SADDLE, COUPLED], ids=lambda scene: scene.name)
-@pytest.mark.parametrize("name", [*RUNGE_KUTTA, *PARTITIONED])
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [
+        *itertools.product([*RUNGE_KUTTA, *PARTITIONED], [OSCILLATOR, SADDLE]),
+        *itertools.product([*RUNGE_KUTTA[:2], *PARTITIONED[:2]], [STIFF, COUPLED]),
+    ],
+    ids=lambda value: getattr(value, "name", value),
+)
 def test_the_closed_form_is_the_sum_of_the_series(name, scene):
     method = bs.method(name)
     found = closed_hamiltonian(method, scene)

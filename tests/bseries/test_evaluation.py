@@ -1,5 +1,6 @@
 """Series on scenes: the routes agree, only what is called for is computed, and bad input is refused."""
 
+import itertools
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
@@ -19,9 +20,14 @@ def field(name="pendulum", method="rk4", order=6, **options):
     return bs.modified_field(bs.method(method), bs.scene(name), order, **options)
 
 
-@pytest.mark.parametrize("name", SMALL)
-@pytest.mark.parametrize("make", [bs.modified_field, bs.modifying_field, bs.series_map])
-def test_towers_formulas_and_high_precision_agree(name, make):
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        *((bs.modified_field, name) for name in SMALL),
+        *itertools.product([bs.modifying_field, bs.series_map], SMALL[::3]),
+    ],
+)
+def test_towers_formulas_and_high_precision_agree(make, name):
     scene = bs.scene(name)
     towers, formulas = (make(bs.method("explicit-midpoint"), scene, 5, route=r) for r in ("towers", "symbolic"))
     precise = PreciseSeries(towers, 30)

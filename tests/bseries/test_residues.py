@@ -51,7 +51,7 @@ def test_long_sums_over_stages_are_reduced(stages):
     alike_in_all_arithmetics(run, run(Exact()))
 
 
-@pytest.mark.parametrize("length", [3, 40, 72])
+@pytest.mark.parametrize("length", [3, 62])
 def test_long_blocks_are_reduced(length):
     """A path of many halves: products of polynomials with more terms than residues can add up."""
     half = Fraction(1, 2)

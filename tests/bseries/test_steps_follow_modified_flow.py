@@ -33,9 +33,9 @@ def distance(made, field, steps):
 
 
 def measured_power(made, field):
-    """The power of h with which the distance falls, by the two smallest of the steps 1, 1/2, … that show it."""
+    """The power of h with which the distance falls, by the two smallest of the steps 1/4, 1/8, … that show it."""
     found = []
-    for level in range(FINEST + 1):
+    for level in range(2, FINEST + 1):
         gap = distance(made, field, 2**level)
         if gap < ROUNDING:
             break
