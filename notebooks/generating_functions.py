@@ -16,11 +16,11 @@
 # The modified equation of a symplectic method has Hamiltonians *locally*. To conserve one over long times it must be a
 # single function, on all of the domain of H. Section 5 of the lecture finds it there, from the generating function of
 # the method (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, sections VI.5 and IX.3.2): a map
-# (p, q) ↦ (P, Q) near the identity is symplectic if and only if
+# (p, q) ↦ (P, Q) near the identity is symplectic if and only if **locally**
 #
 # $$ p = P + \nabla_q S(P, q, h), \qquad Q = q + \nabla_P S(P, q, h) \qquad (20) $$
 #
-# with some function S. If S is known everywhere, so is H̃.
+# with some function S. If S is defined everywhere, so is H̃.
 
 # %%
 from itertools import product
@@ -115,7 +115,7 @@ print(orders)
 # %% [markdown]
 # And where S is not global? With c h³ q added, q an angle, S is no function on the cylinder, though the map is
 # one: it also pushes p by −c h³. H̃ inherits the term. It stays constant only if turns are counted, and H drifts with
-# them. So it is in `takahashi_imada.py`.
+# them. The same happens in `takahashi_imada.py`.
 
 # %%
 bs.generating_hamiltonian(h * (p**2 / 2 - sympy.cos(q)) + h**3 * q / 10, [p], [q], 3)[2]
@@ -160,11 +160,20 @@ try:
 except bs.SeriesError as error:
     print(error)
 
+# %% [markdown]
+# Terms with h/I from 0.5 to 1.1. At h = I the series still converges, to 1, but there a step is not defined, as
+# 1 − h/I = 0; beyond, terms grow.
+
 # %%
 pyplot.figure(figsize=(6, 3.4), layout="constrained")
-k = np.arange(1, 41)
+k, at = np.arange(1, 41), scene.y0[:, None]  # where I = 4
 for ratio, color, marker in ((0.5, BLUE, "o"), (0.9, GREEN, "s"), (1.0, BLACK, "^"), (1.1, ORANGE, "v")):
-    pyplot.semilogy(k, ratio**k / (k * (k + 1)), marker, markersize=3, color=color, label=f"h/I = {ratio}")
+    terms = ratio**k / (k * (k + 1))
+    found = energy.terms(at)[:, 0] * (4 * ratio) ** np.arange(10)
+    assert np.allclose(terms[:9], -found[1:], rtol=1e-12)
+    pyplot.semilogy(k, terms, marker, markersize=3, color=color, label=f"h/I = {ratio}")
+n = sympy.Symbol("n", positive=True, integer=True)
+assert sympy.summation(1 / (n * (n + 1)), (n, 1, sympy.oo)) == 1
 pyplot.xlabel("$k$")
 pyplot.ylabel("term with $h^k$")
 pyplot.legend()
@@ -173,9 +182,12 @@ pyplot.show()
 # %% [markdown]
 # ## Exercise 6: the same for volume
 #
-# If a volume-preserving method is applied to a divergence-free field, all f_j of its modified equation are
-# divergence-free. The proof is that of theorem 2: the first f_j with a divergence would change volumes by h^j div f_j
-# in a step. The ABC flow is a sum of three shears, a + b + c; splitting methods preserve volume. Others do not:
+# If a volume-preserving method is applied to a divergence-free field, all f_j of its modified equation
+# $f + hf_2 + h^2f_3 + \dots$ are divergence-free. By induction, as for theorem 2: if $f_2, \dots, f_{j-1}$ are, the
+# flow of the equation truncated after them keeps volume, and a step differs from it by $h^jf_j + O(h^{j+1})$. So its
+# Jacobian has the determinant $1 + h^j\,\mathrm{div}\,f_j + O(h^{j+1})$, which must be 1.
+#
+# The ABC flow is a sum of three shears, a + b + c; splitting methods preserve volume. Others do not:
 
 # %%
 abc = bs.scene("abc-flow", A="A", B="B", C="C")
@@ -200,7 +212,7 @@ bs.divergence(bs.modified_field(methods["implicit midpoint"], abc, 3), 2)
 abc, step = bs.scene("abc-flow"), 0.1
 jacobian = sympy.lambdify(abc.symbols, sympy.Matrix(abc.field).jacobian(abc.symbols), "numpy")
 figure, panels = pyplot.subplots(1, 2, figsize=(8.4, 3.4), layout="constrained")
-for axes, name, color in zip(panels, methods, (ORANGE, BLUE), strict=False):
+for axes, name in zip(panels, methods, strict=False):
     run, k = bs.integrate(abc, methods[name], h=step, steps=400), first[name]
     ends = run.y[:, :-1], run.y[:, 1:]
     if name == "explicit Euler":
@@ -212,11 +224,11 @@ for axes, name, color in zip(panels, methods, (ORANGE, BLUE), strict=False):
     rate = sympy.lambdify(abc.symbols, bs.divergence(bs.modified_field(methods[name], abc, k + 1), k), "numpy")(*run.y)
     predicted = np.cumsum(rate[1:] + rate[:-1]) / 2 * step ** (k + 1)
     assert abs(measured - predicted).max() < step * abs(measured).max()
-    axes.plot(run.t[1:], predicted, color=color, label="predicted")
+    axes.plot(run.t[1:], predicted, color=ORANGE, label="predicted")
     axes.plot(run.t[1::4], measured[::4], "o", color=BLACK, markersize=2.5, label="steps")
-    axes.axhline(0, color=BLACK, linestyle=":", linewidth=1, label="Lie–Trotter, Strang")
+    axes.axhline(0, color=BLACK, linestyle=":", linewidth=1, label="Lie–Trotter, Strang: 0 exactly")
     axes.set(title=f"{name}, h = {step}", xlabel="$t$", ylabel="logarithm of volume")
-panels[0].legend()
+figure.legend(handles=panels[0].lines, loc="outside lower center", ncols=3)
 pyplot.show()
 
 # %% [markdown]

@@ -33,7 +33,7 @@ BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#999999"  # told apart by all (Okabe
 # ## Exercise 3: from positions to all coordinates
 #
 # A change of positions q = χ(Q) becomes a symplectic change of all coordinates with P = χ'(Q)ᵀ p, for it has the
-# generating function p·χ(Q). For polar coordinates in the plane:
+# generating function p·χ(Q), that is P·dQ = p·χ'(Q)dQ = p·dq. For polar coordinates in the plane:
 
 # %%
 cartesian, polar = {"p": 2, "q": 2}, {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
@@ -52,7 +52,7 @@ assert sympy.simplify(r * (p2 * sympy.cos(phi) - p1 * sympy.sin(phi)) - p_phi) =
 assert change.is_symplectic
 
 # %% [markdown]
-# The same from the other side: P·χ(q) generates the change to Q = χ(q), if the way back is given. But who moves
+# The same from the other side: P·χ(q) generates the change to Q = χ(q), if the way back is given. A map that moves
 # positions and leaves momenta as they were is refused.
 
 # %%
@@ -101,7 +101,7 @@ def bracket(A, B, momenta, positions):
 energy = p_r**2 / 2 + p_phi**2 / (2 * r**2) + sympy.Function("V")(r)
 assert bracket(energy, p_phi, (p_r, p_phi), (r, phi)) == 0
 gradients = sympy.Matrix([energy, p_phi]).jacobian(z)
-[minor for minor in (gradients[:, [1, k]].det() for k in range(4)) if minor != 0]
+sympy.Matrix([minor for minor in (gradients[:, [1, k]].det() for k in range(4)) if minor != 0])
 
 # %% [markdown]
 # The gradients are dependent where these minors vanish, $p_r = 0$ and $p_\varphi^2 = r^3 V'(r)$: on circular orbits. In
@@ -117,8 +117,8 @@ sympy.factor(alpha)
 # %% [markdown]
 # In the plane of L and H (a) circular orbits bound what is possible, and between them and H = 0 level sets are tori.
 # (Only L = 0, the fall into the centre, is cut out; for H ≥ 0 level sets are not compact.) On each torus there are two
-# frequencies, and where their ratio is not rational the orbit fills a ring (b). They show in the angle from one
-# perihelion to the next, $2\int_{u_1}^{u_2} L\,du/\sqrt{2(H + u + \mu u^3/3) - L^2u^2}$ with u = 1/r.
+# frequencies, and where their ratio is not rational the orbit fills a ring (b; cross: the centre). They show in the
+# angle from one perihelion to the next, $2\int_{u_1}^{u_2} L\,du/\sqrt{2(H + u + \mu u^3/3) - L^2u^2}$ with u = 1/r.
 
 
 # %%
@@ -154,12 +154,13 @@ left.plot(momenta, -1 / (2 * momenta**2), color=ORANGE, label="circular orbits")
 left.fill_between(momenta, -1 / (2 * momenta**2), 0, color=BLUE, alpha=0.25, linewidth=0, label="tori")
 left.fill_between(momenta, 0, 0.5, color=GREY, alpha=0.25, linewidth=0, label="not compact")
 left.axvline(0, color=ORANGE, linestyle=":", label="L = 0")
-left.plot(0.8, -0.5, "ko", markersize=4, label="start of (b), with μ = 0")
+left.plot(0.8, -0.5, "ko", markersize=4, label="start of (b)")
 left.set(xlabel="angular momentum $L$", ylabel="energy $H$", ylim=(-2, 0.5), title="(a) Kepler problem")
 figure.legend(loc="outside lower left", fontsize=8, ncols=5)
 run = bs.integrate(planet, "stormer-verlet", h=0.01, steps=15_000)
 right.plot(run.y[2], run.y[3], color=BLUE, linewidth=0.6)
-right.plot(0, 0, "ko", markersize=4)
+right.plot(0, 0, "+", color=GREY, markersize=8)
+right.plot(run.y[2, 0], run.y[3, 0], "ko", markersize=4)
 right.set(aspect="equal", xlabel="$q_1$", ylabel="$q_2$", title=r"(b) with $\mu = 0.015$")
 pyplot.show()
 

@@ -55,9 +55,9 @@ def figure(
 ) -> None:
     """A figure of the lecture that this project grew from, or one beyond it.
 
-    The pictures are made for print at their own size. --data writes the numbers that they show, a column for each
-    quantity; columns need not be of the same length. --all -o DIR draws all of them to files NAME.png, and with
-    --data DIR writes NAME.csv.
+    The pictures are made for print at their own size; what there is to see in one is printed once it is drawn. --data
+    writes the numbers that they show, a column for each quantity; columns need not be of the same length. --all -o DIR
+    draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
 
     \b
     Examples:
@@ -107,6 +107,9 @@ def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[
         if place not in (None, "-"):
             check_place(str(place), argument)
     _make(file, _options(file, name, settings), path, format_, data, progress.update)
+    if path is not None and data != "-":  # numbers on standard output stay alone
+        output = Output("table", None, progress)
+        output.write([layout.paragraphs([file.CAPTION], output.width)])
 
 
 def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:

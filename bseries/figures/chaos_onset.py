@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 NUMBER = None
 TITLE = "Pendulum: where the implicit midpoint rule becomes chaotic as the step size grows"
 CAPTION = (
-    "Beyond the lecture, on its figure 6, whose text lets chaos begin soon after h = 0.7. Dark starts are "
+    "Beyond the lecture, on its figure 6, whose text lets chaos begin soon after h = 0.7. Blue starts are "
     "chaotic: two orbits that begin a relative 10⁻¹⁰ apart are more than 0.01 apart at t = 700. There is chaos "
-    "for every h, but in a layer at the separatrix that is exponentially thin, e^(−π²/2h) to leading order (here "
-    "its width in p, at the saddle point): about 0.03 for h = 0.7. Only from h ≈ 1 on is it a part of phase space "
-    "that can be seen."
+    "for every h, but in a layer at the separatrix that is exponentially thin, e^(−π²/2h) to leading order, up to a "
+    "factor that is fitted here. Its width in p, at the saddle point (b), is about 0.03 for h = 0.7. Only from h ≈ 1 "
+    "on is it a part of phase space that can be seen."
 )
 SIZE = (16.0, 8.0)
 
@@ -124,10 +124,10 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
     left.set(ylabel="momentum $p$ at $q = 0$", title="(a) starts at $q = 0$", ylim=BOTTOM[:2])
     _draw_map(right, numbers.h, numbers.saddle, numbers.chaotic_saddle)
     layer = numbers.coefficient * np.exp(-(np.pi**2) / 2 / numbers.h)
-    label = rf"${numbers.coefficient:.0f}\,e^{{-\pi^2/2h}}$"
+    label = rf"fitted: ${numbers.coefficient:.0f}\,e^{{-\pi^2/2h}}$"
     right.plot(numbers.h, layer, "--", color=VERMILION, label=label)
-    right.set(ylabel=r"momentum $p$ at $q = -\pi$", title=r"(b) starts at $q = -\pi$, the saddle point", yscale="log")
-    right.set_ylim(*10 ** np.array(SADDLE[:2]))
+    right.set(ylabel=r"momentum $p$ at $q = -\pi$", title=r"(b) starts above the saddle point, $q = -\pi$")
+    right.set(yscale="log", ylim=10 ** np.array(SADDLE[:2]))
     for axes in (left, right):
         axes.set(xlabel="step size $h$", xlim=STEP_SIZES[:2])
         axes.legend(loc="upper left")
@@ -139,3 +139,4 @@ def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> 
     from .style import BLUE, WHITE
 
     axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, BLUE]), shading="nearest", rasterized=True)
+    axes.fill([], [], color=BLUE, label="chaotic")

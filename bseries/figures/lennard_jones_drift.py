@@ -42,6 +42,8 @@ KEPT = 12
 """How many trajectories are drawn one by one."""
 SHOWN = 150
 """About how many points curves have in the logarithmic picture."""
+ENOUGH = 36
+"""For how many trajectories standard errors are drawn: with few, three of them are hardly less than the deviation."""
 FIT_FROM = 0.1
 """The deviation is fitted from this part of the span on."""
 
@@ -172,6 +174,7 @@ def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
     axes.loglog(t, deviation, color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
     axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
     axes.loglog(t, abs(mean), color=VERMILION, linewidth=0.8, label="|mean|")
-    axes.loglog(t, 3 * error, ":", color=VERMILION, label="3 standard errors")
+    if numbers.members >= ENOUGH:
+        axes.loglog(t, 3 * error, ":", color=VERMILION, label="3 standard errors")
     axes.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1.04), ncols=4)

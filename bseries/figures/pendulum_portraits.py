@@ -120,15 +120,15 @@ def draw(numbers: PendulumPortraits, figure: Figure) -> None:
         above.set_title(f"{portrait.title}, $h = {portrait.h:g}$", loc="center")
         _draw_cylinder(above, numbers.levels, runs)
         _draw_strip(below, numbers.levels, runs)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("momentum $p$")
+    panels[0, 0].set_ylabel(r"$p$ at the sides, $q = \pm\pi/2$")
+    panels[1, 0].set_ylabel("momentum $p$")
 
 
 def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder from outside, with q = 0 in front."""
     import numpy as np
 
-    from .style import BLACK, GREY
+    from .style import BLACK, GREY, WHITE
 
     for p, q in levels:
         for is_front in (False, True):
@@ -145,9 +145,9 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
             axes.plot(*_seen(p[visible], q[visible]), **look, alpha=1 if is_front else BEHIND)
-    axes.set(
-        xlabel="in front: $q = 0$", xticks=[], yticks=[-2, -1, 0, 1, 2]
-    )  # at the sides, where q = ±π/2, the height is p
+    background = {"facecolor": WHITE, "edgecolor": "none", "pad": 1}
+    axes.text(0, 0.5 - TOP, "$q = 0$ in front", fontsize=7, ha="center", va="top", bbox=background)
+    axes.set(xticks=[], yticks=[-2, -1, 0, 1, 2])  # at the sides, where q = ±π/2, the height is p
     axes.spines["left"].set_bounds(-TOP, TOP)
     axes.spines["left"].set_position(("data", -1.15))
     axes.spines["bottom"].set_visible(False)

@@ -117,7 +117,7 @@ def drawn(file: FigureFile, numbers: Any) -> Figure:
 
     optional_module("matplotlib", "figures")
     with print_style():
-        figure = new_figure(file.SIZE)
+        figure = new_figure(file.SIZE, file.CAPTION)
         file.draw(numbers, figure)
         figure.draw_without_rendering()  # ticks take the settings of the moment when they are laid out
     return figure
@@ -131,7 +131,7 @@ def figure(name: str, **options: Any) -> Figure:
         options: Those of the figure; `bseries figure --list` shows them with their defaults.
 
     Returns:
-        A figure of matplotlib, to be shown in a notebook or saved with its method ``savefig``.
+        A figure of matplotlib, to be shown in a notebook, with its caption, or saved with its method ``savefig``.
 
     Raises:
         SeriesError: There is no such figure or option.

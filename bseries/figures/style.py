@@ -51,8 +51,10 @@ def print_style() -> AbstractContextManager[None]:
     return style.context(["default", SETTINGS])
 
 
-def new_figure(size: tuple[float, float]) -> Figure:
-    """An empty figure, its size in centimetres."""
+def new_figure(size: tuple[float, float], caption: str = "") -> Figure:
+    """An empty figure, its size in centimetres, with what notebooks write below it."""
     from ..print_figure import PrintFigure
 
-    return PrintFigure(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
+    figure = PrintFigure(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
+    figure.caption = caption
+    return figure

@@ -19,9 +19,10 @@ NUMBER = 7
 TITLE = "Simplified Takahashi–Imada method on a pendulum, with and without a symmetric potential"
 CAPTION = (
     "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ of the "
-    "symplectic Takahashi–Imada method along the simplified one, which is not symplectic: means, and bands of how "
-    "far it goes up and down. Where U is not symmetric, every turn of the pendulum adds −h⁴/288 ∫U‴U′² dq = "
-    "−πh⁴/240, or the opposite the other way round; for U = −cos q the integral is zero."
+    "symplectic Takahashi–Imada method along the simplified one, which is not symplectic: lines are means over 25 "
+    "units of time, bands how far it goes up and down in them; at t = 0 its error is 0. Where U is not symmetric, "
+    "every turn of the pendulum adds −h⁴/288 ∫U‴U′² dq = −πh⁴/240, or the opposite the other way round; for U = −cos q "
+    "the integral is zero."
 )
 SIZE = (12.0, 11.0)
 
@@ -126,12 +127,13 @@ def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
     ):
         _draw_band(above, t, errors, colour, f"{what}: slope {_written(slope(t, errors))}")
     forwards = numbers.pendulum.forwards
-    _draw_band(below, t, forwards, VERMILION, f"simplified, $p_0 = 2.5$: slope {_written(slope(t, forwards))}")
+    label = f"simplified, $p_0 = 2.5$: mean, slope {_written(slope(t, forwards))}"
+    _draw_band(below, t, forwards, VERMILION, label, f"least and largest in {SPAN / WINDOWS:g} units of time")
     above.set(
         title=f"$U = -\\cos\\,q + 0.2\\,\\sin\\,2q$, $h = {h:g}$",
         ylim=(1.1 * predicted * SPAN, -2.1 * predicted * SPAN),
     )
-    below.set(title=f"$U = -\\cos\\,q$, $h = {h:g}$", xlabel="time $t$", xlim=(0, SPAN), ylim=(0, 1.4 * forwards.max()))
+    below.set(title=f"$U = -\\cos\\,q$, $h = {h:g}$", xlabel="time $t$", xlim=(0, SPAN), ylim=(0, 1.6 * forwards.max()))
     for axes in (above, below):
         axes.set_ylabel("error of $H + h^2H_3$")
         axes.legend(loc="upper left")
@@ -145,12 +147,14 @@ def slope(t: np.ndarray, errors: np.ndarray) -> float:
     return float(np.polyfit(t, errors, 1)[0])
 
 
-def _draw_band(axes: Axes, t: np.ndarray, errors: np.ndarray, colour: str, label: str) -> None:
+def _draw_band(
+    axes: Axes, t: np.ndarray, errors: np.ndarray, colour: str, label: str, band_label: str | None = None
+) -> None:
     """The mean of the errors in each of many windows, and how far they go up and down there."""
     width = max(1, len(t) // WINDOWS)
     t, errors = (values[: width * (len(t) // width)].reshape(-1, width) for values in (t, errors))
-    axes.fill_between(t.mean(1), errors.min(1), errors.max(1), color=colour, alpha=0.3, linewidth=0)
     axes.plot(t.mean(1), errors.mean(1), color=colour, label=label)
+    axes.fill_between(t.mean(1), errors.min(1), errors.max(1), color=colour, alpha=0.3, linewidth=0, label=band_label)
 
 
 def _written(value: float) -> str:

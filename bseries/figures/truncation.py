@@ -19,7 +19,9 @@ TITLE = "Lotka–Volterra: the modified equations truncated after h and after h�
 CAPTION = (
     "Lecture, figure 3 (HLW, figure IX.1.3). Two Euler methods from (p, q) = (2, 2), the exact solution, and solutions "
     "of the modified equations truncated after h and h². Below, the distances of these from the steps, which are "
-    "O(h), O(h²) and O(h³)."
+    "O(h), O(h²) and O(h³): a law for small h. At h = 0.1 the term with h alone is no gain for symplectic Euler from "
+    "t ≈ 5 on: the period of its orbit is 4.594, that of the given equations 4.615, after the term with h 4.620, and "
+    "only after h² 4.591."
 )
 SIZE = (15.0, 13.0)
 

@@ -34,6 +34,16 @@ def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) 
             )
 
 
+def rows_from(
+    every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """What `recorded` takes to store every so many steps after step n, if rows begin after step `first`."""
+    import numpy as np
+
+    row = n // every - first // every if every else 0
+    return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]
+
+
 def parts_key(parts: Any) -> Any:
     """What parts are said to be, in a form that can be looked up."""
     if parts is None:

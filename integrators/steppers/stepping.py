@@ -13,15 +13,13 @@ from ..modules import load_module
 from ..program import Program
 from ..remembering import remembered
 from ..scenes.base import Scene
-from ..scenes.degrees import Piece
-from ..scenes.parts import check_kind, pieces_of
 from .adaptive import read_control, start_control
 from .averages import MOST_NODES
 from .nodes import Nodes
-from .run_input import check_end, check_rows, parts_key, read_number, read_vector, read_whole
+from .run_input import check_end, check_rows, parts_key, read_number, read_vector, read_whole, rows_from
 from .source import KERNELS, Text, stepper_text
 from .states import State, StepError
-from .structure import Structure
+from .structure import Structure, method_pieces
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,7 +52,7 @@ class Stepper:
     def __init__(self, scene: Scene, method: Method, parts: Any, control: Any, options: Mapping[str, Any]):
         self.scene, self.method = scene, method
         self.control = control
-        self._nodes = Nodes(method, Structure(scene, _pieces(method, scene, parts)))
+        self._nodes = Nodes(method, Structure(scene, method_pieces(method, scene, parts)))
         self._options = dict(options)
         solver = self._options.pop("solver")
         self._is_free = solver == "auto"
@@ -92,7 +90,7 @@ class Stepper:
         y = self.scene.y0 if y0 is None else read_vector(y0, self.scene.dimension)
         step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
-            raise IntegratorError("h must not be zero, but was")
+            raise IntegratorError(f"h must not be zero, but was {step:g}")
         state = State(np.ascontiguousarray(y), step, time, self._text(self._first_solver).memory, self._first_solver)
         if self.control is not None:
             state.control = start_control(self.control, self.scene, state.y, time)
@@ -181,8 +179,8 @@ class Stepper:
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
         while steps > 0:
             before = state.copy()
-            stored = *_rows_from(y_every, y_rows, y_times, state.n, first), observer
-            if self._run(state, steps, *stored, *_rows_from(o_every, o_rows, o_times, state.n, first)):
+            stored = *rows_from(y_every, y_rows, y_times, state.n, first), observer
+            if self._run(state, steps, *stored, *rows_from(o_every, o_rows, o_times, state.n, first)):
                 break
             steps -= self._go_back(state, before, steps)
             self._change_solver(state)
@@ -236,7 +234,7 @@ class Stepper:
         made = recorded(
             self._address(state.solver), state.values, state.carry, state.memory, state.control, self._numbers(state),
             work, state.h, state.t0, state.n, steps, int(state.is_fresh),
-            *stored or (*_rows_from(0, None, None, 0, 0), 0, *_rows_from(0, None, None, 0, 0)),
+            *stored or (*rows_from(0, None, None, 0, 0), 0, *rows_from(0, None, None, 0, 0)),
         )  # fmt: skip
         state.n += made
         state.is_fresh = False
@@ -389,24 +387,3 @@ def _stepper(
     scene: Scene, name: str, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]
 ) -> Stepper:
     return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
-
-
-def _rows_from(
-    every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
-) -> tuple[int, np.ndarray, np.ndarray]:
-    """What `recorded` takes to store every so many steps after step n, if rows begin after step `first`."""
-    import numpy as np
-
-    row = n // every - first // every if every else 0
-    return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]
-
-
-def _pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
-    """The pieces of the field for the parts of a method; an auxiliary matrix is the Jacobian of the whole field."""
-    auxiliary = getattr(method.program, "auxiliary", ())
-    names = [name for name in method.names if name not in auxiliary]
-    own = dict(zip(names, pieces_of(names, scene, parts), strict=True))
-    pieces = [own.get(name, Piece()) for name in method.names]
-    if not auxiliary:  # a matrix that is no part of the field has no series of its own
-        check_kind(method.name, method.program.max_children, pieces, scene)
-    return pieces if len(pieces) == 1 else [*pieces, Piece()]

@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ..remembering import remembered
-from ..scenes.degrees import degree
+from ..scenes.degrees import Piece, degree
 from ..scenes.local_terms import output_formula
+from ..scenes.parts import check_kind, pieces_of
 
 if TYPE_CHECKING:
-    from ..scenes.degrees import Piece
+    from ..program_method import Method
+    from ..scenes.base import Scene
     from ..scenes.local_terms import LocalTerm, Output, Place
     from ..scenes.system import System
     from ..scenes.terms import Sites
@@ -166,3 +168,14 @@ def _ranges(indices: Sequence[int]) -> Iterable[Range]:
     for _, run in groupby(enumerate(indices), key=lambda pair: pair[1] - pair[0]):
         members = [index for _, index in run]
         yield members[0], members[-1] + 1
+
+
+def method_pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
+    """The pieces of the field for the parts of a method; an auxiliary matrix is the Jacobian of the whole field."""
+    auxiliary = getattr(method.program, "auxiliary", ())
+    names = [name for name in method.names if name not in auxiliary]
+    own = dict(zip(names, pieces_of(names, scene, parts), strict=True))
+    pieces = [own.get(name, Piece()) for name in method.names]
+    if not auxiliary:  # a matrix that is no part of the field has no series of its own
+        check_kind(method.name, method.program.max_children, pieces, scene)
+    return pieces if len(pieces) == 1 else [*pieces, Piece()]

@@ -8,9 +8,11 @@ import json
 import math
 import subprocess
 import sys
+from base64 import b64decode
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -28,6 +30,9 @@ from bseries.figures import (
 )
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
 from bseries.figures.saving import FORMATS, picture, picture_format, table
+from bseries.figures.style import new_figure
+from bseries.figures.truncated_scenes import truncated_scene
+from bseries.print_figure import PrintFigure
 
 pytest.importorskip("matplotlib")
 
@@ -128,6 +133,19 @@ class TestLotkaVolterra:
             for curve, exact, states in zip(curves, found.exact, found.steps[method], strict=False):
                 gaps = [gap(flow, states[:, :60]) for flow in (curve, exact)]
                 assert gaps[0] < gaps[1] / 3
+
+    def test_the_periods_of_the_caption(self):
+        """The time from (2, 2) back to q = 2: of the given equations, after h, after h², and of the steps."""
+        scene, method = bs.scene("lotka-volterra"), "symplectic-euler-p"
+        for terms, given in ((1, "4.615"), (2, "4.620"), (3, "4.591")):
+            t, flow = float(given), truncated_scene(method, scene, terms, 0.1)
+            (p,), (q,) = bs.reference_solution(flow, t, y0=truncation.START)
+            t -= (q - 2) / bs.right_hand_side(flow)(0.0, np.array([p, q]))[1]
+            assert f"{t:.3f}" == given
+            assert given in truncation.CAPTION
+        p, q = bs.integrate(scene, method, h=0.1, steps=20_000, y0=truncation.START).y
+        angle = np.unwrap(np.arctan2(q - 2, p - 1))
+        assert 2000 * 2 * np.pi / abs(angle[-1] - angle[0]) == pytest.approx(4.594, abs=1e-3)
 
 
 class TestPendulumPortraits:
@@ -325,9 +343,21 @@ def is_whole(figure):
     return bool((shown.min >= 0).all() and (shown.max <= figure.get_size_inches()).all())
 
 
-def test_notebooks_show_figures():
-    shown = bs.figure("riccati")._repr_png_()
-    assert shown.startswith(b"\x89PNG")
+def test_notebooks_show_figures_with_captions():
+    figure = bs.figure("riccati")
+    assert isinstance(figure, PrintFigure)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    image, caption = ElementTree.fromstring(figure._repr_html_())
+    assert b64decode(image.attrib["src"].removeprefix("data:image/png;base64,")) == figure._repr_png_()
+    assert caption.text == riccati.CAPTION
+
+
+def test_captions_are_text_and_not_html():
+    figure = new_figure((8, 5), "a < b & c")
+    assert isinstance(figure, PrintFigure)
+    assert "<figcaption>a &lt; b &amp; c</figcaption>" in figure._repr_html_()
+    figure.caption = ""
+    assert "figcaption" not in figure._repr_html_()
 
 
 def test_what_is_cut_off_would_be_noticed():

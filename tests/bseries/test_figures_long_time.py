@@ -25,8 +25,8 @@ from bseries.figures.registry import compute, drawn, figure_file, figure_names, 
 pytest.importorskip("matplotlib")
 
 GIVEN = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())["figures_2_to_7"]
-ATOMS = {"h": 0.02, "members": 64, "span": 2500.0}
-"""Figure 8 in a reduced form, of 8 million steps in place of 800 million."""
+ATOMS = {"h": 0.02, "members": 36, "span": 2500.0}
+"""Figure 8 in a reduced form, of 4.5 million steps in place of 800 million."""
 
 
 @cache
@@ -87,6 +87,10 @@ class TestLargeSteps:
         starts = np.array(large_steps.STARTS[:2])
         assert chaos_onset.is_chaotic(starts, h, 20_000 * h).tolist() == [h in row for row in table]
 
+    def test_all_that_is_drawn_is_in_the_picture(self):
+        p = numbers_of("large-steps").states[:, :, 0, : large_steps.DRAWN]
+        assert large_steps.BOTTOM < p.min() < p.max() < large_steps.TOP
+
 
 class TestChaosOnset:
     def test_the_layer_is_exponentially_thin(self):
@@ -135,6 +139,23 @@ class TestTakahashiImadaDrift:
         np.testing.assert_allclose([errors.min(), errors.max()], [given["min_E-E0"], given["max_E-E0"]], atol=1e-8)
         slope = takahashi_imada_drift.slope(found.t, errors)
         assert slope == pytest.approx(given["slope_least_squares_E"], rel=1e-5, abs=1e-13)
+
+    @pytest.mark.parametrize(("scene", "run", "key"), KEYS)
+    def test_lines(self, scene, run, key):
+        """Slopes of the modified energy with three and five terms, and how far it is from these lines."""
+        method = takahashi_imada_drift.SIMPLIFIED if run == "forwards" else takahashi_imada_drift.SYMPLECTIC
+        system = bs.scene("pendulum", effects=["asymmetry"] if scene == "perturbed" else [])
+        states = bs.integrate(system, method, h=0.2, steps=25_000, y0=[2.5, 0])
+        given = self.RUNS[key]
+        for order, slope, rms in (
+            (3, "slope_least_squares_E", "residual_rms_about_line"),
+            (5, "slope_least_squares_E+h^4H5", "rms_E5_residual"),
+        ):
+            energy = bs.modified_hamiltonian(bs.method(takahashi_imada_drift.SYMPLECTIC), system, order)(states.y, 0.2)
+            line = np.polyfit(states.t, energy, 1)
+            assert line[0] == pytest.approx(given[slope], rel=1e-6, abs=1e-13)
+            rest = energy - np.polyval(line, states.t)
+            assert np.sqrt(np.mean(rest**2)) == pytest.approx(given[rms], rel=1e-6, abs=1e-10)
 
     def test_predicted_slopes(self):
         found = numbers_of("takahashi-imada-drift")
@@ -209,6 +230,11 @@ class TestLennardJonesDrift:
 
     def test_it_says_how_far_it_is(self):
         assert [name for name in figure_names() if takes_progress(figure_file(name))] == ["lennard-jones-drift"]
+
+    def test_standard_errors_need_many_trajectories(self, atoms):
+        few = atoms._replace(members=lennard_jones_drift.ENOUGH - 1)
+        counts = [len(drawn(lennard_jones_drift, numbers).axes[1].lines) for numbers in (atoms, few)]
+        assert counts[0] == counts[1] + 1
 
     def test_the_picture(self, atoms):
         figure = drawn(lennard_jones_drift, atoms)

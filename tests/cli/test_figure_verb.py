@@ -38,7 +38,7 @@ def two_figures(monkeypatch):
 @pytest.mark.parametrize("ending", BEGINNINGS)
 def test_pictures(answer, tmp_path, ending):
     path = tmp_path / f"picture.{ending}"
-    assert answer("figure", "riccati", "--set", "h=1/50", "-o", str(path)) == ""
+    assert answer("figure", "riccati", "--set", "h=1/50", "-o", str(path)) == f"{riccati.CAPTION}\n"
     assert path.read_bytes().startswith(BEGINNINGS[ending])
     assert path.read_bytes() == picture(drawn(figure_file("riccati"), riccati.numbers()), ending)
     assert list(tmp_path.iterdir()) == [path]
