@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import sysconfig
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import bseries as bs
@@ -14,6 +17,7 @@ from bseries.advice.step_costs import step_costs
 from bseries.advice.sweeps import Curve
 
 from .kinds import Figure, Measurement
+from .timing import run
 
 SCENES = ("pendulum", "kepler", "henon-heiles", "toda", "lotka-volterra")
 ERRORS = (1e-3, 1e-6, 1e-9)
@@ -22,6 +26,8 @@ FINER = 4.0
 GRID = 1.01
 """From one number of steps to the next."""
 BAR = 1.10
+LONGEST = 60.0
+"""Seconds for the command."""
 REDUCED = {
     "pendulum": ("rk4", "blanes-moan-rkn6-11", "blanes-casas-rkn8", "chin4c", "gauss3", "dop853", "pefrl4"),
     "lotka-volterra": ("rk4", "tsit5", "dop853", "blanes-moan4", "gauss3", "yoshida6"),
@@ -93,9 +99,22 @@ def recommended(name: str, methods: Sequence[str] | str = "all", errors: Sequenc
     return figures
 
 
-def measurements() -> list[Measurement]:
-    """A search on two scenes through some methods, and on five through all."""
+def whole_command() -> list[Figure]:
+    """`bseries cost kepler` as a user runs it: for the first time, when everything has to be compiled, and again."""
+    command = [str(Path(sysconfig.get_path("scripts"), "bseries")), "cost", "kepler"]
+    with tempfile.TemporaryDirectory() as cache:
+        places = {"BSERIES_CACHE": cache, "NUMBA_CACHE_DIR": cache}
+        first, again = (run(command, places)[0] for _ in range(2))
     return [
+        Figure("bseries cost kepler, with nothing compiled yet", first, LONGEST, unit="s"),
+        Figure("bseries cost kepler, again", again, LONGEST, unit="s"),
+    ]
+
+
+def measurements() -> list[Measurement]:
+    """The command, a search on two scenes through some methods, and on five through all."""
+    return [
+        Measurement("cost-kepler", whole_command),
         *(
             Measurement(f"advice-{name}", lambda name=name, methods=methods: recommended(name, methods, ERRORS[:2]))
             for name, methods in REDUCED.items()

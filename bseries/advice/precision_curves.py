@@ -169,8 +169,11 @@ def work_precision(
     if not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
     loosest, finest = check_errors(errors)
-    if not (isinstance(budget, int | float) and budget > 0):
-        raise IntegratorError(f"budget must be a positive number of seconds, but was {shorten(repr(budget))}")
+    limit = read_number(budget, "budget")
+    if limit <= 0:
+        raise IntegratorError(f"budget must be a positive number of seconds, but was {limit:g}")
+    if progress is not None and not callable(progress):
+        raise IntegratorError(f"progress must be a function of two numbers, but was {shorten(repr(progress))}")
     measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
     if "solution" not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
@@ -187,7 +190,7 @@ def work_precision(
     swept = []
     for k, candidate in enumerate(chosen.found):
         report(len(chosen.found) + k, total)
-        swept.append(sweep(judge, candidate, finest, budget))
+        swept.append(sweep(judge, candidate, finest, limit))
     return WorkPrecision(judge, (loosest, finest), timed(judge, swept), chosen.left_out)
 
 

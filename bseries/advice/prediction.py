@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.steppers.run_input import read_steps
+from integrators.errors import IntegratorError
+from integrators.steppers.run_input import read_number, read_steps
 
 from .calibration import seconds_per_step as calibrated
 from .durations import duration
@@ -79,6 +80,13 @@ def time_only(h: Any, steps: int, reason: str, seconds: float | None = None) -> 
     return Prediction(float(h), steps, seconds, unknown, unknown, (), 0.0)
 
 
+def _positive(seconds_per_step: Any) -> float:
+    cost = read_number(seconds_per_step, "seconds_per_step")
+    if cost <= 0:
+        raise IntegratorError(f"seconds_per_step must be positive, but was {cost:g}")
+    return cost
+
+
 def predict_run(
     scene: Scene,
     method: Method | str,
@@ -149,9 +157,9 @@ def predict_run(
     control = options.get("control")
     state = stepper(scene, method, parts=parts, control=control).start(y0, h=h, t0=t0)
     seconds = None
-    if timed:
-        if seconds_per_step is None:
-            seconds_per_step = calibrated(scene, method, steps, **run)
-        seconds = None if seconds_per_step is None else steps * seconds_per_step
+    if seconds_per_step is not None:
+        seconds = steps * _positive(seconds_per_step)
+    elif timed and (cost := calibrated(scene, method, steps, **run)) is not None:
+        seconds = steps * cost
     errors = expected_errors(scene, method, state.h, steps, np.array(state.y), t0, parts, control)
     return Prediction(state.h, steps, seconds, *errors)

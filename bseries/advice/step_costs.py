@@ -98,7 +98,7 @@ class _Run:
         return thread_time() - begin
 
     def _seconds(self, steps: int) -> float:
-        """Seconds for a run; if fixed-point iteration does not converge in it, all that follows is by Newton's method."""
+        """Seconds for a run; where fixed-point iteration does not converge, Newton's method is what is timed."""
         state, begin = self._start.copy(), thread_time()
         self._stepper.advance(state, steps)
         if state.solver != self._start.solver:

@@ -111,6 +111,7 @@ def cost(
     measured, longer = (
         None if text is None else _positive(text, option) for text, option in ((span, "span"), (length, "for"))
     )
+    _check_length(longer, measured)
     with reference_compiled_ahead():
         found = work_precision(
             scene,
@@ -120,6 +121,7 @@ def cost(
             measure=measure,
             progress=output.progress.update,
         )
+    _check_length(longer, found.span)
     if picture is not None:
         _draw(found, picture)
     if output.format == "csv":
@@ -158,12 +160,15 @@ def _errors(text: str) -> tuple[float, float]:
     return check_errors((first, second))
 
 
+def _check_length(length: float | None, span: float | None) -> None:
+    if length is not None and span is not None and length < span:
+        raise Refusal(f"for must be at least the span measured, {span:g}, but was {length:g}")
+
+
 def _choice(found: WorkPrecision, error: float, length: float | None) -> Recommendation | str:
     """The recommendation for an error, or why there is none."""
     from integrators import IntegratorError
 
-    if length is not None and length < found.span:
-        raise Refusal(f"for must be at least the span measured, {found.span:g}, but was {length:g}")
     try:
         return found.best(error, length, found.measures[0])
     except IntegratorError as refusal:

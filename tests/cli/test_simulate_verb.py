@@ -106,7 +106,7 @@ def test_scenes_without_energy_show_the_state(rows):
     [
         (["--steps", "3"], "step must be given, as in --step 1/10, but was not"),
         (["--step", "x", "--steps", "3"], "step must"),
-        (["--step", "0", "--steps", "3"], "h must not be zero, but was"),
+        (["--step", "0", "--steps", "3"], "h must not be zero, but was 0"),
         (["--step", "1"], "steps or span must be given, but neither was"),
         (["--step", "1", "--steps", "1", "--span", "1"], "steps or span must be given, but both were"),
         (["--step", "1", "--span", "-1"], "span must not be negative, and step not zero, but they were -1 and 1"),
