@@ -146,10 +146,14 @@ def reference_solution(
 
 
 def _read_number(value: Any, argument: str) -> Fraction:
-    """An exact number; a double is the number that it is."""
+    """An exact number, or one with all digits that count; a double is the number that it is."""
+    from .scenes.formulas import read_formula
     from .taylor_program import fraction_of
 
-    entry = value if hasattr(value, "_mpf_") else read_entry(value, argument)
+    if isinstance(value, str) or hasattr(value, "free_symbols"):  # as scenes have them: pi/2, cos(11/10)
+        entry = read_formula(value, symbol_names([value]) if hasattr(value, "free_symbols") else (), argument)
+    else:
+        entry = value if hasattr(value, "_mpf_") else read_entry(value, argument)
     if names := symbol_names([entry]):
         raise IntegratorError(f"{argument} must be a number, but has the symbol {shorten(names[0])!r}")
     number = Fraction(entry) if isinstance(entry, float) else fraction_of(entry)

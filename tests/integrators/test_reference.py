@@ -297,6 +297,18 @@ def test_solutions_near_their_end():
     assert found.tolist() == [[2**10, 2**40]]
 
 
+@pytest.mark.parametrize("start", ["pi/2", sympy.pi / 2, "acos(0)", None])
+def test_starts_and_times_have_all_digits_of_formulas(start):
+    scene = PENDULUM.with_start(p=[0], q=["pi/2"])
+    found = reference_solution(scene, "exp(1)", y0=None if start is None else [0, start], full=True)
+    with mpmath.workdps(60):
+        expected = reference_solution(scene, mpmath.e + 0, y0=[0, mpmath.pi / 2], full=True)
+    assert (found.high == expected.high).all()
+    assert (found.low == expected.low).all()
+    rounded = reference_solution(scene, "exp(1)", y0=[0, np.pi / 2], full=True)
+    assert (found.low != rounded.low).any()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -309,7 +321,7 @@ def test_solutions_near_their_end():
         ({"t": "1e400"}, r"t\[1\] must be at most 10\^300 in size, but was 1e400"),
         ({"t": None}, r"t\[1\] must be a real number or a formula, but was None"),
         ({"t": 1, "y0": 5}, "y0 must be a sequence, but was 5"),
-        ({"t": 1, "y0": ["a", 1]}, r"y0\[1\] must be a formula, but 'a' has the unknown name"),
+        ({"t": 1, "y0": ["a", 1]}, r"y0\[1\] must be a number, but has the unknown name 'a'"),
         ({"t": 1, "y0": [sympy.Symbol("a"), 1]}, r"y0\[1\] must be a number, but has the symbol 'a'"),
         ({"t": 1, "y0": [1j, 1]}, r"y0\[1\] must be a real number or a formula"),
         ({"t": 1, "y0": ["sqrt(2) + sqrt(3) - sqrt(5 + 2*sqrt(6))", 1]}, "numbers must be told from zero, but one was"),
