@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
-from .entries import read_entry, symbol_names
+from .entries import is_sympy, read_entry, symbol_names
 from .errors import IntegratorError
 from .expressions import shorten
 from .scenes.blocks import TIME
@@ -150,8 +150,9 @@ def _read_number(value: Any, argument: str) -> Fraction:
     from .scenes.formulas import read_formula
     from .taylor_program import fraction_of
 
-    if isinstance(value, str) or hasattr(value, "free_symbols"):  # as scenes have them: pi/2, cos(11/10)
-        entry = read_formula(value, symbol_names([value]) if hasattr(value, "free_symbols") else (), argument)
+    if isinstance(value, str) or is_sympy(value):  # as scenes have them: pi/2, cos(11/10)
+        names = () if isinstance(value, str) else symbol_names([value])
+        entry: Any = read_formula(value, names, argument)
     else:
         entry = value if hasattr(value, "_mpf_") else read_entry(value, argument)
     if names := symbol_names([entry]):

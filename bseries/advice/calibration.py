@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +67,9 @@ def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: 
 
     def run(count: int) -> Stopwatch:
         watch = Stopwatch()
-        integrate(scene, method, steps=count, progress=watch, **options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the run itself will say what is not finite
+            integrate(scene, method, steps=count, progress=watch, **options)
         return watch
 
     count, watch = FIRST_STEPS, run(min(FIRST_STEPS, steps))

@@ -22,12 +22,24 @@ def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
     return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
 
 
-def largest_size(y: np.ndarray) -> float:
-    """The largest Euclidean norm of states (variables, n) without the time; 1 if all are 0."""
+def norms(y: np.ndarray) -> np.ndarray:
+    """The Euclidean norms of states (variables, n), of any size: their squares neither overflow nor vanish.
+
+    Example:
+        >>> import numpy as np
+        >>> norms(np.array([[3e-200, 0.0], [4e-200, 1e200]])).tolist()
+        [5e-200, 1e+200]
+    """
     import numpy as np
 
-    scale = float(np.abs(y).max()) or 1.0  # squares of states of any size neither overflow nor vanish
-    return float(np.linalg.norm(y / scale, axis=0).max()) * scale or 1.0
+    scales = np.abs(y).max(axis=0)
+    scales[scales == 0] = 1.0
+    return np.linalg.norm(y / scales, axis=0) * scales
+
+
+def largest_size(y: np.ndarray) -> float:
+    """The largest Euclidean norm of states (variables, n) without the time; 1 if all are 0."""
+    return float(norms(y).max()) or 1.0
 
 
 def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None = None) -> np.ndarray:

@@ -9,8 +9,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators import IntegratorError, StepError
 
 from ..exceptions import SeriesError
-from .distances import energy_size, largest_size, without_time
-from .growth import REGULAR, Extrapolated, agreed, change_after, disagreement, from_parts, parts_of, size_after
+from .distances import energy_size, largest_size, norms, without_time
+from .growth import (
+    EVEN,
+    REGULAR,
+    agreed,
+    disagreement,
+    energy_after,
+    goes_on,
+    most_disagreement,
+    parts_of,
+    power,
+    size_after,
+    size_of_states_after,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,16 +37,17 @@ AGREEMENT = 2.0
 LOST = 0.5
 """What is left of errors by the bounds of an orbit, if they are beyond it."""
 LARGEST_CHANGE = 0.05
-"""An energy that changes by a larger part makes another orbit."""
+"""An energy that changes by a larger part of what it is made of makes another orbit."""
+NEAR = 1e-2
+"""How far, relative to the size of the orbit, a kicked solution may get for its distance to be linear in the kicks."""
 ROUNDING = 1e-14
 """Below such relative errors rounding decides."""
-STEADY = 1.5
-"""Variables whose range grows by more in the second half of a pilot have no bounds."""
-
 
 NO_ENERGY = "there is no energy that the scene conserves"
 TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead to errors that differ by more than 2"
 ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
+UNTOLD = "how it grows cannot be told from the time to t = {last:.3g}"
+ONLY_ROUNDING = "rounding will be larger"
 
 
 class ExpectedError(NamedTuple):
@@ -83,6 +96,9 @@ def expected_errors(
         return unknown(f"the solution could not be followed beyond t = {error.t:.3g}")
     except (IntegratorError, SeriesError) as error:
         return unknown(str(error))
+    if found is None:
+        exact = ExpectedError(0.0, ONLY_ROUNDING)
+        return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, terms.powers, 1.0
     if not np.isfinite(found.errors).all():
         return unknown("terms of the modified equation are not finite along the solution")
     drifts = not terms.is_hamiltonian(found.y, found.powers)
@@ -96,22 +112,33 @@ def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bo
     """The largest change of the energy."""
     if found.changes is None:
         return ExpectedError(None, NO_ENERGY)
-    changes = found.changes / energy_size(scene, y0)
-
-    def extrapolated(terms: int) -> Extrapolated:
-        total = changes[:terms].sum(axis=0)
-        return from_parts(lambda n, factor: change_after(total[:n], factor, drifts=drifts), len(total), times)
-
-    expected = extrapolated(len(changes))
+    size = energy_size(scene, y0)
+    expected, fewer = (
+        energy_after(found.changes[:terms].sum(axis=0) / size, times, drifts=drifts)
+        for terms in (len(found.changes), max(1, len(found.changes) - 1))
+    )
     if expected.high < ROUNDING:
         return _with_rounding(expected.value)
-    if len(changes) > 1 and disagreement(expected.value, extrapolated(len(changes) - 1).value) > AGREEMENT:
+    if disagreement(expected.value, fewer.value) > AGREEMENT:
         return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    if drifts and expected.value > LARGEST_CHANGE:
+    if drifts and expected.value * size > LARGEST_CHANGE * _energy_of_orbit(scene, found):
         return ExpectedError(None, ANOTHER_ORBIT)
-    if expected.disagreement > (REGULAR if drifts else AGREEMENT):
-        return ExpectedError(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}")
+    if expected.disagreement > most_disagreement(drifts):
+        return ExpectedError(None, UNTOLD.format(last=found.t[-1]))
     return _with_rounding(expected.value)
+
+
+def _energy_of_orbit(scene: Scene, found: Pilot) -> float:
+    """What the energy of an orbit is made of: the mean of Σ |∂H/∂y_i · y_i| / 2, which for oscillators is H.
+
+    Unlike H it does not vanish where a constant is added. Angles go on, and count with their sizes only.
+    """
+    import numpy as np
+
+    from .pilot import gradient
+
+    slopes, places = abs(gradient(scene)(found.y)), np.minimum(abs(found.y), found.sizes[:, None])
+    return float((slopes * places).sum(axis=0).mean() / 2)
 
 
 def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: ExpectedError) -> ExpectedError:
@@ -120,39 +147,30 @@ def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Ex
 
     if energy.reason == ANOTHER_ORBIT:
         return energy
-    seen, power = found.checked.shape[1], 2 if drifts else 1
-    errors, y = found.errors, without_time(scene, found.y)
-    if disagreement(*(_norms(e).max() for e in (errors[:, :seen], found.checked))) > AGREEMENT:
+    seen, y = found.checked.shape[1], without_time(scene, found.y)
+    errors = without_time(scene, found.errors)
+    if disagreement(*(norms(e).max() for e in (found.errors[:, :seen], found.checked))) > AGREEMENT:
         return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    sizes, ranges = _norms(errors), np.array([_range(row) for row in y])
-    variables = [abs(row) for row in without_time(scene, errors)]
+    on = np.array([goes_on(row) for row in y])
+    sizes, ranges = norms(errors), np.where(on, math.inf, np.ptp(y, axis=1))
 
     def bounded(points: int, factor: float) -> tuple[float, float]:
         """The size, and the part of it that is left when no variable is off by more than the range where it moves."""
-        each = np.array([size_after(row[:points], factor, power) for row in variables])
-        left = float(_norms(np.minimum(each, ranges)) / _norms(each)) if each.any() else 1.0
-        return size_after(sizes[:points], factor, power), left
+        each = np.array([[size_after(abs(row[:points]), factor, power(drifts))] for row in errors])
+        left = float(norms(np.minimum(each, ranges[:, None]))[0] / norms(each)[0]) if each.any() else 1.0
+        return size_after(sizes[:points], factor, power(drifts)), left
 
     free, left = zip(*(bounded(*part) for part in parts_of(len(sizes), times)), strict=True)
     expected = agreed(size * least for size, least in zip(free, left, strict=True))
-    if expected.disagreement > REGULAR or not found.is_linear:
-        return ExpectedError(None, f"how it grows cannot be told from the time to t = {found.t[-1]:.3g}, as in chaos")
-    value = expected.value / largest_size(y)
-    return ExpectedError(value, "as large as orbits are") if min(left) < LOST else _with_rounding(value)
-
-
-def _norms(y: np.ndarray) -> np.ndarray:
-    import numpy as np
-
-    return np.linalg.norm(y, axis=0)
-
-
-def _range(values: np.ndarray) -> float:
-    """How far a variable moves; infinite if it moves on and on."""
-    middle = len(values) // 2 + 1
-    whole, before = (float(x.max() - x.min()) for x in (values, values[:middle]))
-    return whole if whole <= STEADY * before else math.inf
+    states, ends = size_of_states_after(y, times), min(left) < LOST
+    value = expected.value / states.value
+    is_linear = found.kicked < NEAR * largest_size(without_time(scene, found.sizes[:, None]))
+    is_lost = value > LOST and bool(on.any())  # nothing says where errors of variables that go on will end
+    grows_evenly = expected.disagreement <= REGULAR and states.disagreement <= EVEN
+    if not grows_evenly or not (ends or (is_linear and not is_lost)):
+        return ExpectedError(None, UNTOLD.format(last=found.t[-1]) + ", as in chaos")
+    return ExpectedError(value, "as large as orbits are") if ends else _with_rounding(value)
 
 
 def _with_rounding(value: float) -> ExpectedError:
-    return ExpectedError(value, "" if value > ROUNDING else "rounding will be larger")
+    return ExpectedError(value, "" if value > ROUNDING else ONLY_ROUNDING)

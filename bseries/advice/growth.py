@@ -1,9 +1,9 @@
 """How errors grow: means over smooth windows of time, and the law that they follow.
 
 Along regular motions an error is a sum of quasi-periodic functions times powers of t: up to t for the solution of a
-method that has a modified Hamiltonian, up to t² for others, whose energy and hence frequencies change. Means over
-windows that fade smoothly at both ends see nothing of the oscillations, faster than any power of their length, and are
-polynomials of the time.
+method that has a modified Hamiltonian, up to t² for others, whose energy and hence frequencies change: they drift.
+Means over windows that fade smoothly at both ends see nothing of the oscillations, faster than any power of their
+length, and are polynomials of the time. So are those of variables that go on and on, as angles do, and like t at most.
 
 References:
     HLW, section X.3 (linear growth of errors of symplectic methods); S. Das, Y. Saiki, E. Sander, J. A. Yorke,
@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
+
+from .distances import largest_size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +32,12 @@ PARTS = 1.0, 0.8, 0.65, 0.5
 """Parts of the time that must lead to the same expectations."""
 REGULAR = 1.5
 """If parts lead to errors that differ by more than this factor, how they grow on is unknown."""
+STEADY = 2.0
+"""The same for errors of energies that do not drift: a part may have missed the largest oscillation."""
+EVEN = 1.05
+"""The same for variables that go on: a few turns tell their pace, and what only seems to go on betrays itself."""
+GOES_ON = 1.5
+"""Variables whose range grows by more in the second half of the time have no bounds."""
 
 
 class Extrapolated(NamedTuple):
@@ -73,6 +81,21 @@ def parts_of(points: int, times: float) -> list[tuple[int, float]]:
     if times <= 1:
         return [(points, 1.0)]
     return [(max(2, round(part * points)), times / part) for part in PARTS]
+
+
+def power(drifts: bool) -> int:
+    """The power of t that errors of the solution grow with at most."""
+    return 2 if drifts else 1
+
+
+def energy_after(changes: np.ndarray, times: float, *, drifts: bool) -> Extrapolated:
+    """The largest change of an energy after so many times the time that was seen, from several parts of it."""
+    return from_parts(lambda n, factor: change_after(changes[:n], factor, drifts=drifts), len(changes), times)
+
+
+def most_disagreement(drifts: bool) -> float:
+    """By what factor what parts tell of an energy may differ."""
+    return REGULAR if drifts else STEADY
 
 
 def agreed(values: Iterable[float]) -> Extrapolated:
@@ -155,9 +178,54 @@ def change_after(changes: np.ndarray, times: float, *, drifts: bool) -> float:
     """
     import numpy as np
 
+    largest = float(abs(changes).max())
     if not drifts or times <= 1:
-        return float(abs(changes).max())
+        return largest
+    if len(changes) < WINDOWS:
+        return largest * times
     centres, means = window_means(changes)
     slope = float(np.polyfit(centres, means, 1)[0])
     rest = changes - slope * np.linspace(0, 1, len(changes))
     return float(max(abs(rest).max(), abs(rest + slope * times).max()))
+
+
+def goes_on(values: np.ndarray) -> bool:
+    """Whether a variable has no bounds, but moves on and on.
+
+    Example:
+        >>> import numpy as np
+        >>> t = np.linspace(0, 100, 2001)
+        >>> goes_on(np.cos(t)), goes_on(0.2 * t + np.cos(t))
+        (False, True)
+    """
+    import numpy as np
+
+    return bool(np.ptp(values) > GOES_ON * np.ptp(values[: len(values) // 2 + 1]))
+
+
+def size_of_states_after(y: np.ndarray, times: float) -> Extrapolated:
+    """The largest norm of states after so many times the time that was seen, from several parts of it.
+
+    Variables with bounds stay as large as they were, others go on at the mean pace of the part.
+
+    Args:
+        y: States (variables, n) without the time, at equidistant times from 0 on.
+        times: The factor, 1 or more.
+
+    Example:
+        >>> import numpy as np
+        >>> t = np.linspace(0, 100, 2001)
+        >>> f"{size_of_states_after(np.array([np.cos(t), 0.2 * t + np.sin(t)]), 100.0).value:.0f}"
+        '2000'
+    """
+
+    size, each = largest_size(y), abs(y).max(axis=1)
+    on = [k for k, row in enumerate(y) if goes_on(row)]
+    now = largest_size(each[:, None])
+
+    def later(points: int, factor: float) -> float:
+        sizes = each.copy()
+        sizes[on] = [change_after(y[k, :points], factor, drifts=True) for k in on]
+        return size * (largest_size(sizes[:, None]) / now)
+
+    return from_parts(later, y.shape[1], times)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
+from .growth import goes_on
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,6 +24,8 @@ TERMS = 3
 """How many powers of h are taken from the first on: a symmetric method has two of them."""
 POINTS, SHIFT, SYMMETRIC = 5, 2.0**-16, 1e-5
 """At how many points derivatives are taken, by what differences relative to a state, and how symmetric they must be."""
+SPEEDS = 256
+"""At so many states it is seen how fast variables change."""
 NOISE = 1e-11
 """Coefficients below that are zeros of methods that are given in decimals or floats."""
 
@@ -67,16 +70,39 @@ class ModifiedTerms(NamedTuple):
         inverse = inverse_structure(self.field.scene)
         if inverse is None:
             return False
-        shifts = SHIFT * _sizes(self.field.scene, y)
+        shifts = SHIFT * self.sizes(y)
         for point in y[:, np.linspace(0, y.shape[1] - 1, POINTS + 1).astype(int)[1:]].T:
             shift = np.diag(shifts)
             around = np.hstack([point[:, None] + shift, point[:, None] - shift])
             forms = np.einsum("nij,kjn->kin", np.array([inverse(x) for x in around.T]), self.values(around))
             hessians = shifts[:, None] * (forms[:, :, : len(point)] - forms[:, :, len(point) :])
             for k, hessian in zip(self.powers, hessians, strict=True):
-                if k in powers and abs(hessian - hessian.T).max() > SYMMETRIC * abs(hessian).max():
+                differs, size = (abs(matrix).max() for matrix in (hessian - hessian.T, hessian))
+                if k in powers and not differs <= SYMMETRIC * size:  # nor where they are not finite
                     return False
         return True
+
+    def sizes(self, y: np.ndarray) -> np.ndarray:
+        """How large variables get along a solution; of those that stay 0, their block, or all.
+
+        Those that go on, such as angles, get as large as time allows: it is how far they go while others change.
+
+        Args:
+            y: The states, (variables, n).
+        """
+        import numpy as np
+
+        some = y[:, np.linspace(0, y.shape[1] - 1, min(SPEEDS, y.shape[1])).astype(int)]
+        sizes, speeds = np.abs(y).max(axis=1), np.abs(self.field.terms(some)[0]).max(axis=1)
+        on = np.array([goes_on(row) for row in y])
+        changing = ~on & (speeds > 0)
+        pace = (sizes[changing] / speeds[changing]).min(initial=np.inf)
+        sizes[on] = np.fmin(sizes[on], pace * speeds[on])
+        floors = np.full(len(sizes), sizes.max() or 1.0)
+        for block in self.field.scene.blocks:
+            own = slice(block.offset, block.end)
+            floors[own] = sizes[own].max() or floors[own]
+        return np.where(sizes > 0, sizes, floors)
 
 
 def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedTerms:
@@ -159,18 +185,6 @@ def in_floats(method: Method) -> Program:
         name=program.name,
         max_children=program.max_children,
     )
-
-
-def _sizes(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """How large variables get; of those that stay 0, their block, or all."""
-    import numpy as np
-
-    sizes = np.abs(y).max(axis=1)
-    floors = np.full(len(sizes), sizes.max() or 1.0)
-    for block in scene.blocks:
-        own = slice(block.offset, block.end)
-        floors[own] = sizes[own].max() or floors[own]
-    return np.where(sizes > 0, sizes, floors)
 
 
 def _is_rational(method: Any) -> bool:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
 from ..term_sizes import Reach
-from .distances import largest_size, without_time
+from .distances import largest_size, norms, without_time
 from .modified_terms import inverse_structure
 
 if TYPE_CHECKING:
@@ -38,8 +38,10 @@ SUBSTEPS = 8
 """Steps of the flow between grid points."""
 METHOD = "rk4"
 FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
-DISTANCE, NEAR = 1e-9, 1e-2
-"""How far, relative to its size, kicks take the second solution while f turns, and how far it may get in the end."""
+DISTANCE = 1e-9
+"""How far, relative to its size, kicks take the second solution while f turns."""
+UNIT = 2.0**-53
+"""What rounding does to a number, relative to it."""
 
 
 class Pilot(NamedTuple):
@@ -53,7 +55,8 @@ class Pilot(NamedTuple):
         errors: The errors of the solution, (variables, n); the time has none.
         checked: Those at the first grid points with one power less; with all where there is but one.
         changes: The changes of the energy, (powers, n); None without one.
-        is_linear: Whether the kicked solution stayed near, so that errors are linear in r; larger ones need not be.
+        sizes: How large variables get, see `ModifiedTerms.sizes`.
+        kicked: How far the kicked solution got at most: errors are linear in r as long as that is little.
     """
 
     t: np.ndarray
@@ -63,10 +66,11 @@ class Pilot(NamedTuple):
     errors: np.ndarray
     checked: np.ndarray
     changes: np.ndarray | None
-    is_linear: bool
+    sizes: np.ndarray
+    kicked: float
 
 
-def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0) -> Pilot:
+def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0) -> Pilot | None:
     """Follow a run for a while.
 
     Args:
@@ -77,10 +81,11 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
         t0: The time of the start.
 
     Returns:
-        The pilot, over the whole span or as far as the budget of time goes.
+        The pilot, over the whole span or as far as the budget of time goes; None if the span ends before f
+        has turned, and all that r adds is less than the rounding of a single step.
 
     Raises:
-        SeriesError: The terms do not shrink from the first one on, or f changes ever faster.
+        SeriesError: The terms do not shrink from the first one on, are not finite or all 0, or f changes ever faster.
         IntegratorError: The solution ends within the pilot.
 
     Example:
@@ -94,7 +99,11 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     import numpy as np
 
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
-    walk = _Walk(terms, y0, h, span / total, t0, min(FIRST_BLOCK, total))
+    first = _states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
+    reach, size = _reach(terms, first, h), largest_size(without_time(terms.field.scene, first))
+    if total <= RESOLUTION and abs(span) * sum(reach.sizes[k] for k in terms.powers) < UNIT * size:
+        return None
+    walk = _Walk(terms, y0, h, span / total, t0, reach, size)
     walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
     began = thread_time()
     while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
@@ -104,9 +113,10 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     if rates.size:
         changes = np.zeros(rates.shape)
         changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (walk.spacing / 2), axis=1)
-    t = np.arange(walk.done + 1) * walk.spacing
-    near = bool(walk.scale * abs(errors).max() < NEAR * abs(y).max()) or walk.scale < 1
-    return Pilot(t, y, walk.reach, walk.powers, errors, np.concatenate(walk.checked, axis=1), changes, near)
+    t = np.linspace(0.0, span * (walk.done / total), walk.done + 1)  # ends with the run, to the last bit
+    kicked = float(walk.scale * norms(errors).max())
+    checked = np.concatenate(walk.checked, axis=1)
+    return Pilot(t, y, reach, walk.powers, errors, checked, changes, terms.sizes(y), kicked)
 
 
 def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> float:
@@ -138,7 +148,7 @@ def _turning_time(field: SceneSeries, y: np.ndarray, all_terms: bool = False) ->
     """
     import numpy as np
 
-    f, once, twice = np.linalg.norm(field.terms(y), axis=1)
+    f, once, twice = (norms(term) for term in field.terms(y))
     least = np.sqrt(f[twice > 0] / (3 * twice[twice > 0])).min(initial=math.inf)
     return float((f[once > 0] / (2 * once[once > 0])).min(initial=least) if all_terms else least)
 
@@ -151,10 +161,39 @@ def _states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float
     return integrate(scene, METHOD, h=step, steps=SUBSTEPS * points, save_every=SUBSTEPS, y0=y0, t0=t0).y
 
 
-class _Walk:
-    """A pilot under way: the flow, and solutions that are kicked; the first points show how large terms are."""
+def _reach(terms: ModifiedTerms, y: np.ndarray, h: float) -> Reach:
+    """The mean sizes of the terms at some states."""
+    import numpy as np
 
-    def __init__(self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, points: int):
+    sizes = np.zeros(terms.field.order)
+    sizes[0] = norms(terms.field.terms(y)[0]).mean()
+    sizes[list(terms.powers)] = [norms(values).mean() for values in terms.values(y)]
+    if not np.isfinite(sizes).all():
+        raise SeriesError("y0 must be where terms of the modified equation are finite, but there are some that are not")
+    if not sizes[list(terms.powers)].any():
+        raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
+    return Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(sizes.tolist()))
+
+
+def _shrinking(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
+    """The powers of h whose terms shrink: two if there are, for of a single one nothing tells how good it is."""
+    found = tuple(k for k in powers if k <= reach.optimal_power)
+    if len(found) < min(2, len(powers)):
+        before, power = [(0, *powers)[len(found) + i] for i in (0, 1)]
+        if reach.sizes[power]:
+            raise SeriesError(
+                f"h must be small enough for the terms of the modified equation to shrink, but was {reach.h:g}, where "
+                f"the one with h^{power} is {reach.sizes[power] / reach.sizes[before]:.1g} times that with h^{before}"
+            )
+    return found
+
+
+class _Walk:
+    """A pilot under way: the flow, and solutions that are kicked, as strongly as the first states tell."""
+
+    def __init__(
+        self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, reach: Reach, size: float
+    ):
         import numpy as np
 
         from integrators.steppers.stepping import stepper
@@ -163,7 +202,9 @@ class _Walk:
         self._terms, self._h, self._t0, self._last = terms, h, t0, y0
         scene = terms.field.scene
         self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
-        self._choose(_states(scene, y0, spacing, points, t0))
+        self.powers = _shrinking(reach, terms.powers)
+        self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
+        self._half_kick = self.scale * spacing / 2
         first = y0[:, None]
         sums, rates = self._perturbation(first)
         self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in sums]
@@ -172,30 +213,6 @@ class _Walk:
         for state, r in zip(self._kicked, sums, strict=True):
             state.values += self._half_kick * r[:, 0]
         self.pieces, self.checked = [(first, np.zeros_like(first), rates)], [np.zeros_like(first)]
-
-    def _choose(self, y: np.ndarray) -> None:
-        """Choose where to truncate, and how large kicks are, from the first states."""
-        import numpy as np
-
-        terms, h = self._terms, self._h
-        norms = np.zeros(terms.field.order)
-        norms[0] = np.linalg.norm(terms.field.terms(y)[0], axis=0).mean()
-        norms[list(terms.powers)] = np.linalg.norm(terms.values(y), axis=1).mean(axis=1)
-        self.reach = Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(norms.tolist()))
-        self.powers = tuple(k for k in terms.powers if k <= self.reach.optimal_power)
-        sizes = self.reach.sizes
-        if len(self.powers) < min(2, len(terms.powers)):  # of a single one nothing tells how good it is
-            before, power = [(0, *terms.powers)[len(self.powers) + i] for i in (0, 1)]
-            if sizes[power]:
-                raise SeriesError(
-                    f"h must be small enough for the terms of the modified equation to shrink, but was {h:g}, where "
-                    f"the one with h^{power} is {sizes[power] / sizes[before]:.1g} times that with h^{before}"
-                )
-        if not self.powers:
-            raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
-        distance = DISTANCE * largest_size(without_time(terms.field.scene, y))
-        self.scale = distance / (abs(self.spacing) * RESOLUTION * sum(sizes[k] for k in self.powers))
-        self._half_kick = self.scale * self.spacing / 2
 
     def _perturbation(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """r with all powers and with one less, and the rates of change of the energy by power."""

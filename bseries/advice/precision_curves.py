@@ -14,7 +14,7 @@ from integrators.scenes.base import Scene
 from integrators.steppers.run_input import read_number
 from integrators.steppers.states import StepError
 
-from .candidates import Candidate, candidates
+from .candidates import Candidate, Candidates, candidates
 from .dense_reference import affordable_span
 from .machine import machine
 from .run_errors import MEASURES, Judge, check_measure
@@ -187,11 +187,23 @@ def work_precision(
     judge = _judge(scene, length, measures)
     if not judge.available:
         raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
+    found, left_out = _measurable(judge, chosen)
     swept = []
-    for k, candidate in enumerate(chosen.found):
+    for k, candidate in enumerate(found):
         report(len(chosen.found) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
-    return WorkPrecision(judge, (loosest, finest), timed(judge, swept), chosen.left_out)
+    return WorkPrecision(judge, (loosest, finest), timed(judge, swept), left_out)
+
+
+def _measurable(judge: Judge, chosen: Candidates) -> tuple[list[Candidate], dict[str, str]]:
+    """The methods of which something can be measured: where only modified energies count, those that have one."""
+    if judge.available != ("modified-energy",):
+        return chosen.found, chosen.left_out
+    found = [candidate for candidate in chosen.found if judge.modified_energy(candidate) is not None]
+    if not found:
+        raise _unmeasurable(judge.scene, judge.available, "none of the methods has a modified Hamiltonian there")
+    without = [candidate.name for candidate in chosen.found if candidate not in found]
+    return found, chosen.left_out | dict.fromkeys(without, f"it has no modified Hamiltonian on {judge.scene.name}")
 
 
 def _unmeasurable(scene: Scene, measures: tuple[str, ...], reason: str) -> IntegratorError:

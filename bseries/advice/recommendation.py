@@ -10,6 +10,7 @@ from integrators.errors import IntegratorError
 from integrators.steppers.run_input import read_number
 
 from .durations import whole_steps
+from .outlook import Outlook, outlook
 from .run_errors import MEASURES, Judge, RunErrors, check_measure
 from .step_costs import SAMPLE, step_costs
 
@@ -65,9 +66,9 @@ class Step(NamedTuple):
     """The largest step of a method that meets an error."""
 
     curve: Curve
+    ahead: Outlook
     steps: int
     error: float
-    errors: RunErrors
 
 
 def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None, measure: str) -> Recommendation:
@@ -82,7 +83,8 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
     if length < judge.span:
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
     times = length / judge.span
-    steps = [largest_step(judge, curve, wanted, measure, times) for curve in _near(found, wanted, measure, times)]
+    ahead = [(curve, outlook(judge, curve, times)) for curve in found.curves]
+    steps = [largest_step(judge, *near, wanted, measure) for near in _near(ahead, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
         longer = f"; how errors grow on from {judge.span:g} to {length:g} may be unknown" if times > 1 else ""
@@ -102,52 +104,41 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
         error=step.error,
         measure=measure,
         span=length,
-        basis=_basis(judge, step, measure, times),
+        basis=f"measured over {judge.span:g}" + (f"; extrapolated, as {step.ahead.law(measure)}" if times > 1 else ""),
         examined={other: time * times for other, time in seconds.items() if other != name},
     )
 
 
-def _near(found: WorkPrecision, error: float, measure: str, times: float) -> list[Curve]:
+def _near(curves: list[tuple[Curve, Outlook]], error: float, measure: str) -> list[tuple[Curve, Outlook]]:
     """The curves that are near the cheapest, the cheapest first."""
-    seconds = [(curve.seconds(error, measure, times), curve) for curve in found.curves]
-    reached = sorted(((t, curve) for t, curve in seconds if t is not None), key=lambda pair: pair[0])
-    return [curve for t, curve in reached if t <= NEAR * reached[0][0]][:MOST_EXAMINED]
+    seconds = ((curve.seconds(error, measure, ahead), curve, ahead) for curve, ahead in curves)
+    reached = sorted(((t, curve, ahead) for t, curve, ahead in seconds if t is not None), key=lambda entry: entry[0])
+    return [(curve, ahead) for t, curve, ahead in reached if t <= NEAR * reached[0][0]][:MOST_EXAMINED]
 
 
-def _basis(judge: Judge, step: Step, measure: str, times: float) -> str:
-    """On what a choice rests."""
-    measured = f"measured over {judge.span:g}"
-    if times <= 1:
-        return measured
-    power = step.curve.power
-    if measure != "solution":
-        return f"{measured}; extrapolated, as the energy {'drifts' if power > 1 else 'does not drift'}"
-    return f"{measured}; extrapolated, as errors grow like {'t^2' if power > 1 else 't'} at most"
-
-
-def largest_step(judge: Judge, curve: Curve, error: float, measure: str, times: float = 1.0) -> Step | None:
+def largest_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, measure: str) -> Step | None:
     """The largest step that meets an error as all smaller ones of the rows do, bisected by runs.
 
     Args:
         judge: What makes runs.
         curve: The method and its rows.
+        ahead: On runs that are longer than those of the judge, if these are to meet the error.
         error: The error.
         measure: Which error.
-        times: How many times as long as those of the judge the run shall be, by extrapolation.
     """
-    power, tries = curve.power, {row.steps: row.errors for row in curve.rows}
 
-    def size(steps: int) -> float:
-        found = tries[steps].error(measure, times, power)
+    def size(errors: RunErrors) -> float:
+        found = ahead.error(errors, measure)
         return math.inf if found is None else found
 
-    good, bad = bracket({steps: size(steps) for steps in tries}, error)
+    tries = {row.steps: size(row.errors) for row in curve.rows}
+    good, bad = bracket(tries, error)
     if good is None:
         return None
 
     def meets(steps: int) -> bool:
-        tries[steps] = judge.run(curve.candidate, steps)
-        return size(steps) <= error
+        tries[steps] = size(judge.run(curve.candidate, steps))
+        return tries[steps] <= error
 
     while bad == 0 and good > 1:
         half = good // 2
@@ -155,7 +146,7 @@ def largest_step(judge: Judge, curve: Curve, error: float, measure: str, times: 
     while bad and good > max(bad + 1, NARROW * bad):
         middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
         good, bad = (middle, bad) if meets(middle) else (good, middle)
-    return Step(curve, good, size(good), tries[good])
+    return Step(curve, ahead, good, tries[good])
 
 
 def bracket(sizes: Mapping[int, float], error: float) -> tuple[int | None, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from time import thread_time
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +18,8 @@ from ..exceptions import SeriesError
 from ..hamiltonians.routes import modified_hamiltonian
 from .dense_reference import DenseReference
 from .distances import energy_size, relative_distances, without_time
-from .growth import REGULAR, from_parts, size_after
+from .growth import EVEN, size_of_states_after
+from .modified_terms import modified_terms
 from .step_costs import Work
 
 if TYPE_CHECKING:
@@ -48,8 +50,8 @@ class RunErrors(NamedTuple):
         energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero but for rounding.
         modified_energy: The same of the truncated modified Hamiltonian.
         modified_order: The number of its terms that was best.
-        distances: The distances from the reference at equidistant times from 0 on, in the same parts.
-        drift: How many times as large as in the first half of the run the error of the energy was in all of it.
+        courses: By the name of the measure, at equidistant times from 0 on and in the same parts: the distances from
+            the reference, and the changes of the energies.
         seconds: CPU time of the run, looks included.
         failure: Why the run did not come to its end; None if it did.
     """
@@ -58,33 +60,13 @@ class RunErrors(NamedTuple):
     energy: float | None = None
     modified_energy: float | None = None
     modified_order: int | None = None
-    distances: tuple[float, ...] = ()
-    drift: float | None = None
+    courses: Mapping[str, np.ndarray] = {}
     seconds: float = 0.0
     failure: str | None = None
 
-    def error(self, measure: str, times: float = 1.0, power: int = 1) -> float | None:
-        """The error by the name of its measure; None as well if the run failed, or how errors grow on is not clear.
-
-        Args:
-            measure: One of `MEASURES`.
-            times: For a run so many times as long.
-            power: The power of the time that errors of the solution grow with at most: 1, or 2 if the energy drifts.
-        """
-        found = None if self.failure else getattr(self, measure.replace("-", "_"))
-        if found is None or times <= 1:
-            return found
-        if measure == "solution":
-            return self._solution_after(times, power)
-        return found * times if power > 1 else found
-
-    def _solution_after(self, times: float, power: int) -> float | None:
-        """The error of the solution in a longer run; None where parts of this one disagree on how it grows."""
-        import numpy as np
-
-        distances = np.array(self.distances)
-        expected = from_parts(lambda n, factor: size_after(distances[:n], factor, power), len(distances), times)
-        return None if expected.disagreement > REGULAR else expected.value
+    def error(self, measure: str) -> float | None:
+        """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
+        return None if self.failure else getattr(self, measure.replace("-", "_"))
 
 
 class Judge:
@@ -146,14 +128,52 @@ class Judge:
             return RunErrors(seconds=thread_time() - began, failure=f"step {error.step} of {steps} {reason}")
         seconds = thread_time() - began
         values, y = run.observed.get("energy"), run.y[: self.scene.dimension]
-        distances = None if self.reference is None else self._distances(run.t, y, self.reference)
-        energy, drift = (None, None) if values is None else _largest_change(values, self._energy_size)
-        modified, order = self._modified(candidate, y, h)
-        solution = None if distances is None else float(distances.max())
-        if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
+        courses: dict[str, np.ndarray] = {}
+        order = None
+        if self.reference is not None:
+            courses["solution"] = self._distances(run.t, y, self.reference)
+        if values is not None:
+            courses["energy"] = (values - values[0]) / self._energy_size
+            modified, order = self._modified(candidate, y, h)
+            courses |= {} if modified is None else {"modified-energy": modified}
+        largest = {measure: float(abs(course).max()) for measure, course in courses.items()}
+        if not all(math.isfinite(error) for error in largest.values()):
             return RunErrors(seconds=seconds, failure="its errors were not finite")
-        kept = () if distances is None else tuple(distances.tolist())[: 1 + steps // _every(steps, LOOKS)]
-        return RunErrors(solution, energy, modified, order, kept, drift, seconds)
+        looks = {"energy": ENERGY_LOOKS}
+        kept = {m: course[: 1 + steps // _every(steps, looks.get(m, LOOKS))] for m, course in courses.items()}
+        solution, energy, modified_energy = (largest.get(measure) for measure in MEASURES)
+        return RunErrors(solution, energy, modified_energy, order, kept, seconds)
+
+    def drifts(self, candidate: Candidate, steps: int) -> bool:
+        """Whether the energy may drift in runs of a method: unless the first modified terms are Hamiltonian.
+
+        Where these cannot be had it may. A modifying integrator drifts if its basic method does, as the modified
+        and the modifying equation have the same structure.
+
+        Args:
+            candidate: The method.
+            steps: The number of steps of a run, at whose states terms are looked at.
+        """
+        import numpy as np
+
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")  # terms that are not finite are not Hamiltonian
+                terms = modified_terms(candidate.method, self.scene)
+                y = self._made(candidate, self.span / steps, steps).y[: self.scene.dimension]
+                return not terms.is_hamiltonian(y, terms.powers)
+        except (SeriesError, IntegratorError):
+            return True
+
+    def growth(self, times: float) -> float | None:
+        """How many times as large the solution gets in so many times the span; None if that cannot be told."""
+        import numpy as np
+
+        if self.reference is None:
+            return None
+        y = without_time(self.scene, self.reference(np.linspace(0.0, self.span, LOOKS + 1)))
+        later, now = (size_of_states_after(y, factor) for factor in (times, 1.0))
+        return later.value / now.value if later.disagreement <= EVEN else None
 
     def _made(self, candidate: Candidate, h: float, steps: int) -> Trajectory:
         return integrate(
@@ -182,23 +202,24 @@ class Judge:
             states, exact = (without_time(self.scene, found) for found in (y, reference(t)))
             return relative_distances(states, exact, reference.size)
 
-    def _modified(self, candidate: Candidate, y: np.ndarray, h: float) -> tuple[float | None, int | None]:
-        """The change of the modified energy, and the number of its terms that was best."""
+    def _modified(self, candidate: Candidate, y: np.ndarray, h: float) -> tuple[np.ndarray | None, int | None]:
+        """The changes of the modified energy, and the number of its terms that was best."""
         import numpy as np
 
-        energy = self._modified_energy(candidate)
+        energy = self.modified_energy(candidate)
         if energy is None:
             return None, None
         with np.errstate(over="ignore", invalid="ignore"):
             terms = energy.terms(y) * h ** np.arange(energy.order)[:, None]
             sums = np.cumsum(terms, axis=0)
-            changes = abs(sums - sums[:, :1]).max(axis=1) / self._energy_size
-        if not np.isfinite(changes).any():
+            changes = (sums - sums[:, :1]) / self._energy_size
+            largest = abs(changes).max(axis=1)
+        if not np.isfinite(largest).any():
             return None, None
-        best = int(np.nanargmin(changes))
-        return float(changes[best]), best + 1
+        best = int(np.nanargmin(largest))
+        return changes[best], best + 1
 
-    def _modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
+    def modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
         """The modified Hamiltonian of a method, if it has one that is quick to compile."""
         if "modified-energy" not in self.available or candidate.is_modifying:
             return None
@@ -208,13 +229,6 @@ class Judge:
 def _every(steps: int, looks: int) -> int:
     """How many steps there are from one look to the next."""
     return max(1, steps // looks)
-
-
-def _largest_change(values: np.ndarray, size: float) -> tuple[float, float]:
-    """The largest change, as a part of a size, and how many times it is that of the first half."""
-    changes = abs(values - values[0])
-    whole, half = float(changes.max()), float(changes[: len(changes) // 2 + 1].max())
-    return whole / size, whole / half if half else 1.0
 
 
 @lru_cache(maxsize=64)

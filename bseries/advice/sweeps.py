@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .candidates import Candidate
 from .fronts import pareto_front, seconds_at
+from .outlook import Outlook
 from .run_errors import UNSOLVED, Judge, RunErrors
 from .step_costs import step_costs
 from .timing import Timing
@@ -26,15 +27,13 @@ TIMED = 5
 """So many rows of a method are timed; what the steps of the others cost is read from a line through these."""
 STIFF = 1e-4
 """If the first steps whose stages can be solved for have less error, solving limits the steps, not accuracy."""
-DRIFTING = 1.5
-"""An error of the energy that is larger by this factor in all of a run than in its first half drifts."""
-NOISE, ROUGH = 1e-12, 0.02
-"""Errors of the energy outside are too small or too large to tell."""
 LEAST_SECONDS = 5e-9
 """No step takes less; so sweeps of methods that always fail come to an end."""
 
 TINY = 2.0**-60
 """Errors of 0, among logarithms."""
+MEASURED = Outlook()
+"""On nothing but what was measured."""
 
 Swept = list[tuple[int, RunErrors]]
 
@@ -66,31 +65,19 @@ class Curve(NamedTuple):
     candidate: Candidate
     rows: tuple[Row, ...]
 
-    @property
-    def power(self) -> int:
-        """The power of the time that errors of the solution grow with at most: 2 if the energy drifts, else 1."""
-        good = sorted(row.errors.drift for row in self.rows if row.errors.drift and _is_accurate(row.errors))
-        return 2 if not good or good[len(good) // 2] > DRIFTING else 1
-
-    def front(self, measure: str, times: float = 1.0) -> list[tuple[float, float]]:
+    def front(self, measure: str, ahead: Outlook = MEASURED) -> list[tuple[float, float]]:
         """Errors and seconds of the rows that no other of them beats in both, from the cheapest to the most precise.
 
         Args:
             measure: Which errors.
-            times: Errors as they are expected after so many times the span.
+            ahead: On the longer runs whose errors are asked for; by default those measured.
         """
-        power = self.power
-        errors = ((row.seconds, row.errors.error(measure, times, power)) for row in self.rows)
+        errors = ((row.seconds, ahead.error(row.errors, measure)) for row in self.rows)
         return pareto_front((max(error, TINY), seconds) for seconds, error in errors if seconds and error is not None)
 
-    def seconds(self, error: float, measure: str = "solution", times: float = 1.0) -> float | None:
+    def seconds(self, error: float, measure: str = "solution", ahead: Outlook = MEASURED) -> float | None:
         """CPU seconds for the span that reach an error, interpolated between rows; None if no row does."""
-        return seconds_at(self.front(measure, times), error)
-
-
-def _is_accurate(errors: RunErrors) -> bool:
-    """Whether a run shows how its errors grow: not too rough, and not rounding only."""
-    return errors.energy is not None and NOISE < errors.energy < ROUGH
+        return seconds_at(self.front(measure, ahead), error)
 
 
 def time_scale(scene: Scene) -> float:

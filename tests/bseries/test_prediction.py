@@ -8,7 +8,17 @@ import pytest
 import bseries as bs
 from bseries.advice import pilot as pilots
 from bseries.advice.distances import energy_size, relative_change, relative_distance, relative_distances, without_time
-from bseries.advice.growth import REGULAR, change_after, from_parts, size_after, window_means
+from bseries.advice.growth import (
+    EVEN,
+    REGULAR,
+    change_after,
+    energy_after,
+    from_parts,
+    goes_on,
+    size_after,
+    size_of_states_after,
+    window_means,
+)
 from bseries.advice.modified_terms import modified_terms
 from bseries.advice.pilot import pilot
 
@@ -27,9 +37,9 @@ def predicted(scene, method, h, steps, **options):
     return bs.predict_run(scene, method, h=h, steps=steps, timed=False, **options)
 
 
-def measured(scene, method, h, steps, finer):
+def measured(scene, method, h, steps, finer, looks=300):
     """The errors of energy and solution of a run, the latter from another method with finer steps."""
-    every = max(1, steps // 300)
+    every = max(1, steps // looks)
     run = bs.integrate(scene, method, h=h, steps=steps, save_every=every, observe="energy", observe_every=1)
     exact = bs.integrate(scene, "gauss4", h=h / finer, steps=steps * finer, save_every=every * finer).y
     energy = run.observed["energy"]
@@ -79,6 +89,35 @@ def test_errors_with_the_pilots_that_are_shipped(name, method, h, steps, finer, 
     test_errors_are_within_a_factor_of_three(name, method, h, steps, finer)
 
 
+ROTATING = bs.scene("pendulum").with_start(p=[3], q=[0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "h", "steps", "finer"),
+    [
+        (ROTATING, "rk4", 0.05, 400_000, 1), (ROTATING, "gauss2", 0.05, 400_000, 1),
+        (bs.scene("central-field"), "gauss2", 0.05, 200_000, 5),
+    ],
+)  # fmt: skip
+def test_angles_grow_as_their_errors_do(scene, method, h, steps, finer):
+    """Errors are relative to the angle at the end, not to that of the pilot."""
+    found = predicted(scene, method, h, steps)
+    assert found.pilot < 1 / 5
+    real = measured(scene, method, h, steps, finer, looks=20_000)  # near a perihelion errors are large for a moment
+    for expected, value in zip((found.energy, found.solution), real, strict=True):
+        assert expected.value is not None, expected.reason
+        assert 1 / 1.5 < expected.value / value < 1.5
+
+
+def test_energies_near_zero_are_no_measure_of_an_orbit():
+    """H = −cos q is 8e-4 at the start, and what rk4 loses 2.5e-3; the orbit is one of size 1 all the same."""
+    scene = bs.scene("pendulum").with_start(p=[0], q=["1.57"])
+    found, real = predicted(scene, "rk4", 0.2, 5000), measured(scene, "rk4", 0.2, 5000, 2)
+    assert found.energy.value == pytest.approx(real[0], rel=0.1)
+    assert real[0] > 1
+    assert found.solution.value == pytest.approx(real[1], rel=0.1)
+
+
 @pytest.mark.parametrize(("method", "h"), [("stormer-verlet", 0.02), ("gauss2", 0.02), ("rk4", 0.01)])
 def test_energy_errors_of_atoms_are_known_though_their_paths_are_not(method, h):
     atoms, steps = bs.scene("lennard-jones"), round(100 / h)
@@ -104,6 +143,7 @@ def test_extrapolation_by_a_wrong_law_fails():
     """Rk4 loses energy, and its solution error is quadratic: the linear law of symplectic methods is far off."""
     kepler, h, steps = bs.scene("kepler"), 0.01, 500_000
     found = pilot(modified_terms(bs.method("rk4"), kepler), kepler.y0, h, h * steps)
+    assert found is not None
     sizes, times = np.linalg.norm(found.errors, axis=0), h * steps / found.t[-1]
     assert size_after(sizes, times, 2) > 5 * size_after(sizes, times, 1)
 
@@ -134,6 +174,25 @@ class TestUnknown:
         assert found.solution.value is None
 
     @pytest.mark.parametrize(
+        ("scene", "method", "h", "steps"),
+        [
+            (bs.scene("pendulum", effects=["drive"]), "stormer-verlet", 0.1, 5000),
+            (bs.scene("pendulum", effects=["drive"]), "stormer-verlet", 0.02, 25_000),
+            (bs.scene("pendulum", effects=["drive"]), "rk4", 0.1, 5000),
+            (bs.scene("double-pendulum").with_start(q=[2, 2]), "implicit-midpoint", 0.02, 3000),
+        ],
+    )
+    def test_chaos_with_a_rough_method(self, scene, method, h, steps):
+        """Errors larger than the kicks are linear in them for long, and then a hundred times as large as orbits are."""
+        found = predicted(scene, method, h, steps)
+        assert found.pilot == 1
+        assert found.solution.value is None
+        assert "as in chaos" in found.solution.reason
+        soon = predicted(scene, method, h, steps // 50).solution
+        assert soon.value is not None
+        assert soon.value < 1
+
+    @pytest.mark.parametrize(
         ("name", "method", "h"),
         [("pendulum", "stormer-verlet", 2.5), ("kepler", "gauss2", 1.0), ("kepler", "rk4", 0.5)],
     )
@@ -146,6 +205,20 @@ class TestUnknown:
         found = predicted(bs.scene("pendulum"), "explicit-euler", 0.1, 1000)
         assert found.energy.value is found.solution.value is None
         assert "another" in found.energy.reason
+
+    def test_an_orbit_that_is_lost_while_its_energy_hardly_changes(self):
+        """A small oscillation grows by e^5: that is 1 % of H = p²/2 − cos q, which is −1 at rest."""
+        small = bs.scene("pendulum").with_start(p=[0], q=["1/100"])
+        found = predicted(small, "explicit-euler", 0.01, 100_000)
+        assert found.energy.value is found.solution.value is None
+        assert "another" in found.energy.reason
+        sooner = predicted(small, "explicit-euler", 0.001, 10_000).solution
+        assert sooner.value == pytest.approx(measured(small, "explicit-euler", 0.001, 10_000, 1)[1], rel=0.05)
+
+    def test_terms_that_are_not_finite(self):
+        found = predicted(bs.scene("pendulum"), "rk4", 0.1, 10, y0=[1e308, 1])
+        assert found.energy.value is found.solution.value is None
+        assert "y0 must be where terms of the modified equation are finite" in found.energy.reason
 
     def test_no_energy(self):
         found = predicted(bs.scene("pendulum", effects=["damping"]), "rk4", 0.1, 1000)
@@ -173,6 +246,26 @@ def test_of_energy_that_is_conserved_only_rounding_is_left(name, method):
     assert found.energy.reason == "rounding will be larger"
     assert found.energy.value is not None
     assert found.energy.value < 1e-14
+
+
+@pytest.mark.parametrize("h", np.linspace(0.0147, 0.0157, 11))
+def test_of_runs_that_the_pilot_covers_nothing_is_extrapolated(h):
+    """Not even by one rounding of the time; three quarters of a turn would not tell how the solution goes on."""
+    found = predicted(bs.scene("kepler"), "rk4", h, 300)
+    assert found.pilot == 1
+    assert found.solution.value is not None
+
+
+@pytest.mark.parametrize(("h", "steps"), [(1e-60, 10), (1e-80, 10), (1e-100, 3), (1e-300, 3), (1e-320, 3)])
+def test_of_tiny_steps_only_rounding_is_left(h, steps):
+    found = predicted(bs.scene("pendulum"), "rk4", h, steps)
+    assert found.energy == found.solution == bs.ExpectedError(0.0, "rounding will be larger")
+
+
+def test_tiny_states_are_as_good_as_others():
+    linear = bs.scene("linear")
+    one, tiny = (predicted(linear, "rk4", 0.1, 100, y0=[size, 0]).solution.value for size in (1.0, 1e-200))
+    assert tiny == pytest.approx(one, rel=1e-6)
 
 
 def test_a_motion_may_begin_slowly():
@@ -232,6 +325,15 @@ def test_hamiltonian_terms_are_told_from_others(name, scene, holds):
     assert terms.is_hamiltonian(states, terms.powers) is holds
 
 
+@pytest.mark.parametrize(("name", "holds"), [("gauss2", True), ("stormer-verlet", True), ("rk4", False)])
+def test_hamiltonian_terms_are_told_where_angles_are_large(name, holds):
+    """After a thousand turns the size of an angle says nothing of how far away a field is another one."""
+    terms, t = modified_terms(bs.method(name), ROTATING), np.linspace(0, 3000, 5000)
+    states = np.array([2.7 + 0.3 * np.cos(2.7 * t), 2.7 * t])
+    assert terms.is_hamiltonian(states, terms.powers) is holds
+    assert not terms.is_hamiltonian(states * [[np.nan], [1]], terms.powers)
+
+
 @pytest.mark.parametrize(
     ("name", "powers"),
     [("explicit-euler", (1, 2, 3)), ("dop853", (8, 9, 10)), ("yoshida6", (6, 8)), ("gauss4", (8, 10))],
@@ -257,6 +359,11 @@ def test_short_runs_are_repeated_until_their_time_is_known(steps):
     assert 1 / 5 < found.seconds / longer.seconds < 5
 
 
+def test_what_is_not_finite_in_a_calibration_is_no_warning():
+    found = bs.predict_run(bs.scene("lotka-volterra"), "explicit-euler", h=1, steps=8, observe="energy")
+    assert found.solution.value is None
+
+
 @pytest.mark.parametrize("steps", [0, 1, 10])
 def test_times_of_too_few_steps_are_unknown_and_not_zero(steps):
     found = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=steps)
@@ -274,6 +381,20 @@ def test_steps_are_a_whole_number(steps):
 def test_options_that_there_are_not(known):
     with pytest.raises(TypeError, match="unexpected keyword argument 'obsreve'"):
         bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=10, obsreve="energy", **known)
+
+
+@pytest.mark.parametrize(
+    ("cost", "message"),
+    [
+        (-3.0, "must be positive, but was -3"),
+        (0, "must be positive, but was 0"),
+        ("x", "must be a"),
+        (np.nan, "must be a finite number, but was nan"),
+    ],
+)
+def test_known_costs_are_positive_numbers(cost, message):
+    with pytest.raises(bs.IntegratorError, match=f"seconds_per_step {message}"):
+        bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=10, seconds_per_step=cost)
 
 
 def test_failing_steps_are_errors():
@@ -352,6 +473,26 @@ class TestGrowth:
         changes = np.sin(self.t) + 1e-4 * self.t
         assert change_after(changes, 1e4, drifts=True) == pytest.approx(201, rel=0.1)
         assert change_after(changes, 1e4, drifts=False) == pytest.approx(1.02, rel=0.02)
+
+    @pytest.mark.parametrize("drifts", [True, False])
+    def test_energies_at_few_points(self, drifts):
+        assert energy_after(np.array([0.0, 1.0]), 10.0, drifts=drifts).value == (10 if drifts else 1)
+
+    def test_states_that_go_on(self):
+        angle, radius = 0.5 * self.t + np.sin(self.t), 2 + np.cos(self.t)
+        assert [goes_on(row) for row in (angle, radius)] == [True, False]
+        later = size_of_states_after(np.array([angle, radius]), 50.0)
+        assert later.value == pytest.approx(50 * 100, rel=0.01)
+        assert later.disagreement < EVEN
+        assert size_of_states_after(radius[None], 50.0).value == pytest.approx(3)
+
+    @pytest.mark.parametrize("turns", [0.15, 0.2, 0.6])
+    def test_states_that_only_seem_to_go_on(self, turns):
+        """Less than a turn of an oscillation looks like a way to infinity, but not like an even one."""
+        y = np.array([np.sin(2 * np.pi * turns * self.t / 200)])
+        assert goes_on(y[0])
+        assert size_of_states_after(y, 50.0).disagreement > EVEN
+        assert size_of_states_after(self.t[None] ** 2, 50.0).disagreement > EVEN
 
 
 def test_plain_data_and_text():
