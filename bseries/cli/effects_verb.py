@@ -105,13 +105,19 @@ def effects(
     def expect(cost: float | None) -> Prediction:
         return time_only(common["h"], 0, "they are what is to be measured")
 
+    watch, length = Expectation(output.progress.update, expect, None), read_given(span, "span")
+
+    def progress(done: int, total: int) -> None:
+        """Only the first run tells what steps cost: before each further one there is something to compile."""
+        (watch if (done - 1) * abs(common["h"]) < length else output.progress.update)(done, total)
+
     report = effect_influence(
         scene,
         method,
-        span=read_given(span, "span"),
+        span=length,
         accept=None if accept is None else read_given(accept, "accept"),
         measure=measure,
-        progress=Expectation(output.progress.update, expect, None),
+        progress=progress,
         **common,
     )
     if output.format == "json":

@@ -118,6 +118,7 @@ MISTAKES = {
     "no number": ("pendulum --method rk4 --step x --span 1", "step must be"),
     "span": ("pendulum --method rk4 --step 0.1 --span -1", "span must be positive"),
     "beyond doubles": ("pendulum --method rk4 --step 1e-3 --span 1e400", "span must be a finite number, but was"),
+    "many steps": ("pendulum --method rk4 --step 1e-320 --span 1e300", "must"),
     "zero": ("pendulum --method rk4 --step 0", "h must not be zero, but was 0"),
     "measure": ("pendulum --method rk4 --step 0.1 --span 1 --measure x", "measure must be one of solution, energy"),
     "two stdins": ("- --method - --step 0.1 --span 1", "METHOD and SCENE must not both be -|must"),
