@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -131,7 +132,8 @@ def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.SceneSeries, h:
     import numpy as np
 
     slopes = np.zeros((len(start), len(b)))
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where the iteration diverges that is the answer
         for _ in range(ITERATIONS):
             before, slopes = slopes, f(start[:, None] + h * slopes @ A.T, h)
             if abs(slopes - before).max() < ROUNDING:
