@@ -76,10 +76,8 @@ def _row(setting: Setting, method: str, h: float, span: float) -> Row:
     every, finer = max(1, steps // LOOKS), max(1, round(h / setting.exact))
     run = bs.integrate(scene, method, h=h, steps=steps, save_every=every, observe="energy")
     exact = bs.integrate(scene, "gauss4", h=h / finer, steps=steps * finer, save_every=every * finer).y
-    change, error = (
-        relative_change(run.observed["energy"], energy_size(scene, scene.y0)),
-        relative_distance(run.y, exact),
-    )
+    change = relative_change(run.observed["energy"], energy_size(scene, scene.y0))
+    error = relative_distance(run.y, exact)
     return Row(setting.scene, method, h, span, (expected.energy, change), (expected.solution, error))
 
 

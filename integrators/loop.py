@@ -16,7 +16,7 @@ from .recordings import Contents, Counts, FolderRecording, MemoryRecording
 from .run_description import description, identity
 from .runs import Grid, Run
 from .scenes.blocks import TIME
-from .steppers.run_input import check_end, read_steps
+from .steppers.run_input import check_end, check_progress, read_steps
 from .steppers.states import StepError
 from .steppers.stepping import stepper
 from .text_files import check_path
@@ -123,8 +123,7 @@ def integrate(
     options |= {**numerics, "control": None if control is None else str(control)}
     if not isinstance(checkpoint_every, int | float) or not checkpoint_every >= 0:
         raise IntegratorError(f"checkpoint_every must be seconds, 0 or more, but was {shorten(repr(checkpoint_every))}")
-    if progress is not None and not callable(progress):
-        raise IntegratorError(f"progress must be a function of two numbers, but was {shorten(repr(progress))}")
+    check_progress(progress)
     target, path = _path(to, "to"), _path(checkpoint, "checkpoint")
     if path is not None and path == target:
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")

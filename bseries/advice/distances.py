@@ -77,13 +77,13 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
     """
     import numpy as np
 
-    from integrators.codegen import compiled_scene
+    from integrators.observers import observers
 
-    energy = compiled_scene(scene).energy
-    start = float(energy(y0))
+    energy = observers(scene, "energy")
+    start = float(energy(0.0, y0)[0])
     with np.errstate(over="ignore", invalid="ignore"):
         shifted = y0 + np.diag(y0 * SHIFT)
-        slopes = [abs(float(energy(y)) - start) / SHIFT for y in shifted]
+        slopes = [abs(float(energy(0.0, y)[0]) - start) / SHIFT for y in shifted]
     return 1.0 if abs(start) <= NOISE * sum(slopes) else abs(start)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from integrators.methods import method as named
-from integrators.steppers.run_input import MOST_STEPS, read_number
+from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number
 
 from ..coefficients import check_method
 from ..exceptions import SeriesError
@@ -88,8 +88,7 @@ def effect_influence(
     _check(step, length, factor, wanted, measure)
     if measure == ENERGY and not variants.full.with_effects().is_hamiltonian:
         raise SeriesError(f"measure must be solution for {variants.full.name}, which has no energy, but was {measure}")
-    if progress is not None and not callable(progress):
-        raise SeriesError(f"progress must be a function of two numbers, but was {progress!r:.60}")
+    check_progress(progress)
     runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, progress)
     own_error = runs.own_error()
     accepted = getattr(own_error, measure) if wanted is None else wanted

@@ -132,7 +132,7 @@ def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
     """The Hamiltonian of a scene, whose variables come first in any state, at many states."""
     import numpy as np
 
-    from integrators.codegen import compiled_scene
+    from integrators.observers import observers
 
-    energy = compiled_scene(scene).energy
-    return np.array([energy(state) for state in np.ascontiguousarray(y.T)])
+    energy = observers(scene, "energy")
+    return np.array([energy(0.0, state)[0] for state in y.T])

@@ -82,6 +82,10 @@ def expected_errors(
     def unknown(reason: str) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
         return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0
 
+    def nothing(reason: str, powers: tuple[int, ...]) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
+        exact = ExpectedError(0.0, reason)
+        return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, powers, 1.0
+
     if control is not None:
         return unknown("the modified equation is that of constant steps")
     try:
@@ -89,16 +93,14 @@ def expected_errors(
             warnings.simplefilter("ignore")  # what is not finite is seen below
             terms = modified_terms(method, scene, parts)
             if not terms.powers or not steps:
-                exact = ExpectedError(0.0, "only rounding")
-                return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, (), 1.0
+                return nothing("only rounding", ())
             found = pilot(terms, y0, h, h * steps, t0)
     except StepError as error:
         return unknown(f"the solution could not be followed beyond t = {error.t:.3g}")
     except (IntegratorError, SeriesError) as error:
         return unknown(str(error))
     if found is None:
-        exact = ExpectedError(0.0, ONLY_ROUNDING)
-        return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, terms.powers, 1.0
+        return nothing(ONLY_ROUNDING, terms.powers)
     if not np.isfinite(found.errors).all():
         return unknown("terms of the modified equation are not finite along the solution")
     drifts = not terms.is_hamiltonian(found.y, found.powers)

@@ -218,7 +218,6 @@ def size_of_states_after(y: np.ndarray, times: float) -> Extrapolated:
         >>> f"{size_of_states_after(np.array([np.cos(t), 0.2 * t + np.sin(t)]), 100.0).value:.0f}"
         '2000'
     """
-
     size, each = largest_size(y), abs(y).max(axis=1)
     on = [k for k, row in enumerate(y) if goes_on(row)]
     now = largest_size(each[:, None])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from integrators.errors import IntegratorError
 from integrators.expressions import shorten
 from integrators.scenes.base import Scene
-from integrators.steppers.run_input import read_number
+from integrators.steppers.run_input import check_progress, read_number, read_positive
 from integrators.steppers.states import StepError
 
 from .candidates import Candidate, Candidates, candidates
@@ -172,12 +172,11 @@ def work_precision(
     limit = read_number(budget, "budget")
     if limit <= 0:
         raise IntegratorError(f"budget must be a positive number of seconds, but was {limit:g}")
-    if progress is not None and not callable(progress):
-        raise IntegratorError(f"progress must be a function of two numbers, but was {shorten(repr(progress))}")
+    check_progress(progress)
     measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
     if "solution" not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
-    length = None if span is None else _length(span)
+    length = None if span is None else read_positive(span, "span")
     chosen = candidates(scene, methods)
     total = 2 * len(chosen.found)
     report = progress or (lambda done, total: None)
@@ -234,13 +233,6 @@ def check_errors(errors: Any) -> tuple[float, float]:
             f"{shorten(repr(errors))}"
         )
     return loosest, finest
-
-
-def _length(span: Any) -> float:
-    length = read_number(span, "span")
-    if length <= 0:
-        raise IntegratorError(f"span must be positive, but was {shorten(repr(span))}")
-    return length
 
 
 def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.errors import IntegratorError
-from integrators.steppers.run_input import read_number, read_steps
+from integrators.steppers.run_input import read_positive, read_steps
 
 from .calibration import seconds_per_step as calibrated
 from .durations import duration
@@ -80,13 +79,6 @@ def time_only(h: Any, steps: int, reason: str, seconds: float | None = None) -> 
     return Prediction(float(h), steps, seconds, unknown, unknown, (), 0.0)
 
 
-def _positive(seconds_per_step: Any) -> float:
-    cost = read_number(seconds_per_step, "seconds_per_step")
-    if cost <= 0:
-        raise IntegratorError(f"seconds_per_step must be positive, but was {cost:g}")
-    return cost
-
-
 def predict_run(
     scene: Scene,
     method: Method | str,
@@ -158,7 +150,7 @@ def predict_run(
     state = stepper(scene, method, parts=parts, control=control).start(y0, h=h, t0=t0)
     seconds = None
     if seconds_per_step is not None:
-        seconds = steps * _positive(seconds_per_step)
+        seconds = steps * read_positive(seconds_per_step, "seconds_per_step")
     elif timed and (cost := calibrated(scene, method, steps, **run)) is not None:
         seconds = steps * cost
     errors = expected_errors(scene, method, state.h, steps, np.array(state.y), t0, parts, control)

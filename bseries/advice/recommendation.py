@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.errors import IntegratorError
-from integrators.steppers.run_input import read_number
+from integrators.steppers.run_input import read_number, read_positive
 
 from .durations import whole_steps
 from .outlook import Outlook, outlook
@@ -76,9 +76,7 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
     measure = check_measure(measure, MEASURES)
     if measure not in found.measures:
         raise IntegratorError(f"measure must be one of {', '.join(found.measures)}, which were had, but was {measure}")
-    wanted = read_number(error, "error")
-    if wanted <= 0:
-        raise IntegratorError(f"error must be positive, but was {wanted:g}")
+    wanted = read_positive(error, "error")
     length = judge.span if span is None else read_number(span, "span")
     if length < judge.span:
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")

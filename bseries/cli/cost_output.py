@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..advice.durations import duration
+from . import layout
 from .layout import Column
 
 if TYPE_CHECKING:
@@ -82,11 +83,10 @@ def choice_facts(
     return facts
 
 
-def csv_rows(found: WorkPrecision) -> Iterator[list[str]]:
+def csv_rows(found: WorkPrecision) -> Iterator[layout.Row]:
     """All runs, one a row."""
     for curve in found.curves:
         for row in curve.rows:
             costs = (None,) * 4 if row.cost is None else row.cost
             errors = (getattr(row.errors, name) for name in CSV[-5:])
-            values = [curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors]
-            yield ["" if value is None else str(value) for value in values]
+            yield layout.values(curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)

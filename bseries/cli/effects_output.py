@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from . import layout
 from .layout import Column
@@ -78,19 +78,14 @@ def _report_values(report: EffectReport) -> Iterator[layout.Row]:
     """The numbers of each effect, and in a row without a name the error of the method."""
     for row in report.rows:
         leave_out = str(row.name in report.leave_out).lower()
-        yield _texts(row.name, *row.left_out, *row.alone, row.seconds, row.uncertainty, leave_out)
-    yield _texts(None, *report.own_error, None, None, None, None, None)
+        yield layout.values(row.name, *row.left_out, *row.alone, row.seconds, row.uncertainty, leave_out)
+    yield layout.values(None, *report.own_error, None, None, None, None, None)
 
 
 def _cost_values(row: CostRow) -> layout.Row:
     """The numbers of some effects; names are separated by spaces."""
     times = (*row.step[:3], *row.field[:3])
-    return _texts(len(row.effects), " ".join(row.effects), *times, row.trees, row.all_trees)
-
-
-def _texts(*values: Any) -> layout.Row:
-    """Values as text that reads back the same."""
-    return ["" if value is None else str(value) for value in values]
+    return layout.values(len(row.effects), " ".join(row.effects), *times, row.trees, row.all_trees)
 
 
 def _rows(report: EffectReport) -> Iterator[layout.Row]:

@@ -98,6 +98,11 @@ def paragraphs(sentences: Iterable[str], width: int | None) -> str:
     return "".join("\n".join(_wrap(sentence, width or len(sentence))) + "\n" for sentence in sentences)
 
 
+def values(*numbers: object) -> Row:
+    """Numbers as text that reads back the same, for CSV; None is empty."""
+    return ["" if number is None else str(number) for number in numbers]
+
+
 def csv(headings: Row, rows: Iterable[Row]) -> Iterator[str]:
     """CSV in pieces, made as they are taken."""
     from csv import writer

@@ -263,8 +263,7 @@ def _is_rounding(energy: float, run: Trajectory, scene: Scene) -> bool:
     """Whether an energy at the start would be 0 but for rounding, so that nothing is relative to it."""
     from ..advice.distances import energy_size
 
-    base = scene.with_effects()  # an effect may have the energy, and bring variables of its own
-    return energy_size(base, run.y[: base.dimension, 0]) != abs(energy)
+    return energy_size(scene, run.y[:, 0]) != abs(energy)
 
 
 def _energy_error(records: Sequence[dict[str, Any]]) -> float | None:

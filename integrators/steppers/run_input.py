@@ -68,6 +68,20 @@ def read_number(value: Any, argument: str) -> float:
     return number
 
 
+def read_positive(value: Any, argument: str) -> float:
+    """A finite number that is positive."""
+    number = read_number(value, argument)
+    if number <= 0:
+        raise IntegratorError(f"{argument} must be positive, but was {number:g}")
+    return number
+
+
+def check_progress(progress: Any) -> None:
+    """Refuse what cannot be called with the number of steps made and of all."""
+    if progress is not None and not callable(progress):
+        raise IntegratorError(f"progress must be a function of two numbers, but was {shown(progress)}")
+
+
 def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
     """A whole number within limits, which messages describe as `what`."""
     try:
