@@ -23,12 +23,14 @@ FORMULAS = '''\
 
 from math import *
 
-from numba import njit
+from numba import njit, types
+
+from integrators.lowering.units import lowered
 
 compiled_with = njit(cache=True, nogil=True, error_model="numpy", fastmath={{"contract"}})
 
 
-@compiled_with
+@lowered(types.UniTuple(types.float64, {size})(*[types.float64] * {numbers}))
 def value({arguments}, h):
     """The value at one point."""
 {lines}
@@ -111,6 +113,7 @@ class CompiledFormulas:
 
         return FORMULAS.format(
             dimension=dimension,
+            numbers=dimension + 1,
             size=size,
             sizes=dimension if dimension == size else f"{dimension} and {size}",
             arguments=", ".join(f"y{i}" for i in range(dimension)),
@@ -125,9 +128,10 @@ class CompiledFormulas:
     @cached_property
     def module(self) -> ModuleType:
         """The compiled functions."""
+        from integrators.lowering import SOURCES
         from integrators.modules import load_module
 
-        return load_module(self.source)
+        return load_module(self.source, helpers=SOURCES)
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
         """The sums at the rows of `states`, one row each."""

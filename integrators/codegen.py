@@ -139,11 +139,12 @@ class ModuleText:
     Args:
         precise: Whether it is for mpmath instead of numba.
         lanes: Whether sums over many sites are written for vector instructions, with work arrays on the stack.
+        plain: Whether functions are not compiled one by one, but lowered with what calls them.
     """
 
-    def __init__(self, precise: bool, *, lanes: bool = False):
+    def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
         self.number, self.zero = ("number", "0") if precise else (None, "0.0")
-        self.lanes = lanes
+        self.lanes, self.decorator = lanes, "" if plain or precise else "@compiled\n"
         self._functions: list[str] = []
         self._arrays: dict[tuple[str, ...], str] = {}
 
@@ -166,11 +167,11 @@ class ModuleText:
             lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
         return lines
 
-    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str = "@compiled") -> None:
+    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
         """Add a function. Exact numbers are made when it is called, since their precision may change."""
-        decorator += "\n"
+        decorator = self.decorator if decorator is None else f"{decorator}\n"
         if self.number is not None:
-            body, decorator = [*self._definitions("(", ")"), *body], ""
+            body = [*self._definitions("(", ")"), *body]
             self._arrays.clear()
         lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
         self._functions.append("\n".join(lines))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from .codegen import ModuleText, energy_lines
 from .errors import IntegratorError
 from .expressions import shorten
+from .lowering import SOURCES
 from .modules import load_module
 from .site_loops import SiteSum
 
@@ -28,7 +29,8 @@ FORMULAS = '''\
 
 {imports}
 from numba import cfunc, types
-from integrators.steppers.machine import DOUBLES, OPTIONS, inlined
+from integrators.lowering.units import lowered
+from integrators.steppers.machine import DOUBLES, NO_ARRAYS, OPTIONS
 
 OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
 {constants}
@@ -224,22 +226,25 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
     from .scenes.expansion import filled
     from .steppers import machine
 
-    writer, lines, base = ModuleText(precise=False), [], _base(scene)
+    writer, lines, base = ModuleText(precise=False, plain=True), [], _base(scene)
     integrals = {}
     for k, quantity in quantities.items():
         system = _with_energy(scene) if quantity == ENERGY else None
         if system is not None:
-            writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(system, writer), "@inlined")
+            writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(system, writer))
             lines.append(f"out[{k}] = energy(y)")
         else:
             integrals[k] = filled(base.invariants[quantity], base)
     total = SiteSum.flat(scene, integrals)
     lines += total.lines({k: f"out[{k}] =" for k in integrals}, writer)
-    writer.function("formulas(t, y, out)", "Put the quantities in out.", lines, "@inlined")
+    writer.function("formulas(t, y, out)", "Put the quantities in out.", lines, "@lowered(OBSERVER)")
     writer.function(
-        "observe(t, y, out)", "The same in C.", ["formulas(t, y, out)"], "@cfunc(OBSERVER, cache=True, **OPTIONS)"
+        "observe(t, y, out)",
+        "The same in C.",
+        ["formulas(t, y, out)"],
+        "@cfunc(OBSERVER, cache=True, **OPTIONS, **NO_ARRAYS)",
     )
-    return load_module(writer.source(scene, FORMULAS), helpers=[machine])
+    return load_module(writer.source(scene, FORMULAS), helpers=[machine, *SOURCES])
 
 
 @lru_cache(maxsize=256)

@@ -36,10 +36,10 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     cells = sorted({cell for _, cell in group.unknowns})
     compare = [f"change{cell} = 0" for cell in cells]
     for cell in cells:
-        lines: list[str] = []
+        lines = ["most = 0"]  # of one entry: between entries there is one maximum, or the loop would not be vectorised
         for e in (e for e, c in group.unknowns if c == cell):
-            change = f"change{cell} = max(change{cell}, bits(abs(x - k{e}[i])))"
-            lines += [f"x = {new[e]}[i]", change, f"k{e}[i] = x"]
+            lines += [f"x = {new[e]}[i]", f"most = max(most, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
+        lines.append(f"change{cell} = max(change{cell}, most)")
         compare += forms.long_loop(cell, lines)
     return [
         *start_values(group, writer),

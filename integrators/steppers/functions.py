@@ -12,9 +12,6 @@ from .structure import Structure
 if TYPE_CHECKING:
     from ..scenes.local_terms import LocalTerm, Output
 
-MOST_INLINED_LINES = 120
-"""Lines of a function times the places that call it, above which it is called and not inlined."""
-
 
 class Functions:
     """The functions of a stepper's module, each made when it is first asked for.
@@ -27,7 +24,6 @@ class Functions:
     def __init__(self, structure: Structure, module: ModuleText):
         self.structure, self.module = structure, module
         self._names: dict[tuple[str, int, tuple[int, ...]], str] = {}
-        self._calls: dict[str, int] = {}
 
     def field(self, piece: int, cells: Sequence[int]) -> str:
         """The name of the function f(y, out) that puts a piece of the field in some cells."""
@@ -43,11 +39,7 @@ class Functions:
 
     def _name(self, kind: str, piece: int, cells: Sequence[int]) -> str:
         key = kind, piece, tuple(cells)
-        if key not in self._names:
-            self._names[key] = f"{kind}{len(self._names)}"
-        name = self._names[key]
-        self._calls[name] = self._calls.get(name, 0) + 1
-        return name
+        return self._names.setdefault(key, f"{kind}{len(self._names)}")
 
     def _lines(self, kind: str, piece: int, cells: tuple[int, ...]) -> list[str]:
         structure, dimension = self.structure, self.structure.scene.dimension
@@ -67,8 +59,6 @@ class Functions:
         return field_lines(terms, outputs, indices, self.module)
 
     def write(self) -> None:
-        """Add all functions to the module: short ones, or those called once, are inlined."""
+        """Add all functions to the module."""
         for key, name in self._names.items():
-            body = self._lines(*key)
-            short = len(body) * self._calls[name] <= MOST_INLINED_LINES or self._calls[name] == 1
-            self.module.function(f"{name}(y, out)", "A piece of the field.", body, "@inlined" if short else "@compiled")
+            self.module.function(f"{name}(y, out)", "A piece of the field.", self._lines(*key))

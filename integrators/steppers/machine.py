@@ -37,7 +37,8 @@ def inlined_as(*signature: Any) -> Any:
 
 DOUBLES = types.CPointer(types.float64)
 DOUBLE, WHOLE, TRUTH = types.float64, types.int64, types.boolean
-steps_in_c = cfunc(WHOLE(*[DOUBLES] * 6, DOUBLE, WHOLE, WHOLE), cache=True, **OPTIONS, **NO_ARRAYS)
+STEPS = WHOLE(*[DOUBLES] * 6, DOUBLE, WHOLE, WHOLE)
+steps_in_c = cfunc(STEPS, cache=True, **OPTIONS, **NO_ARRAYS)
 """Makes int64_t advance(double *state, *carry, *memory, *control, *numbers, *work, double h, int64_t steps, fresh)."""
 
 

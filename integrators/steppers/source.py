@@ -45,6 +45,7 @@ TEMPLATE = '''\
 """
 
 {imports}
+from integrators.lowering.units import lowered
 {kernels}
 
 {constants}
@@ -56,7 +57,7 @@ KERNELS = {
     ),
     "iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
     "linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
-    "machine": ("bits", "compiled", "fma", "inlined", "opaque", "pointer", "shifted", "stack", "steps_in_c"),
+    "machine": ("STEPS", "bits", "fma", "opaque", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip
 """What generated steppers call, by the module where it is; they import what they need."""
 SIGNATURE = "source, lost, m, controls, constants, w, h, steps, fresh"
@@ -140,7 +141,7 @@ class StepperSource(WorkArrays):
         self.averaged: object = None
         self.known: dict[object, str] = {}
         self.matrices: dict[object, str] = {}
-        super().__init__(nodes.structure.scene.dimension, ModuleText(precise=False, lanes=True))
+        super().__init__(nodes.structure.scene.dimension, ModuleText(precise=False, lanes=True, plain=True))
         self.nodes, self.structure, self.plan = nodes, nodes.structure, steps
         self.functions = Functions(self.structure, self.module)
         self.forms = FormWriter(
@@ -203,7 +204,8 @@ class StepperSource(WorkArrays):
         ]
         lines.append("return done")
         self.functions.write()
-        self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@steps_in_c")
+        self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@lowered(STEPS)")
+        self.module.function(f"in_c({SIGNATURE})", "The same in C.", [f"return advance({SIGNATURE})"], "@steps_in_c")
         template = TEMPLATE.replace("{kernels}", _kernel_imports(self.module.bodies))
         source = self.module.source(self.structure.scene, template)
         return Text(source, memory, work, tuple(self.numbers), bool(self._iterated))

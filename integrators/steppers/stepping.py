@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import IntegratorError
 from ..expressions import shorten
+from ..lowering import SOURCES
 from ..modules import load_module
 from ..program import Program
 from ..remembering import remembered
@@ -69,7 +70,7 @@ class Stepper:
     def _address(self, solver: str) -> int:
         """The address of the compiled steps (see `integrators.steppers.machine.steps_in_c`)."""
         helpers = [Path(__file__).with_name(f"{module}.py") for module in (*KERNELS, "adaptive")]
-        return load_module(self._text(solver).source, helpers=helpers).advance.address
+        return load_module(self._text(solver).source, helpers=[*helpers, *SOURCES]).in_c.address
 
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"

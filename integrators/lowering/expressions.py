@@ -1,0 +1,182 @@
+"""Expressions of generated functions in LLVM."""
+
+# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+from __future__ import annotations
+
+import ast
+import builtins
+import operator
+from collections.abc import Callable
+from functools import partial, reduce
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.extending import _Intrinsic
+
+if TYPE_CHECKING:
+    from .units import Unit
+
+OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow, ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.LShift: operator.lshift,
+    ast.BitOr: operator.or_, ast.BitAnd: operator.and_, ast.USub: operator.neg, ast.Not: operator.not_,
+    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}  # fmt: skip
+EXTREMES = {max: operator.gt, min: operator.lt}
+WHOLE = types.int64
+
+
+class Value(NamedTuple):
+    """A value: its numba type, and what it is in LLVM."""
+
+    type: Any
+    llvm: Any
+
+
+class Expressions(ast.NodeVisitor):
+    """Writes the values of expressions in the body of a function.
+
+    Names are variables in memory, which LLVM puts into registers; each keeps the type it is first given, but for one
+    that is a pointer first and then a number, or the other way round.
+
+    Args:
+        unit: The functions that this one belongs to.
+        function: The function in LLVM.
+        names: What names mean that are no variables.
+    """
+
+    def __init__(self, unit: Unit, function: Any, names: dict[str, Any]):
+        self.unit, self.function, self.names = unit, function, names
+        # memory for variables comes before what is read from the module, and that before everything else
+        entry, constants, begin = self.block(), self.block(), self.block()
+        self.constants, self.builder = ir.IRBuilder(constants), ir.IRBuilder(begin)
+        self.jumps = (entry, constants), (constants, begin)
+        self.variables: dict[str, Value] = {}
+
+    def block(self) -> Any:
+        """A new block of instructions."""
+        return self.function.append_basic_block()
+
+    def generic_visit(self, node: ast.AST) -> Any:
+        raise NotImplementedError(f"no code for {ast.unparse(node)!r}")
+
+    def visit_Name(self, node: ast.Name) -> Value:
+        known = self.variables.get(node.id)
+        if known is None:
+            known = self.variables[node.id] = self._global(node.id)
+        return Value(known.type, self.builder.load(known.llvm))
+
+    def visit_Constant(self, node: ast.Constant) -> Value:
+        return self._constant(node.value)
+
+    def visit_Tuple(self, node: ast.Tuple) -> Value:
+        items = self._items(node)
+        kind = types.BaseTuple.from_types([item.type for item in items])
+        return Value(kind, self.unit.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
+
+    def visit_Subscript(self, node: ast.Subscript) -> Value:
+        array = self.visit(node.value)
+        if not isinstance(array.type, types.CPointer):
+            return self._call(operator.getitem, array, self.visit(node.slice))
+        kind, place = self._place(node)
+        return Value(kind, self.builder.load(place))
+
+    def visit_BinOp(self, node: ast.BinOp) -> Value:
+        return self._call(OPERATORS[type(node.op)], self.visit(node.left), self.visit(node.right))
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
+        return self._call(OPERATORS[type(node.op)], self.visit(node.operand))
+
+    def visit_Compare(self, node: ast.Compare) -> Value:
+        (operation,), (right,) = node.ops, node.comparators
+        return self._call(OPERATORS[type(operation)], self.visit(node.left), self.visit(right))
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
+        first, *others = node.values
+        for other in others:
+            yes, no = (other, ast.Constant(False)) if isinstance(node.op, ast.And) else (ast.Constant(True), other)
+            first = ast.IfExp(first, yes, no)
+        return self.visit(first)
+
+    def visit_IfExp(self, node: ast.IfExp) -> Value:
+        then, other, after = self.block(), self.block(), self.block()
+        self.builder.cbranch(self._truth(node.test), then, other)
+        ends = []
+        for block, expression in ((then, node.body), (other, node.orelse)):
+            self.builder.position_at_end(block)
+            ends.append((self.visit(expression), self.builder.block))
+            self.builder.branch(after)
+        self.builder.position_at_end(after)
+        (value, _), (another, _) = ends
+        assert value.type == another.type, ast.unparse(node)
+        chosen = self.builder.phi(value.llvm.type)
+        for end, block in ends:
+            chosen.add_incoming(end.llvm, block)
+        return Value(value.type, chosen)
+
+    def visit_Call(self, node: ast.Call) -> Value:
+        assert isinstance(node.func, ast.Name)
+        function = self._known(node.func.id)
+        arguments = [self.visit(x) for x in node.args]
+        if isinstance(function, _Intrinsic):  # which may need the values of numbers
+            pairs = zip(arguments, node.args, strict=True)
+            arguments = [
+                value._replace(type=types.literal(x.value)) if isinstance(x, ast.Constant) else value
+                for value, x in pairs
+            ]
+        if function in EXTREMES:
+            return reduce(partial(self._extreme, EXTREMES[function]), arguments)
+        if not isinstance(function, FunctionType):
+            return self._call(function, *arguments)
+        return self.unit.call(self.builder, function, arguments)
+
+    def _extreme(self, exceeds: Any, one: Value, other: Value) -> Value:
+        """The other one of two values if it exceeds the first."""
+        assert one.type == other.type
+        return Value(one.type, self.builder.select(self._call(exceeds, other, one).llvm, other.llvm, one.llvm))
+
+    def _items(self, node: ast.expr) -> list[Value]:
+        """The values of a tuple."""
+        if isinstance(node, ast.Tuple):
+            return [self.visit(x) for x in node.elts]
+        value = self.visit(node)
+        return [*map(Value, value.type.types, cgutils.unpack_tuple(self.builder, value.llvm))]
+
+    def _place(self, node: Any) -> Value:
+        """The place of an entry in memory."""
+        array, index = self.visit(node.value), self._cast(self.visit(node.slice), WHOLE)
+        return Value(array.type.dtype, self.builder.gep(array.llvm, [index]))
+
+    def _truth(self, node: ast.expr) -> Any:
+        value = self.visit(node)
+        return self.unit.context.is_true(self.builder, value.type, value.llvm)
+
+    def _known(self, name: str) -> Any:
+        return self.names[name] if name in self.names else getattr(builtins, name)
+
+    def _global(self, name: str) -> Value:
+        """A constant of the module as a variable."""
+        value = self._constant(self._known(name))
+        place = cgutils.alloca_once(self.constants, value.llvm.type, name=name)
+        self.constants.store(value.llvm, place)
+        return Value(value.type, place)
+
+    def _constant(self, value: Any) -> Value:
+        kind = types.unliteral(self.unit.typing.resolve_value_type(value))
+        return Value(kind, self.unit.context.get_constant_generic(self.constants, kind, value))
+
+    def _call(self, function: Any, *arguments: Value) -> Value:
+        """Call what numba knows."""
+        signature, call = self.unit.implementation(function, tuple(x.type for x in arguments))
+        values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
+        return Value(types.unliteral(signature.return_type), call(self.builder, values))
+
+    def _cast(self, value: Value, kind: Any) -> Any:
+        if value.type == kind:
+            return value.llvm
+        assert value.type != types.float64, f"a double is no {kind}"
+        return self.unit.context.cast(self.builder, value.llvm, value.type, kind)

@@ -1,0 +1,152 @@
+"""Statements of generated functions in LLVM."""
+
+# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+
+from .expressions import OPERATORS, WHOLE, Expressions, Value
+
+if TYPE_CHECKING:
+    from .units import Unit
+
+
+class Statements(Expressions):
+    """Writes the body of a function.
+
+    Args:
+        unit: The functions that this one belongs to.
+        function: The function in LLVM.
+        names: What names mean that are no variables.
+        result: The type of the function's value.
+    """
+
+    def __init__(self, unit: Unit, function: Any, names: dict[str, Any], result: Any):
+        super().__init__(unit, function, names)
+        self.result = result
+        self.loops: list[tuple[Any, Any]] = []
+
+    def write(self, tree: ast.FunctionDef, arguments: Sequence[Any]) -> None:
+        """Write the whole function."""
+        context = self.unit.context
+        values = context.get_arg_packer(arguments).from_arguments(
+            self.builder, context.call_conv.get_arguments(self.function)
+        )
+        for argument, kind, value in zip(tree.args.args, arguments, values, strict=True):
+            self._assign(argument.arg, Value(kind, value))
+        self._write(tree.body)
+        if not self._has_ended():
+            self._return(context.get_dummy_value())
+        for block, following in self.jumps:
+            ir.IRBuilder(block).branch(following)
+
+    def _write(self, statements: Iterable[ast.stmt]) -> None:
+        for statement in statements:
+            if not self._has_ended():
+                self.visit(statement)
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):  # a docstring
+            self.visit(node.value)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        for target in node.targets:
+            if isinstance(target, ast.Tuple):
+                for item, value in zip(target.elts, self._items(node.value), strict=True):
+                    self._store(item, value)
+            else:
+                self._store(target, self.visit(node.value))
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        now = self.visit(node.target)
+        self._store(node.target, self._call(OPERATORS[type(node.op)], now, self.visit(node.value)))
+
+    def visit_Return(self, node: ast.Return) -> None:
+        assert node.value is not None
+        self._return(self._cast(self.visit(node.value), self.result))
+
+    def _return(self, value: Any) -> None:
+        context = self.unit.context
+        context.call_conv.return_value(self.builder, context.get_return_value(self.builder, self.result, value))
+
+    def visit_Break(self, node: ast.Break) -> None:
+        self.builder.branch(self.loops[-1][1])
+
+    def visit_Continue(self, node: ast.Continue) -> None:
+        self.builder.branch(self.loops[-1][0])
+
+    def visit_If(self, node: ast.If) -> None:
+        then, other, after = self.block(), self.block(), self.block()
+        self.builder.cbranch(self._truth(node.test), then, other)
+        for block, statements in ((then, node.body), (other, node.orelse)):
+            self.builder.position_at_end(block)
+            self._write(statements)
+            self._go_on(after)
+        self.builder.position_at_end(after)
+
+    def visit_While(self, node: ast.While) -> None:
+        head, body, after = self.block(), self.block(), self.block()
+        self.builder.branch(head)
+        self.builder.position_at_end(head)
+        self.builder.cbranch(self._truth(node.test), body, after)
+        self._loop(node.body, body, head, after)
+
+    def visit_For(self, node: ast.For) -> None:
+        assert isinstance(node.iter, ast.Call)
+        assert isinstance(node.target, ast.Name)
+        bounds = [self._cast(self.visit(x), WHOLE) for x in node.iter.args[:2]]
+        first, end = bounds if len(bounds) == 2 else (ir.Constant(ir.IntType(64), 0), *bounds)
+        step = ast.literal_eval(node.iter.args[2]) if len(node.iter.args) == 3 else 1
+        head, body, after, following = self.block(), self.block(), self.block(), self.block()
+        counter = cgutils.alloca_once(self.builder, ir.IntType(64))
+        self.builder.store(first, counter)
+        self.builder.branch(head)
+        self.builder.position_at_end(head)
+        now = self.builder.load(counter)
+        self.builder.cbranch(self.builder.icmp_signed("<" if step > 0 else ">", now, end), body, after)
+        self.builder.position_at_end(body)
+        self._assign(node.target.id, Value(WHOLE, now))
+        self._loop(node.body, body, following, after)
+        self.builder.position_at_end(following)
+        builder: Any = self.builder
+        builder.store(builder.add(now, ir.Constant(ir.IntType(64), step), flags=["nsw"]), counter)
+        self.builder.branch(head)
+        self.builder.position_at_end(after)
+
+    def _loop(self, statements: Iterable[ast.stmt], body: Any, following: Any, after: Any) -> None:
+        """The body of a loop, with the blocks that continue and break lead to; the last is the one to go on with."""
+        self.builder.position_at_end(body)
+        self.loops.append((following, after))
+        self._write(statements)
+        self._go_on(following)
+        self.loops.pop()
+        self.builder.position_at_end(after)
+
+    def _go_on(self, block: Any) -> None:
+        """Go to a block, unless break, continue or return have left this one."""
+        if not self._has_ended():
+            self.builder.branch(block)
+
+    def _has_ended(self) -> bool:
+        block: Any = self.builder.block
+        return block.is_terminated
+
+    def _store(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Name):
+            self._assign(target.id, value)
+        else:
+            kind, place = self._place(target)
+            self.builder.store(self._cast(value, kind), place)
+
+    def _assign(self, name: str, value: Value) -> None:
+        known = self.variables.get(name)
+        if known is None or isinstance(known.type, types.CPointer) != isinstance(value.type, types.CPointer):
+            place = cgutils.alloca_once(self.builder, value.llvm.type, name=name)
+            known = self.variables[name] = Value(value.type, place)
+        self.builder.store(self._cast(value, known.type), known.llvm)

@@ -1,0 +1,154 @@
+"""Generated functions lowered to LLVM do what Python does with the same text."""
+
+from math import sin
+
+import numpy as np
+import pytest
+from numba import types
+from numba.core.errors import NumbaError
+
+from integrators.lowering.units import lowered
+from integrators.steppers.machine import DOUBLES, compiled, pointer, shifted, stack
+
+NUMBERS = np.array([0.5, -2.0, 3.25])
+PLACES = np.array([2, 0, 1])
+KIND = types.float64(DOUBLES, types.float64, types.int64)
+
+
+def loops(y, h, n):
+    total = 0.0
+    for i in range(n):
+        if i == 3:
+            continue
+        if i > 7:
+            break
+        total += y[i] * i
+        y[i] = total
+    for i in range(n - 1, 1, -2):
+        total -= y[i - 1] * h
+    for i in range(2, n):
+        for j in range(i + 1, n):
+            total += y[i] / (y[j] + 10.0 * j)
+    return total
+
+
+def branches(y, h, n):
+    found, before, settled = 0.0, 100.0, False
+    while not settled:
+        change = 0.5 * (before % 7.0) if (n > 2 and h > 0) or before < 1 else before / 2
+        if change < before:
+            found += min(change, h, 0.25)
+        elif n == 4:
+            found -= max(change, -h)
+        else:
+            return -found
+        before = change
+        settled = change <= abs(h) or found != found
+        settled |= found > 1e3
+    return found if found >= 0 else -(2**n) * found
+
+
+def swaps(y, h, n):
+    first, second = y[0], y[1]
+    first, second = second, first
+    y[0], y[n] = y[n], y[0]
+    y[1] = y[2] = h
+    pair = halves(first, second)
+    low, high = pair
+    k = 3 * n // 2 % 5 + (1 << n)
+    return low * y[0] - high * y[1] + NUMBERS[n - 1] * k + NUMBERS[PLACES[0]] + abs(-h) + int(2.75)
+
+
+def calls(y, h, n):
+    scale(y, n, h)
+    return power(y[1], 3) - sin(total(y, n))
+
+
+def scale(y, n, h):
+    for i in range(n):
+        y[i] *= h
+
+
+def power(x, n):
+    product = 1.0
+    for _ in range(n):
+        product *= x
+    return product
+
+
+def total(y, n):
+    found = 0
+    found += n > 2
+    value = float(found)
+    for i in range(n):
+        value += y[i]
+    return value
+
+
+@compiled
+def halves(a, b):
+    return (0.5 * a, 0.5 * b) if a < b else (0.5 * b, 0.5 * a)
+
+
+@pytest.mark.parametrize("function", [loops, branches, swaps, calls])
+@pytest.mark.parametrize(("h", "n"), [(0.3, 4), (-0.75, 2), (0.1, 3), (2.5, 1), (-1e-3, 9)])
+def test_lowered_functions_are_those_of_python(function, h, n):
+    if n > 3 and function is swaps:
+        n = 3
+    made = lowered(KIND)(function)
+
+    @compiled
+    def run(y, h, n):
+        return made(pointer(y), h, n)
+
+    y = np.linspace(-1.5, 2.5, 12)
+    there = y.copy()
+    value, wanted = run(y, h, n), function(there, h, n)
+    assert value == wanted or value == pytest.approx(wanted, rel=1e-15)
+    np.testing.assert_allclose(y, there, rtol=1e-15)
+
+
+def work(y, n):
+    z = stack(6)
+    for i in range(6):
+        z[i] = y[i]
+    copy(shifted(z, 2), y, n)
+
+
+def copy(source, y, n):
+    for i in range(n):
+        y[i] = source[i]
+
+
+def test_arrays_on_the_stack_and_nothing_returned():
+    made = lowered(types.void(DOUBLES, types.int64))(work)
+
+    @compiled
+    def run(y, n):
+        made(pointer(y), n)
+
+    y = np.arange(6.0)
+    run(y, 3)
+    assert list(y) == [2, 3, 4, 3, 4, 5]
+
+
+def changes_type(y, h, n):
+    found = 1
+    found += h
+    return found
+
+
+def lists(y, h, n):
+    return sum([h, h])
+
+
+@pytest.mark.parametrize(("function", "reason"), [(changes_type, "a double is no int64"), (lists, "no code for")])
+def test_what_cannot_be_lowered_is_refused(function, reason):
+    made = lowered(KIND)(function)
+
+    @compiled
+    def run(y):
+        return made(pointer(y), 1.0, 1)
+
+    with pytest.raises((AssertionError, NotImplementedError, NumbaError), match=reason):
+        run(np.zeros(3))
