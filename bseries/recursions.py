@@ -93,7 +93,8 @@ def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
     """
     field = arithmetic.zeros(len(table))
     weights = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
-    _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), 1, weights, target)
+    one = arithmetic.vector([1])[0]  # of the type that the others have: the kernel is compiled once for each
+    _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), one, weights, target)
     return field
 
 

@@ -19,9 +19,9 @@ from trees.compiled import float_kernel
 from . import jets
 from . import tower_layout as layout
 from .jets import ADD, ARGUMENT, CIRCULAR, CONSTANT, DATUM, EXP, HYPERBOLIC, INTEGRAL, MULTIPLY, POWER, SCALE, SHIFT
+from .lowered_kernels import LOWERING, LoweredKernel
 
-outer = partial(float_kernel, sources=(layout, jets))
-inner = partial(float_kernel, inline=True, sources=(layout, jets))
+outer = partial(float_kernel, sources=(layout, jets, *LOWERING))
 
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)
@@ -32,7 +32,7 @@ TERM_ROW, TAPE_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
 SECOND_HALF = np.uint64(4)
 
 
-@inner
+@LoweredKernel
 def list_sites(ints, term, points, lane, sites, point, lanes):
     """Write the sites and the point of every row of a term: points one after the other, rows within them."""
     kind, count, rows = ints[term + layout.T_KIND], ints[term + layout.T_COUNT], ints[term + layout.T_ROWS]
@@ -64,7 +64,7 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
         lane += ONE
 
 
-@inner
+@LoweredKernel
 def multiply(A, ints, result, a, b, first, last, lanes):
     """Add the product of two jets to a third."""
     product = ints[layout.PRODUCT]
@@ -75,7 +75,7 @@ def multiply(A, ints, result, a, b, first, last, lanes):
             A[i + w] += A[x + w] * A[y + w]
 
 
-@inner
+@LoweredKernel
 def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
     """Add the products of two jets, each times its factor; b may be the result itself, whose lower degrees are done."""
     product = ints[layout.PRODUCT]
@@ -87,7 +87,7 @@ def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
             A[i + w] += scale * A[x + w] * A[y + w]
 
 
-@inner
+@LoweredKernel
 def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes):
     """sin and cos, or sinh and cosh: each one's derivative is the other, up to a sign."""
     product = ints[layout.PRODUCT]
@@ -103,7 +103,7 @@ def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, s
             A[j + w] += sign * scale * A[x + w] * A[y + w]
 
 
-@outer
+@LoweredKernel
 def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
     """The functions at the centre of a jet; a power is of `halves` roots where the exponent is so many halves."""
     for w in range(lanes):
@@ -141,7 +141,7 @@ def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
             A[at] = atanh(x)
 
 
-@inner
+@LoweredKernel
 def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b, size, first, last, factor, lanes):
     """A function of a jet, one degree after the other, from its differential equation; see `bseries.jets`."""
     pair = result + size
@@ -162,7 +162,7 @@ def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b,
         multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes)
 
 
-@inner
+@LoweredKernel
 def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
     """All steps of a term's formula; the local variables are at `x`, followed by the data."""
     size, degree = ints[term + layout.T_SIZE], ints[term + layout.T_DEGREE]
@@ -208,7 +208,7 @@ def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
                 )
 
 
-@inner
+@LoweredKernel
 def list_places(ints, term, place, lane, sites, point, places, lanes):
     """Write where in a vector of all points a group of rows has its local variables and its outputs."""
     dimension = ints[layout.DIMENSION]
@@ -228,7 +228,7 @@ def list_places(ints, term, place, lane, sites, point, places, lanes):
             at += ONE
 
 
-@inner
+@LoweredKernel
 def gather(A, ints, values, vector, to, first, last, places, place, lanes):
     """Write the local variables of a group of rows, taken from one vector."""
     for k in range(first, last):
@@ -241,7 +241,7 @@ def gather(A, ints, values, vector, to, first, last, places, place, lanes):
                 A[at + w] = values[vector, places[plus + w]] - values[vector, places[plus + lanes + w]]
 
 
-@inner
+@LoweredKernel
 def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
     """Write the data of the sites of a group of rows."""
     begin = ints[term + layout.T_DATUM]
@@ -252,7 +252,7 @@ def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
             A[(to + k - begin) * lanes + w] = numbers[first + sites[(lane + w) * ROLES + ints[row]]]
 
 
-@inner
+@LoweredKernel
 def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
     """Add one output of a tower, or of a sum of towers, to one vector."""
     if positive != ZERO:
@@ -263,7 +263,7 @@ def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
             values[vector, places[place * lanes + w]] -= A[tower * lanes + w]
 
 
-@inner
+@LoweredKernel
 def contract(A, ints, left, own, size, child, variables, shape, first, last, lanes):
     """T_r(u ∘ v) = T_{r+1}(u) · F(v) for all ranks r that are kept, along the local variables that F(v) moves."""
     directions = ints[layout.DIRECTION]
@@ -278,7 +278,7 @@ def contract(A, ints, left, own, size, child, variables, shape, first, last, lan
                 A[i + w] += A[x + w] * A[y + w]
 
 
-@inner
+@LoweredKernel
 def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
     """The towers of the single node: all derivatives of the term's formula."""
     x, jets, size = ints[layout.LOCALS], ints[layout.JETS], ints[term + layout.T_SIZE]
@@ -294,7 +294,7 @@ def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, pla
             A[(base + k) * lanes + w] = scale * A[(result + k) * lanes + w]
 
 
-@inner
+@LoweredKernel
 def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, place, lanes):
     """Everything that the trees with n nodes need of one group of rows of one term."""
     begin, end = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
@@ -330,7 +330,7 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
         scatter(A, output - first, positive, out, n - ONE, rows, places, goal + output, lanes)
 
 
-@outer
+@LoweredKernel
 def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
     """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
 

@@ -194,6 +194,7 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         M. Rocklin, Proc. 14th Python in Science Conf. (2015) 126–132, doi:10.25080/Majora-7b98e3ed-013.
     """
     try:
+        import dask.config
         from distributed import Client, LocalCluster
     except ImportError:
         raise IntegratorError(
@@ -206,8 +207,13 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         with _client(Client, address) as client:
             yield client.get_executor(pure=False)
         return
-    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
-    with LocalCluster(n_workers=workers or available_cores(), **options) as cluster, Client(cluster) as client:  # type: ignore[arg-type]
+    options = {"threads_per_worker": 1, "dashboard_address": ":0", "memory_limit": 0, "silence_logs": 50}
+    # else workers look a hundred times a second what they are at, and ten times how much memory they have
+    with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),
+        LocalCluster(n_workers=workers or available_cores(), **options) as cluster,  # type: ignore[arg-type]
+        Client(cluster) as client,
+    ):
         yield client.get_executor(pure=False)
 
 

@@ -101,20 +101,14 @@ def kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function)
 
 
-def float_kernel(
-    function: Callable[..., Any], *, inline: bool = False, sources: Iterable[types.ModuleType] = ()
-) -> Kernel:
+def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType] = ()) -> Kernel:
     """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C.
 
     Args:
         function: The function.
-        inline: Whether calling it would cost more than its work.
-        sources: Modules whose constants it uses.
+        sources: Modules on which its machine code depends.
     """
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
-    if inline:
-        options["forceinline"] = True
-    return Kernel(function, sources=sources, **options)
+    return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 
 
 def compiling_pays(work: float) -> bool:

@@ -27,7 +27,7 @@ OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.NotEq: operator.ne,
 }  # fmt: skip
 EXTREMES = {max: operator.gt, min: operator.lt}
-WHOLE = types.int64
+WHOLE, UNSIGNED = types.int64, types.uint64
 
 
 class Value(NamedTuple):
@@ -73,6 +73,10 @@ class Expressions(ast.NodeVisitor):
     def visit_Constant(self, node: ast.Constant) -> Value:
         return self._constant(node.value)
 
+    def visit_Attribute(self, node: ast.Attribute) -> Value:
+        assert isinstance(node.value, ast.Name)
+        return self._constant(getattr(self._known(node.value.id), node.attr))
+
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         items = self._items(node)
         kind = types.BaseTuple.from_types([item.type for item in items])
@@ -93,6 +97,9 @@ class Expressions(ast.NodeVisitor):
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         (operation,), (right,) = node.ops, node.comparators
+        if isinstance(operation, ast.In):
+            assert isinstance(right, ast.Tuple)
+            return self.visit(ast.BoolOp(ast.Or(), [ast.Compare(node.left, [ast.Eq()], [x]) for x in right.elts]))
         return self._call(OPERATORS[type(operation)], self.visit(node.left), self.visit(right))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
@@ -175,8 +182,23 @@ class Expressions(ast.NodeVisitor):
         values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
         return Value(types.unliteral(signature.return_type), call(self.builder, values))
 
+    def _kept(self, value: Value, kind: Any) -> Any:
+        """The value as one of another type, for a place that can hold it."""
+        given = types.unliteral(value.type)
+        assert _can_hold(kind, given), f"a {given} is no {kind}"
+        return self._cast(value, kind)
+
     def _cast(self, value: Value, kind: Any) -> Any:
         if value.type == kind:
             return value.llvm
-        assert value.type != types.float64, f"a double is no {kind}"
         return self.unit.context.cast(self.builder, value.llvm, value.type, kind)
+
+
+def _can_hold(kind: Any, given: Any) -> bool:
+    """Whether all values of one type are values of another, or nearly: integers become doubles, as in Python."""
+    if not isinstance(given, types.Number) or kind in (types.float64, given):
+        return True
+    is_signed = getattr(given, "signed", None)  # no double has a sign bit of that name
+    if is_signed is None or is_signed > kind.signed:
+        return False
+    return given.bitwidth + (kind.signed > is_signed) <= kind.bitwidth

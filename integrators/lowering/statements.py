@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import operator
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from .expressions import OPERATORS, WHOLE, Expressions, Value
+from .expressions import OPERATORS, UNSIGNED, WHOLE, Expressions, Value
 
 if TYPE_CHECKING:
     from .units import Unit
@@ -69,7 +70,7 @@ class Statements(Expressions):
 
     def visit_Return(self, node: ast.Return) -> None:
         assert node.value is not None
-        self._return(self._cast(self.visit(node.value), self.result))
+        self._return(self._kept(self.visit(node.value), self.result))
 
     def _return(self, value: Any) -> None:
         context = self.unit.context
@@ -100,22 +101,26 @@ class Statements(Expressions):
     def visit_For(self, node: ast.For) -> None:
         assert isinstance(node.iter, ast.Call)
         assert isinstance(node.target, ast.Name)
-        bounds = [self._cast(self.visit(x), WHOLE) for x in node.iter.args[:2]]
-        first, end = bounds if len(bounds) == 2 else (ir.Constant(ir.IntType(64), 0), *bounds)
+        bounds = [self.visit(x) for x in node.iter.args[:2]]
+        kind = WHOLE if all(bound.type.signed for bound in bounds) else UNSIGNED
+        first, end = [self._constant(0), *bounds][-2:]
         step = ast.literal_eval(node.iter.args[2]) if len(node.iter.args) == 3 else 1
+        last = self._cast(end, kind)
         head, body, after, following = self.block(), self.block(), self.block(), self.block()
         counter = cgutils.alloca_once(self.builder, ir.IntType(64))
-        self.builder.store(first, counter)
+        self.builder.store(self._cast(first, kind), counter)
         self.builder.branch(head)
         self.builder.position_at_end(head)
         now = self.builder.load(counter)
-        self.builder.cbranch(self.builder.icmp_signed("<" if step > 0 else ">", now, end), body, after)
+        compare = self.builder.icmp_signed if kind == WHOLE else self.builder.icmp_unsigned
+        self.builder.cbranch(compare("<" if step > 0 else ">", now, last), body, after)
         self.builder.position_at_end(body)
-        self._assign(node.target.id, Value(WHOLE, now))
+        self._assign(node.target.id, Value(kind, now))
         self._loop(node.body, body, following, after)
         self.builder.position_at_end(following)
         builder: Any = self.builder
-        builder.store(builder.add(now, ir.Constant(ir.IntType(64), step), flags=["nsw"]), counter)
+        flags = ["nsw" if kind == WHOLE else "nuw"]
+        builder.store(builder.add(now, ir.Constant(ir.IntType(64), step), flags=flags), counter)
         self.builder.branch(head)
         self.builder.position_at_end(after)
 
@@ -140,13 +145,18 @@ class Statements(Expressions):
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
             self._assign(target.id, value)
+            return
+        assert isinstance(target, ast.Subscript)
+        array = self.visit(target.value)
+        if not isinstance(array.type, types.CPointer):
+            self._call(operator.setitem, array, self.visit(target.slice), value)
         else:
             kind, place = self._place(target)
-            self.builder.store(self._cast(value, kind), place)
+            self.builder.store(self._kept(value, kind), place)
 
     def _assign(self, name: str, value: Value) -> None:
         known = self.variables.get(name)
         if known is None or isinstance(known.type, types.CPointer) != isinstance(value.type, types.CPointer):
             place = cgutils.alloca_once(self.builder, value.llvm.type, name=name)
             known = self.variables[name] = Value(value.type, place)
-        self.builder.store(self._cast(value, known.type), known.llvm)
+        self.builder.store(self._kept(value, known.type), known.llvm)

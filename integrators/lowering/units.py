@@ -73,11 +73,12 @@ class Unit:
         return Value(result, value)
 
 
-def lowered(signature: Any) -> Callable[[Any], Any]:
+def lowered(signature: Any = None) -> Callable[[Any], Any]:
     """A generated function as an intrinsic, which functions that numba compiles can call.
 
     Args:
-        signature: The types of its value and of its arguments.
+        signature: The types of its value and of its arguments; by default it returns nothing, and its arguments are of
+            any types.
 
     Example:
         >>> from numba import njit, types
@@ -101,7 +102,7 @@ def lowered(signature: Any) -> Callable[[Any], Any]:
                 arguments = [Value(*pair) for pair in zip(signature.args, values, strict=True)]
                 return unit.call(builder, function, arguments, signature.return_type).llvm
 
-            return signature, codegen
+            return signature or types.none(*arguments), codegen
 
         (first, *_), names = inspect.signature(typed).parameters.values(), inspect.signature(function).parameters
         typed.__signature__ = inspect.Signature([first, *names.values()])  # type: ignore[attr-defined]

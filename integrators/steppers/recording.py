@@ -54,14 +54,15 @@ def recorded(
         fresh = 0
         done += made
         finite = True
-        for value in state:
-            finite &= value - value == 0.0
+        for i in range(len(state)):
+            finite &= state[i] - state[i] == 0.0
         if made < stride or not finite:
             break
         n = first + done
         t = control[TIME] if len(control) else t0 + n * h
         if y_every and n % y_every == 0:
-            y_rows[y_row, :] = state
+            for i in range(len(state)):  # an assignment of arrays takes numba two seconds
+                y_rows[y_row, i] = state[i]
             if len(y_times):
                 y_times[y_row] = t
             y_row += 1

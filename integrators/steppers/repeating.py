@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from .machine import call_steps, kept, pointer
+from .machine import call_steps, compiled, kept, pointer
+
+
+@compiled
+def copy(source, to):
+    """Copy numbers; an assignment of arrays takes numba a second."""
+    for i in range(len(source)):
+        to[i] = source[i]
 
 
 @kept
@@ -30,7 +37,10 @@ def repeated(
         How many times all steps could be made.
     """
     for done in range(times):
-        state[:], carry[:], memory[:], control[:] = start, start_carry, start_memory, start_control
+        copy(start, state)
+        copy(start_carry, carry)
+        copy(start_memory, memory)
+        copy(start_control, control)
         made = call_steps(
             advance, pointer(state), pointer(carry), pointer(memory), pointer(control), pointer(numbers), pointer(work),
             h, steps, fresh,

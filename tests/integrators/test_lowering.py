@@ -132,6 +132,41 @@ def test_arrays_on_the_stack_and_nothing_returned():
     assert list(y) == [2, 3, 4, 3, 4, 5]
 
 
+ONE, TWO = np.uint64(1), np.uint64(2)
+
+
+def tables(ints, table, n):
+    row = ints[ONE] * TWO
+    for i in range(n - ONE):
+        for k in range(ONE, n):
+            if i in (ONE, TWO) or k == n - ONE:
+                table[i, k] += np.pi * ints[i + row]
+    table[0, 0] = n
+
+
+def test_arrays_and_unsigned_numbers():
+    made = lowered()(tables)
+
+    @compiled
+    def run(ints, table, n):
+        made(ints, table, n)
+
+    table, wanted = np.zeros((4, 4)), np.zeros((4, 4))
+    run(np.arange(12, dtype=np.uint64), table, np.uint64(4))
+    for i in range(3):
+        wanted[i, 3 if i == 0 else 1 :] = np.pi * (i + 2)
+    wanted[3], wanted[0, 0] = 0, 4
+    np.testing.assert_allclose(table, wanted, rtol=1e-15)
+
+
+def becomes_signed(y, h, n):
+    found = np.pi + n
+    place = ONE
+    for _ in range(2):
+        place = n
+    return found + place
+
+
 def changes_type(y, h, n):
     found = 1
     found += h
@@ -142,7 +177,14 @@ def lists(y, h, n):
     return sum([h, h])
 
 
-@pytest.mark.parametrize(("function", "reason"), [(changes_type, "a double is no int64"), (lists, "no code for")])
+CASES = (
+    (changes_type, "a float64 is no int64"),
+    (becomes_signed, "a int64 is no uint64"),
+    (lists, "no code for"),
+)
+
+
+@pytest.mark.parametrize(("function", "reason"), CASES)
 def test_what_cannot_be_lowered_is_refused(function, reason):
     made = lowered(KIND)(function)
 
