@@ -196,9 +196,8 @@ class Expressions(ast.NodeVisitor):
 
 def _can_hold(kind: Any, given: Any) -> bool:
     """Whether all values of one type are values of another, or nearly: integers become doubles, as in Python."""
-    if not isinstance(given, types.Number) or kind in (types.float64, given):
+    if kind in (types.float64, given) or given not in types.number_domain:
         return True
-    is_signed = getattr(given, "signed", None)  # no double has a sign bit of that name
-    if is_signed is None or is_signed > kind.signed:
+    if given not in types.integer_domain or given.signed > kind.signed:
         return False
-    return given.bitwidth + (kind.signed > is_signed) <= kind.bitwidth
+    return given.bitwidth + (kind.signed > given.signed) <= kind.bitwidth
