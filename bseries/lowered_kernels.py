@@ -9,10 +9,10 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from integrators.lowering import expressions, statements, units
+from integrators.lowering import expressions, statements, syntax, units
 from trees.compiled import Kernel
 
-LOWERING = (expressions, statements, units)
+LOWERING = (expressions, statements, syntax, units)
 """On these modules the machine code depends, too."""
 
 

@@ -5,8 +5,9 @@ all of NumPy: half a millisecond for each, and steps have thousands. What is gen
 known beforehand, so that its syntax tree is enough. All that it calls is numba's: operators, functions of the C
 library, compiled functions and intrinsics, each looked up once for the types of its arguments.
 
-Functions that are generated may have numbers, truth values, pointers to doubles and tuples of these; loops over ranges,
-``while``, ``if`` and conditional expressions; and calls of one another. They return a double, or nothing.
+Generated functions may have numbers, truth values, pointers to doubles, arrays and tuples; loops over ranges,
+``while``, ``if`` and conditional expressions; and calls of one another. Those that others call return a double, or
+nothing; the first one may return whatever its signature says.
 """
 
 from pathlib import Path

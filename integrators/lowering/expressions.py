@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.extending import _Intrinsic
+from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
+
+from .syntax import refuse
 
 if TYPE_CHECKING:
     from .units import Unit
@@ -45,12 +47,13 @@ class Expressions(ast.NodeVisitor):
 
     Args:
         unit: The functions that this one belongs to.
-        function: The function in LLVM.
-        names: What names mean that are no variables.
+        made: The function in LLVM.
+        function: The function of Python.
     """
 
-    def __init__(self, unit: Unit, function: Any, names: dict[str, Any]):
-        self.unit, self.function, self.names = unit, function, names
+    def __init__(self, unit: Unit, made: Any, function: Any):
+        self.unit, self.made = unit, made
+        self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
         # memory for variables comes before what is read from the module, and that before everything else
         entry, constants, begin = self.block(), self.block(), self.block()
         self.constants, self.builder = ir.IRBuilder(constants), ir.IRBuilder(begin)
@@ -59,14 +62,16 @@ class Expressions(ast.NodeVisitor):
 
     def block(self) -> Any:
         """A new block of instructions."""
-        return self.function.append_basic_block()
+        return self.made.append_basic_block()
 
     def generic_visit(self, node: ast.AST) -> Any:
-        raise NotImplementedError(f"no code for {ast.unparse(node)!r}")
+        refuse(node)
 
     def visit_Name(self, node: ast.Name) -> Value:
         known = self.variables.get(node.id)
         if known is None:
+            if node.id in self.local:
+                refuse(node, "is read before it is written")
             known = self.variables[node.id] = self._global(node.id)
         return Value(known.type, self.builder.load(known.llvm))
 
@@ -74,7 +79,8 @@ class Expressions(ast.NodeVisitor):
         return self._constant(node.value)
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
-        assert isinstance(node.value, ast.Name)
+        if not isinstance(node.value, ast.Name) or node.value.id in self.local:
+            refuse(node)
         return self._constant(getattr(self._known(node.value.id), node.attr))
 
     def visit_Tuple(self, node: ast.Tuple) -> Value:
@@ -90,21 +96,22 @@ class Expressions(ast.NodeVisitor):
         return Value(kind, self.builder.load(place))
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
-        return self._call(OPERATORS[type(node.op)], self.visit(node.left), self.visit(node.right))
+        return self._call(self._operator(node), self.visit(node.left), self.visit(node.right))
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
-        return self._call(OPERATORS[type(node.op)], self.visit(node.operand))
+        return self._call(self._operator(node), self.visit(node.operand))
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         (operation,), (right,) = node.ops, node.comparators
-        if isinstance(operation, ast.In):
-            assert isinstance(right, ast.Tuple)
+        if isinstance(operation, ast.In) and isinstance(right, ast.Tuple):
             return self.visit(ast.BoolOp(ast.Or(), [ast.Compare(node.left, [ast.Eq()], [x]) for x in right.elts]))
+        if type(operation) not in OPERATORS:
+            refuse(node)
         return self._call(OPERATORS[type(operation)], self.visit(node.left), self.visit(right))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         first, *others = node.values
-        for other in others:
+        for other in others:  # conditional expressions refuse other values than these
             yes, no = (other, ast.Constant(False)) if isinstance(node.op, ast.And) else (ast.Constant(True), other)
             first = ast.IfExp(first, yes, no)
         return self.visit(first)
@@ -119,31 +126,31 @@ class Expressions(ast.NodeVisitor):
             self.builder.branch(after)
         self.builder.position_at_end(after)
         (value, _), (another, _) = ends
-        assert value.type == another.type, ast.unparse(node)
+        if value.type != another.type:
+            refuse(node, f"is a {value.type} or a {another.type}")
         chosen = self.builder.phi(value.llvm.type)
         for end, block in ends:
             chosen.add_incoming(end.llvm, block)
         return Value(value.type, chosen)
 
     def visit_Call(self, node: ast.Call) -> Value:
-        assert isinstance(node.func, ast.Name)
-        function = self._known(node.func.id)
+        function = self._known(ast.unparse(node.func))
         arguments = [self.visit(x) for x in node.args]
         if isinstance(function, _Intrinsic):  # which may need the values of numbers
-            pairs = zip(arguments, node.args, strict=True)
-            arguments = [
-                value._replace(type=types.literal(x.value)) if isinstance(x, ast.Constant) else value
-                for value, x in pairs
-            ]
+            arguments = [*map(_literal, arguments, node.args)]
         if function in EXTREMES:
+            if len({x.type for x in arguments}) > 1:
+                refuse(node, "compares several types")
             return reduce(partial(self._extreme, EXTREMES[function]), arguments)
         if not isinstance(function, FunctionType):
             return self._call(function, *arguments)
         return self.unit.call(self.builder, function, arguments)
 
+    def _operator(self, node: Any) -> Callable[..., Any]:
+        return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
+
     def _extreme(self, exceeds: Any, one: Value, other: Value) -> Value:
         """The other one of two values if it exceeds the first."""
-        assert one.type == other.type
         return Value(one.type, self.builder.select(self._call(exceeds, other, one).llvm, other.llvm, one.llvm))
 
     def _items(self, node: ast.expr) -> list[Value]:
@@ -185,7 +192,8 @@ class Expressions(ast.NodeVisitor):
     def _kept(self, value: Value, kind: Any) -> Any:
         """The value as one of another type, for a place that can hold it."""
         given = types.unliteral(value.type)
-        assert _can_hold(kind, given), f"a {given} is no {kind}"
+        if not _can_hold(kind, given):
+            raise NotImplementedError(f"a {given} is no {kind}")
         return self._cast(value, kind)
 
     def _cast(self, value: Value, kind: Any) -> Any:
@@ -196,8 +204,20 @@ class Expressions(ast.NodeVisitor):
 
 def _can_hold(kind: Any, given: Any) -> bool:
     """Whether all values of one type are values of another, or nearly: integers become doubles, as in Python."""
-    if kind in (types.float64, given) or given not in types.number_domain:
+    if kind == given:
         return True
-    if given not in types.integer_domain or given.signed > kind.signed:
-        return False
-    return given.bitwidth + (kind.signed > given.signed) <= kind.bitwidth
+    parts: tuple[Any, Any] = getattr(kind, "types", None), getattr(given, "types", None)  # those of tuples
+    if None not in parts:
+        return len(parts[0]) == len(parts[1]) and all(map(_can_hold, *parts))
+    if kind == types.float64:
+        return given == types.boolean or given in types.number_domain
+    if kind not in types.integer_domain or given not in types.integer_domain:
+        return kind in types.integer_domain and given == types.boolean
+    return given.signed <= kind.signed and given.bitwidth + (kind.signed > given.signed) <= kind.bitwidth
+
+
+def _literal(value: Value, node: ast.expr) -> Value:
+    """The value with its number for a type, if it is an integer that is written out."""
+    if isinstance(node, ast.Constant) and type(node.value) is int:
+        return value._replace(type=types.literal(node.value))
+    return value

@@ -12,7 +12,8 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from .expressions import OPERATORS, UNSIGNED, WHOLE, Expressions, Value
+from .expressions import UNSIGNED, WHOLE, Expressions, Value
+from .syntax import refuse
 
 if TYPE_CHECKING:
     from .units import Unit
@@ -23,13 +24,13 @@ class Statements(Expressions):
 
     Args:
         unit: The functions that this one belongs to.
-        function: The function in LLVM.
-        names: What names mean that are no variables.
+        made: The function in LLVM.
+        function: The function of Python.
         result: The type of the function's value.
     """
 
-    def __init__(self, unit: Unit, function: Any, names: dict[str, Any], result: Any):
-        super().__init__(unit, function, names)
+    def __init__(self, unit: Unit, made: Any, function: Any, result: Any):
+        super().__init__(unit, made, function)
         self.result = result
         self.loops: list[tuple[Any, Any]] = []
 
@@ -37,13 +38,15 @@ class Statements(Expressions):
         """Write the whole function."""
         context = self.unit.context
         values = context.get_arg_packer(arguments).from_arguments(
-            self.builder, context.call_conv.get_arguments(self.function)
+            self.builder, context.call_conv.get_arguments(self.made)
         )
         for argument, kind, value in zip(tree.args.args, arguments, values, strict=True):
             self._assign(argument.arg, Value(kind, value))
         self._write(tree.body)
-        if not self._has_ended():
+        if not self._has_ended() and self.result is types.none:
             self._return(context.get_dummy_value())
+        elif not self._has_ended():  # all that comes here has returned
+            self.builder.unreachable()
         for block, following in self.jumps:
             ir.IRBuilder(block).branch(following)
 
@@ -57,19 +60,23 @@ class Statements(Expressions):
             self.visit(node.value)
 
     def visit_Assign(self, node: ast.Assign) -> None:
+        if len(node.targets) == 1 and isinstance(node.targets[0], ast.Tuple):
+            for item, value in zip(node.targets[0].elts, self._items(node.value), strict=True):
+                self._store(item, value)
+            return
+        value = self.visit(node.value)
         for target in node.targets:
             if isinstance(target, ast.Tuple):
-                for item, value in zip(target.elts, self._items(node.value), strict=True):
-                    self._store(item, value)
-            else:
-                self._store(target, self.visit(node.value))
+                refuse(node)
+            self._store(target, value)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         now = self.visit(node.target)
-        self._store(node.target, self._call(OPERATORS[type(node.op)], now, self.visit(node.value)))
+        self._store(node.target, self._call(self._operator(node), now, self.visit(node.value)))
 
     def visit_Return(self, node: ast.Return) -> None:
-        assert node.value is not None
+        if node.value is None:
+            refuse(node)
         self._return(self._kept(self.visit(node.value), self.result))
 
     def _return(self, value: Any) -> None:
@@ -99,12 +106,15 @@ class Statements(Expressions):
         self._loop(node.body, body, head, after)
 
     def visit_For(self, node: ast.For) -> None:
-        assert isinstance(node.iter, ast.Call)
-        assert isinstance(node.target, ast.Name)
+        if not isinstance(node.iter, ast.Call) or not isinstance(node.target, ast.Name):
+            refuse(node)
         bounds = [self.visit(x) for x in node.iter.args[:2]]
-        kind = WHOLE if all(bound.type.signed for bound in bounds) else UNSIGNED
-        first, end = [self._constant(0), *bounds][-2:]
         step = ast.literal_eval(node.iter.args[2]) if len(node.iter.args) == 3 else 1
+        kinds = {bound.type for bound in bounds}
+        if not kinds <= {WHOLE} and (not kinds <= {UNSIGNED} or step < 0):
+            refuse(node.iter, "goes through several types, or down where nothing is below 0")
+        kind = min(kinds, key=str)
+        first, end = [self._constant(0), *bounds][-2:]
         last = self._cast(end, kind)
         head, body, after, following = self.block(), self.block(), self.block(), self.block()
         counter = cgutils.alloca_once(self.builder, ir.IntType(64))
@@ -146,7 +156,8 @@ class Statements(Expressions):
         if isinstance(target, ast.Name):
             self._assign(target.id, value)
             return
-        assert isinstance(target, ast.Subscript)
+        if not isinstance(target, ast.Subscript):
+            refuse(target)
         array = self.visit(target.value)
         if not isinstance(array.type, types.CPointer):
             self._call(operator.setitem, array, self.visit(target.slice), value)

@@ -14,6 +14,7 @@ from numba.extending import intrinsic
 
 from .expressions import Value
 from .statements import Statements
+from .syntax import tree_of
 
 
 class Unit:
@@ -38,10 +39,9 @@ class Unit:
             arguments: The types of its arguments.
             result: The type of its value; by default a double, or nothing if it returns nothing.
         """
-        key = function, arguments
+        key = function, arguments, result
         if key not in self._functions:
-            tree = ast.parse(inspect.getsource(function)).body[0]
-            assert isinstance(tree, ast.FunctionDef)
+            tree = tree_of(function)
             gives = any(isinstance(node, ast.Return) for node in ast.walk(tree))
             result = result or (types.float64 if gives else types.none)
             convention = self.context.call_conv
@@ -50,7 +50,7 @@ class Unit:
             made.linkage = "internal"
             convention.decorate_function(made, list(inspect.signature(function).parameters), arguments)
             self._functions[key] = made, result
-            Statements(self, made, function.__globals__, result).write(tree, arguments)
+            Statements(self, made, function, result).write(tree, arguments)
         return self._functions[key]
 
     def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -105,6 +105,7 @@ def lowered(signature: Any = None) -> Callable[[Any], Any]:
             return signature or types.none(*arguments), codegen
 
         (first, *_), names = inspect.signature(typed).parameters.values(), inspect.signature(function).parameters
+        typed.__name__ = function.__name__
         typed.__signature__ = inspect.Signature([first, *names.values()])  # type: ignore[attr-defined]
         return intrinsic(typed)
 
