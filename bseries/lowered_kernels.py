@@ -9,11 +9,8 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from integrators.lowering import expressions, statements, syntax, units
+from integrators.lowering.units import lowered
 from trees.compiled import Kernel
-
-LOWERING = (expressions, statements, syntax, units)
-"""On these modules the machine code depends, too."""
 
 
 class LoweredKernel(Kernel):
@@ -22,4 +19,4 @@ class LoweredKernel(Kernel):
     @cached_property
     def compiled(self) -> Any:
         """An intrinsic, for kernels that numba compiles."""
-        return units.lowered()(self.py_func)
+        return lowered()(self.py_func)

@@ -14,14 +14,15 @@ from math import acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, log, sin
 import numpy as np
 from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
+from integrators.lowering import SOURCES
 from trees.compiled import float_kernel
 
-from . import jets
+from . import jets, lowered_kernels
 from . import tower_layout as layout
 from .jets import ADD, ARGUMENT, CIRCULAR, CONSTANT, DATUM, EXP, HYPERBOLIC, INTEGRAL, MULTIPLY, POWER, SCALE, SHIFT
-from .lowered_kernels import LOWERING, LoweredKernel
+from .lowered_kernels import LoweredKernel
 
-outer = partial(float_kernel, sources=(layout, jets, *LOWERING))
+outer = partial(float_kernel, sources=(layout, jets, lowered_kernels, *SOURCES))
 
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)

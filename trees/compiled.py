@@ -21,11 +21,14 @@ class Kernel:
 
     Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
     live in the same file, because numba's cache on disk notices edits of that file only; modules whose constants go
-    into machine code are named as `sources`, and their text becomes part of the cache's key.
+    into machine code are named as `sources`, or their files are, and their text becomes part of the cache's key.
     """
 
-    def __init__(self, function: Callable[..., Any], *, sources: Iterable[types.ModuleType] = (), **options: Any):
-        self._options, self._sources = options, tuple(sources)
+    def __init__(
+        self, function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = (), **options: Any
+    ):
+        self._options = options
+        self._sources = [Path(str(getattr(source, "__file__", source))) for source in sources]
         self._c_functions: dict[Any, Any] = {}
         self.__name__ = function.__name__
         self.__doc__ = function.__doc__
@@ -72,7 +75,7 @@ class Kernel:
         """The function under a name that tells its sources, since numba's cache goes by names."""
         if not self._sources:
             return function
-        text = b"".join(Path(str(module.__file__)).read_bytes() for module in self._sources)
+        text = b"".join(source.read_bytes() for source in self._sources)
         keyed = types.FunctionType(function.__code__, function.__globals__, function.__name__)
         keyed.__qualname__ = f"{function.__name__}_{sha256(text).hexdigest()[:16]}"
         return keyed
@@ -101,12 +104,12 @@ def kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function)
 
 
-def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType] = ()) -> Kernel:
+def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = ()) -> Kernel:
     """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C.
 
     Args:
         function: The function.
-        sources: Modules on which its machine code depends.
+        sources: Modules, or their files, on which its machine code depends.
     """
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 

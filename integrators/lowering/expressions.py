@@ -92,8 +92,7 @@ class Expressions(ast.NodeVisitor):
         array = self.visit(node.value)
         if not isinstance(array.type, types.CPointer):
             return self._call(operator.getitem, array, self.visit(node.slice))
-        kind, place = self._place(node)
-        return Value(kind, self.builder.load(place))
+        return Value(array.type.dtype, self.builder.load(self._place(array, node.slice)))
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
         return self._call(self._operator(node), self.visit(node.left), self.visit(node.right))
@@ -160,10 +159,9 @@ class Expressions(ast.NodeVisitor):
         value = self.visit(node)
         return [*map(Value, value.type.types, cgutils.unpack_tuple(self.builder, value.llvm))]
 
-    def _place(self, node: Any) -> Value:
+    def _place(self, pointer: Value, index: ast.expr) -> Any:
         """The place of an entry in memory."""
-        array, index = self.visit(node.value), self._cast(self.visit(node.slice), WHOLE)
-        return Value(array.type.dtype, self.builder.gep(array.llvm, [index]))
+        return self.builder.gep(pointer.llvm, [self._cast(self.visit(index), WHOLE)])
 
     def _truth(self, node: ast.expr) -> Any:
         value = self.visit(node)

@@ -162,8 +162,7 @@ class Statements(Expressions):
         if not isinstance(array.type, types.CPointer):
             self._call(operator.setitem, array, self.visit(target.slice), value)
         else:
-            kind, place = self._place(target)
-            self.builder.store(self._kept(value, kind), place)
+            self.builder.store(self._kept(value, array.type.dtype), self._place(array, target.slice))
 
     def _assign(self, name: str, value: Value) -> None:
         known = self.variables.get(name)
