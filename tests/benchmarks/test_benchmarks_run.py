@@ -94,6 +94,21 @@ def test_calls_are_timed_until_the_time_is_up_and_once_at_least():
     assert len(calls) == 1
 
 
+@pytest.mark.parametrize("stale", [2, 6, 12])
+def test_a_clock_that_stands_still_for_a_moment_makes_no_call_free(stale):
+    now, readings = 0.0, []
+
+    def call():
+        nonlocal now
+        now += 1e-4
+
+    def clock():
+        readings.append(readings[-1] if len(readings) == stale else now)
+        return readings[-1]
+
+    assert timing.time_calls(call, least=0.05, clock=clock).seconds == pytest.approx(1e-4)
+
+
 def test_in_each_round_every_case_has_its_turn_until_its_budget_is_used():
     taken = []
 
