@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import sysconfig
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import bseries as bs
+from bseries.advice.measures import SOLUTION
 from bseries.advice.precision_curves import WorkPrecision
 from bseries.advice.recommendation import bracket
 from bseries.advice.run_errors import Judge
@@ -49,17 +51,21 @@ class Found(NamedTuple):
         return self.seconds / self.best_seconds
 
 
-def search(advice: WorkPrecision, everything: WorkPrecision, error: float) -> Found:
+def search(advice: WorkPrecision, everything: WorkPrecision, judge: Judge, error: float) -> Found:
     """The best of all methods with the largest step of a fine grid that meets an error as all smaller ones do.
 
     Args:
         advice: What recommends.
-        everything: The methods that are searched, over the same span.
+        everything: The methods that are searched.
+        judge: What makes runs, over the span of both.
         error: The error.
     """
     choice = advice.best(error)
-    judge = everything.judge
-    steps = {curve.candidate: count for curve in everything.curves if (count := fewest(judge, curve, error))}
+    steps = {}
+    for curve in everything.curves:
+        most, meets = most_steps(curve, error), partial(meets_error, judge, curve, error)
+        if most is not None and (count := fewest(meets, most, GRID)) is not None:
+            steps[curve.candidate] = count
     work = {candidate.name: judge.work(candidate, count) for candidate, count in steps.items()}
     mine = next(curve for curve in advice.curves if curve.candidate.name == choice.method)
     work["recommended"] = judge.work(mine.candidate, choice.steps)
@@ -72,26 +78,42 @@ def search(advice: WorkPrecision, everything: WorkPrecision, error: float) -> Fo
     return Found(best, seconds[best], choice.method, own)
 
 
-def fewest(judge: Judge, curve: Curve, error: float) -> int | None:
-    """The fewest steps of a fine grid from which on the error is met; None if the method does not reach it."""
-    sizes = {row.steps: math.inf if (e := row.errors.error("solution")) is None else e for row in curve.rows}
-    good, _ = bracket(sizes, error)
-    if good is None:
-        return None
-    found, steps = None, max(n for n, size in sizes.items() if size <= error and n <= FINER * good)
-    while steps > 1 and (size := judge.run(curve.candidate, steps).error("solution")) is not None and size <= error:
-        found, steps = steps, min(steps - 1, round(steps / GRID))
+def most_steps(curve: Curve, error: float) -> int | None:
+    """Where a search among the steps of a method begins; None if its coarse curve does not reach the error."""
+    sizes = {row.steps: math.inf if (e := row.errors.error(SOLUTION)) is None else e for row in curve.rows}
+    good, _ = bracket(sizes, error, curve.rounded(SOLUTION))
+    return None if good is None else max(n for n, size in sizes.items() if size <= error and n <= FINER * good)
+
+
+def meets_error(judge: Judge, curve: Curve, error: float, steps: int) -> bool:
+    """Whether a run with so many steps meets the error."""
+    found = judge.run(curve.candidate, steps).error(SOLUTION)
+    return found is not None and found <= error
+
+
+def fewest(meets: Callable[[int], bool], most: int, grid: float) -> int | None:
+    """The fewest steps of a grid, from the most downwards, as far as all meet an error; None if not even the most do.
+
+    Args:
+        meets: Whether a number of steps does.
+        most: The most steps.
+        grid: The factor from one number of steps to the next.
+    """
+    found, steps = None, most
+    while steps >= 1 and meets(steps):
+        found, steps = steps, min(steps - 1, round(steps / grid))
     return found
 
 
 def recommended(name: str, methods: Sequence[str] | str = "all", errors: Sequence[float] = ERRORS) -> list[Figure]:
     """How recommended methods compare with the best ones on a scene."""
     scene = bs.scene(name)
-    advice = bs.work_precision(scene, measure="solution")
-    everything = bs.work_precision(scene, methods, span=advice.span, measure="solution")
+    advice = bs.work_precision(scene, measure=SOLUTION)
+    everything = bs.work_precision(scene, methods, span=advice.span, measure=SOLUTION)
+    judge = Judge(scene, advice.span, (SOLUTION,))
     figures = []
     for error in errors:
-        found = search(advice, everything, error)
+        found = search(advice, everything, judge, error)
         work = (
             f"{name}, error {error:.0e}: time of {found.recommended}, recommended, over that of {found.best}, the best"
         )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.distances import energy_size, relative_change, relative_distance
+from bseries.advice.expected_errors import ONLY_ROUNDING
 
 from .kinds import Figure, Measurement
 
@@ -101,7 +102,7 @@ def error_figures() -> list[Figure]:
     found, figures = rows(), []
     for what, most in UNKNOWN.items():
         pairs = [getattr(row, what) for row in found]
-        known = [(expected.value, value) for expected, value in pairs if expected.value and not expected.reason]
+        known = [(x.value, value) for x, value in pairs if x.value and x.reason != ONLY_ROUNDING]
         worst = max(max(a / b, b / a) for a, b in known)
         figures.append(
             Figure(f"{what} error, predicted over measured or the inverse, {len(known)} runs", worst, FACTOR)

@@ -38,7 +38,7 @@ _get_own, _, _own_names = _lazy_loader.attach(
         "hamiltonians.result": ["ModifiedHamiltonian"],
         "hamiltonians.routes": ["modified_hamiltonian"],
         "action_angle.normal_form": ["NormalForm"],
-        "advice.effect_cost_rows": ["CostRow", "effect_costs"],
+        "advice.effect_cost_rows": ["CostRow", "EffectCosts", "effect_costs"],
         "advice.effect_influences": ["effect_influence"],
         "advice.effect_report": ["EffectReport", "EffectRow", "Influence"],
         "advice.prediction": ["ExpectedError", "Prediction", "predict_run"],

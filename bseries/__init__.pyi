@@ -105,6 +105,7 @@ from .action_angle.transformation_kinds import generating_transformation as gene
 from .action_angle.transformation_kinds import harmonic_action_angle as harmonic_action_angle
 from .action_angle.transformation_kinds import point_transformation as point_transformation
 from .advice.effect_cost_rows import CostRow as CostRow
+from .advice.effect_cost_rows import EffectCosts as EffectCosts
 from .advice.effect_cost_rows import effect_costs as effect_costs
 from .advice.effect_influences import effect_influence as effect_influence
 from .advice.effect_report import EffectReport as EffectReport

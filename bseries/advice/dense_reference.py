@@ -100,7 +100,7 @@ class DenseReference:
         values = found.high.reshape(len(self.y0), intervals, DEGREE + 1)
         ends = np.concatenate([np.asarray(self.y0)[:, None], values[:, :-1, -1]], axis=1)
         self._values = np.concatenate([ends[:, :, None], np.delete(values, at, axis=2)], axis=2)
-        self.size = largest_size(without_time(self.scene, values.reshape(len(self.y0), -1)))
+        self.size = largest_size(without_time(self.scene, self._values.reshape(len(self.y0), -1)))
         interpolated = self((np.arange(intervals) + between) * width)
         off = np.linalg.norm(interpolated - values[:, :, at], axis=0).max()
         self._uncertainty = float(np.linalg.norm(found.error, axis=0).max()) / self.size

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
+from integrators.frozen import Frozen
+from integrators.methods import method as named
 from integrators.steppers.run_input import read_number
 
-from ..coefficients import auxiliary_colors
+from ..coefficients import auxiliary_colors, check_method
 from .effect_variants import effect_variants
 from .step_costs import MOST_STEPS, Work, step_costs
 from .timing import Timing
 
 if TYPE_CHECKING:
-    from integrators.program_method import Method
     from integrators.scenes.base import Scene
 
+    from ..coefficients import Method
     from .effect_variants import EffectVariants, Names
 
 ORDER = 6
@@ -44,6 +46,68 @@ class CostRow(NamedTuple):
     trees: int | None
     all_trees: int | None
 
+    def to_dict(self) -> dict[str, Any]:
+        """The row as plain data."""
+        return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
+
+
+class EffectCosts(Frozen, Sequence[CostRow]):
+    """What the effects of a scene cost, as `effect_costs` measures it: a sequence of rows.
+
+    Attributes:
+        scene: The name of the scene.
+        method: The name of the method.
+        h: The step size.
+        order: How many nodes the trees have at most.
+        rows: What none of the effects costs, the first one, the first two, … all.
+
+    Example:
+        >>> import bseries as bs
+        >>> costs = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")
+        >>> costs
+        <EffectCosts of pendulum, rk4: 2 rows>
+        >>> costs.order, len(costs), costs[-1].effects
+        (6, 2, ('damping',))
+    """
+
+    scene: str
+    method: str
+    h: float
+    order: int
+    rows: tuple[CostRow, ...]
+
+    def __init__(self, scene: str, method: str, h: float, order: int, rows: Iterable[CostRow]):
+        self.__dict__.update(scene=scene, method=method, h=h, order=order, rows=tuple(rows))
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.scene, self.method, self.h, self.order, self.rows
+
+    def __repr__(self) -> str:
+        return f"<EffectCosts of {self.scene}, {self.method}: {len(self)} rows>"
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, index: int) -> CostRow: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[CostRow, ...]: ...
+    def __getitem__(self, index: int | slice) -> CostRow | tuple[CostRow, ...]:
+        return self.rows[index]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All figures as JSON can hold them."""
+        return {
+            "schema": 1,
+            "kind": "effect-costs",
+            "method": self.method,
+            "scene": self.scene,
+            "h": self.h,
+            "order": self.order,
+            "rows": [row.to_dict() for row in self.rows],
+        }
+
 
 def effect_costs(
     scene: Scene | str,
@@ -56,7 +120,7 @@ def effect_costs(
     parts: Mapping[str, Any] | None = None,
     solver: str = "auto",
     order: int = ORDER,
-) -> list[CostRow]:
+) -> EffectCosts:
     """What a scene costs against the number of effects that are on: none, the first one, the first two, … all.
 
     Times are CPU seconds of compiled code, in turn. The field is timed as the step of the explicit Euler method without
@@ -85,13 +149,15 @@ def effect_costs(
         [((), 37, 1202), (('oblateness',), 37, 1202)]
     """
     variants, step = effect_variants(scene, effects, parameters, start), read_number(h, "h")
+    method = check_method(named(method) if isinstance(method, str) else method)
     nested = [variants.names[:k] for k in range(len(variants.names) + 1)]
     options = {"solver": solver}
     steps = variant_costs(variants, nested, method, step, parts=parts, options=options)
     fields = variant_costs(variants, nested, "explicit-euler", step / MOST_STEPS, options={"compensated": False})
-    return [
+    rows = (
         CostRow(names, steps[names], fields[names], *_trees(variants, names, method, parts, order)) for names in nested
-    ]
+    )
+    return EffectCosts(variants.full.name, method.name, step, order, rows)
 
 
 def variant_costs(
@@ -121,14 +187,12 @@ def variant_costs(
 
 
 def _trees(
-    variants: EffectVariants, names: Names, method: Method | str, parts: Any, order: int
+    variants: EffectVariants, names: Names, method: Method, parts: Any, order: int
 ) -> tuple[int | None, int | None]:
     """How many trees the modified equation has on the scene, and on any; of methods with a matrix it is unknown."""
-    from integrators.methods import method as named
-
     from ..scene_trees import trees_of_method
 
-    method, scene = named(method) if isinstance(method, str) else method, variants.build(names)
+    scene = variants.build(names)
     if auxiliary_colors(method):
         return None, None
     trees = trees_of_method(method, order, scene, variants.parts(parts, scene))

@@ -12,9 +12,10 @@ from ..coefficients import check_method
 from ..exceptions import SeriesError
 from .durations import whole_steps
 from .effect_cost_rows import variant_costs
-from .effect_report import ENERGY, MEASURES, EffectReport, EffectRow
+from .effect_report import EffectReport, EffectRow
 from .effect_runs import EffectRuns
 from .effect_variants import effect_variants
+from .measures import EFFECT_MEASURES, ENERGY, SOLUTION, check_measure
 
 if TYPE_CHECKING:
     from integrators.scenes.base import Scene
@@ -34,7 +35,7 @@ def effect_influence(
     h: float,
     span: float,
     accept: float | None = None,
-    measure: str = "solution",
+    measure: str = SOLUTION,
     effects: str | Iterable[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
@@ -70,8 +71,8 @@ def effect_influence(
 
     Raises:
         SeriesError: The scene has no effects, no energy where that is the measure, or an argument is out of its range.
-        IntegratorError: The method does not fit the scene with some effects, or an argument is not of its kind; as a
-            StepError, a step with all effects failed.
+        IntegratorError: The method does not fit the scene with some effects, there is no such measure, or an argument
+            is not of its kind; as a StepError, a step with all effects failed.
 
     Example:
         >>> import bseries as bs
@@ -85,7 +86,8 @@ def effect_influence(
     method = check_method(named(method) if isinstance(method, str) else method)
     step, length, factor = read_number(h, "h"), read_number(span, "span"), read_number(margin, "margin")
     wanted = None if accept is None else read_number(accept, "accept")
-    _check(step, length, factor, wanted, measure)
+    measure = check_measure(measure, EFFECT_MEASURES)
+    _check(step, length, factor, wanted)
     if measure == ENERGY and not variants.full.with_effects().is_hamiltonian:
         raise SeriesError(f"measure must be solution for {variants.full.name}, which has no energy, but was {measure}")
     check_progress(progress)
@@ -114,8 +116,8 @@ def effect_influence(
     )
 
 
-def _check(h: float, span: float, margin: float, accept: float | None, measure: str) -> None:
-    """Refuse numbers out of their range, and measures that there are not."""
+def _check(h: float, span: float, margin: float, accept: float | None) -> None:
+    """Refuse numbers out of their range."""
     if h == 0 or span <= 0:
         raise SeriesError(f"span must be positive, and h not zero, but they were {span:g} and {h:g}")
     if not span / abs(h) < MOST_STEPS:
@@ -124,8 +126,6 @@ def _check(h: float, span: float, margin: float, accept: float | None, measure: 
         raise SeriesError(f"margin must be a factor, 1 or more, but was {margin:g}")
     if accept is not None and accept < 0:
         raise SeriesError(f"accept must be an error, 0 or more, but was {accept:g}")
-    if measure not in MEASURES:
-        raise SeriesError(f"measure must be one of {', '.join(MEASURES)}, but was {measure!r:.60}")
 
 
 def _recommended(

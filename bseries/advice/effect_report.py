@@ -7,9 +7,6 @@ from typing import Any, NamedTuple
 
 from .timing import Timing
 
-ENERGY = "energy"
-MEASURES = ("solution", ENERGY)
-
 
 class Influence(NamedTuple):
     """How far two runs are apart in the variables that they share.

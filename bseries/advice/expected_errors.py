@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators import IntegratorError, StepError
 
 from ..exceptions import SeriesError
+from .conservation import may_drift
 from .distances import energy_size, largest_size, norms, without_time
 from .growth import (
     EVEN,
@@ -37,7 +38,7 @@ AGREEMENT = 2.0
 LOST = 0.5
 """What is left of errors by the bounds of an orbit, if they are beyond it."""
 LARGEST_CHANGE = 0.05
-"""An energy that changes by a larger part of what it is made of makes another orbit."""
+"""An energy that drifts by a larger part of what it is made of makes another orbit; one that oscillates, by all."""
 NEAR = 1e-2
 """How far, relative to the size of the orbit, a kicked solution may get for its distance to be linear in the kicks."""
 ROUNDING = 1e-14
@@ -48,6 +49,15 @@ TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead 
 ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
 UNTOLD = "how it grows cannot be told from the time to t = {last:.3g}"
 ONLY_ROUNDING = "rounding will be larger"
+NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
+TELLING = 1e-8
+"""If the modified equation leads away by so much of a state or an energy, that is no rounding of the pilot."""
+BEYOND = 2.0
+"""No variable gets further away, in parts of the range where it moves, as long as the motion is of the same kind."""
+SMALL = 0.02
+"""As long as it leads no further away, in parts of a state, that solution can be made in a few passes."""
+SAMPLES = 512
+"""At so many states energies are compared."""
 
 
 class ExpectedError(NamedTuple):
@@ -103,7 +113,7 @@ def expected_errors(
         return nothing(ONLY_ROUNDING, terms.powers)
     if not np.isfinite(found.errors).all():
         return unknown("terms of the modified equation are not finite along the solution")
-    drifts = not terms.is_hamiltonian(found.y, found.powers)
+    drifts = may_drift(terms, found.y)
     times = max(1.0, h * steps / found.t[-1])
     energy = _energy(scene, found, times, y0, drifts)
     solution = _solution(scene, found, times, drifts, energy)
@@ -123,11 +133,37 @@ def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bo
         return _with_rounding(expected.value)
     if disagreement(expected.value, fewer.value) > AGREEMENT:
         return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    if drifts and expected.value * size > LARGEST_CHANGE * _energy_of_orbit(scene, found):
+    if expected.value * size > (LARGEST_CHANGE if drifts else 1.0) * _energy_of_orbit(scene, found):
         return ExpectedError(None, ANOTHER_ORBIT)
+    if not _changes_linearly(scene, found, found.changes, size):
+        return ExpectedError(None, NOT_SMALL)
     if expected.disagreement > most_disagreement(drifts):
         return ExpectedError(None, UNTOLD.format(last=found.t[-1]))
     return _with_rounding(expected.value)
+
+
+def _followed(scene: Scene, found: Pilot) -> int:
+    """How many points the solution that the modified equation leads to stays near to the flow."""
+    import numpy as np
+
+    sizes = norms(without_time(scene, found.followed))
+    away = np.flatnonzero(~(sizes <= SMALL * largest_size(without_time(scene, found.y))))
+    return int(away[0]) if len(away) else len(sizes)
+
+
+def _changes_linearly(scene: Scene, found: Pilot, changes: np.ndarray, size: float) -> bool:
+    """Whether the energy of that solution changes as it does to first order."""
+    import numpy as np
+
+    from integrators.observers import observers
+
+    energy, at = observers(scene, "energy"), np.linspace(0, _followed(scene, found) - 1, SAMPLES).astype(int)
+    there, here = (
+        np.array([energy(t, y)[0] for t, y in zip(found.t[at], states[:, at].T, strict=True)])
+        for states in (found.y + found.followed, found.y)
+    )
+    followed, linear = (float(abs(x).max()) / size for x in (there - here, changes.sum(axis=0)[at]))
+    return max(followed, linear) < TELLING or disagreement(followed, linear) <= AGREEMENT
 
 
 def _energy_of_orbit(scene: Scene, found: Pilot) -> float:
@@ -147,14 +183,25 @@ def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Ex
     """The largest error of the solution."""
     import numpy as np
 
-    if energy.reason == ANOTHER_ORBIT:
+    if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
         return energy
     seen, y = found.checked.shape[1], without_time(scene, found.y)
-    errors = without_time(scene, found.errors)
+    errors, followed = (without_time(scene, e) for e in (found.errors, found.followed))
     if disagreement(*(norms(e).max() for e in (found.errors[:, :seen], found.checked))) > AGREEMENT:
         return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    on = np.array([goes_on(row) for row in y])
-    sizes, ranges = norms(errors), np.where(on, math.inf, np.ptp(y, axis=1))
+    on, size = np.array([goes_on(row) for row in y]), largest_size(y)
+    ranges = np.where(on, math.inf, np.ptp(y, axis=1))
+    known = np.isfinite(followed).all(axis=0)
+    away, linear = (norms(np.minimum(abs(e[:, known]), ranges[:, None])).max() for e in (followed, errors))
+    if TELLING * size < away < SMALL * size:
+        if not known.all():  # lost although it is near
+            return ExpectedError(None, NOT_SMALL)
+        errors = followed
+    elif away >= SMALL * size and disagreement(away, linear) > REGULAR:
+        return ExpectedError(None, NOT_SMALL)
+    sizes = norms(errors)
+    if (abs(followed[:, known]).max(axis=1) > BEYOND * ranges + TELLING * size).any():
+        return ExpectedError(None, NOT_SMALL)
 
     def bounded(points: int, factor: float) -> tuple[float, float]:
         """The size, and the part of it that is left when no variable is off by more than the range where it moves."""
@@ -169,7 +216,7 @@ def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: Ex
     is_linear = found.kicked < NEAR * largest_size(without_time(scene, found.sizes[:, None]))
     is_lost = value > LOST and bool(on.any())  # nothing says where errors of variables that go on will end
     grows_evenly = expected.disagreement <= REGULAR and states.disagreement <= EVEN
-    if not grows_evenly or not (ends or (is_linear and not is_lost)):
+    if not grows_evenly or is_lost or not (ends or is_linear):
         return ExpectedError(None, UNTOLD.format(last=found.t[-1]) + ", as in chaos")
     return ExpectedError(value, "as large as orbits are") if ends else _with_rounding(value)
 

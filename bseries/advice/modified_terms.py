@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
+from ..structure import symmetry, symplecticity
 from .growth import goes_on
 
 if TYPE_CHECKING:
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 ORDERS = 4, 7, 9, 11, 13
 """How many terms are looked at to find the first that is not zero."""
 TERMS = 3
-"""How many powers of h are taken from the first on: a symmetric method has two of them."""
+"""How many powers of h are taken from the first on, at least: a symmetric method has two of them."""
+FARTHEST = 9
+"""Up to so many nodes it is looked whether the structure that the first terms have is that of the method."""
 POINTS, SHIFT, SYMMETRIC = 5, 2.0**-16, 1e-5
 """At how many points derivatives are taken, by what differences relative to a state, and how symmetric they must be."""
 SPEEDS = 256
@@ -114,7 +117,8 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
         parts: As for `modified_field`.
 
     Raises:
-        SeriesError: The method's parts are not clear, or the order is too high for terms to be had.
+        SeriesError: The method's parts are not clear, it does not follow y' = f(y) at all, or its order is too high for
+            terms to be had.
 
     Example:
         >>> import bseries as bs
@@ -125,10 +129,12 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
     plain = method if exact else in_floats(method)
     for order in ORDERS:
         field = modified_field(plain, scene, order, parts=parts)
+        _check_consistent(field, method)
         powers = _powers(field, exact)
         if powers or not _has_trees(field, order):
-            if powers and powers[0] + TERMS != order:
-                field = modified_field(plain, scene, powers[0] + TERMS, parts=parts)
+            wanted = _enough(plain, powers[0]) if powers else order
+            if wanted != order:
+                field = modified_field(plain, scene, wanted, parts=parts)
                 powers = _powers(field, exact)
             return ModifiedTerms(field, powers)
     raise SeriesError(f"method must have an order below {ORDERS[-1]} for terms of its modified equation, but has not")
@@ -185,6 +191,33 @@ def in_floats(method: Method) -> Program:
         name=program.name,
         max_children=program.max_children,
     )
+
+
+def _check_consistent(field: SceneSeries, method: Method) -> None:
+    for tree in field.trees.table.ids(1):
+        found = field.weights[tree]
+        if abs(found - 1) > NOISE:
+            name = method.name or "it"
+            raise SeriesError(f"method must be consistent, but {name} follows {float(found):.3g} times the field")
+
+
+def _enough(method: Method, first: int) -> int:
+    """The order up to which terms tell of what structure they are.
+
+    A pseudo-symplectic method is symplectic in the first terms and not in a later one, and what it conserves drifts by
+    that one only; so it is taken, too, and one more that tells how good it is. So it is for methods that are symmetric
+    in the first terms only. Methods of several parts are not looked at: their trees are too
+    many, and those known are made from flows or from the steps of a method, which are symplectic as a whole or not.
+
+    References:
+        A. Aubry, P. Chartier, Pseudo-symplectic Runge–Kutta methods, BIT 38 (1998) 439–461, doi:10.1007/BF02510253.
+    """
+    order = first + TERMS
+    if order >= FARTHEST or len(getattr(method, "program", method).names) > 1:
+        return order
+    checks = (symplecticity, "is_symplectic"), (symmetry, "is_symmetric")  # which tableaux may tell at once
+    breaks = [check(method, FARTHEST) for check, known in checks if not getattr(method, known, False)]
+    return max([order, *(found.order + 2 for found in breaks if order <= found.order < FARTHEST)])
 
 
 def _is_rational(method: Any) -> bool:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from .growth import REGULAR, energy_after, from_parts, most_disagreement, power, size_after
+from .distances import without_time
+from .growth import PARTS, REGULAR, energy_after, from_parts, most_disagreement, power, size_after
+from .measures import SOLUTION
+from .turns import first_turn
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from .candidates import Candidate
     from .run_errors import Judge, RunErrors
     from .sweeps import Curve
+
+LOOKS = 400
+"""At about how many times it is looked whether the motion turns."""
 
 
 class Outlook(NamedTuple):
@@ -18,6 +28,7 @@ class Outlook(NamedTuple):
         times: How many times as long.
         drifts: Whether the energy drifts, or may.
         growth: How many times as large states get; None if that cannot be told.
+        turn: The part of the time measured in which the motion turned once; infinite if it did not.
 
     Example:
         >>> import numpy as np
@@ -30,6 +41,18 @@ class Outlook(NamedTuple):
     times: float = 1.0
     drifts: bool = False
     growth: float | None = 1.0
+    turn: float = 0.0
+
+    def tells(self, measure: str) -> bool:
+        """Whether enough was measured to tell how errors grow.
+
+        Of energies that do not drift a turn shows all. Laws of growth are believed if parts of the time lead to the
+        same, the shortest of which then has to have a turn: parts of one turn may well agree, and be wrong.
+
+        Args:
+            measure: The name of the error.
+        """
+        return self.times <= 1 or self.turn <= (min(PARTS) if measure == SOLUTION or self.drifts else 1.0)
 
     def error(self, run: RunErrors, measure: str) -> float | None:
         """The error at the end; None if the run has none, or how it grows on is not clear.
@@ -41,8 +64,10 @@ class Outlook(NamedTuple):
         found = run.error(measure)
         if found is None or self.times <= 1:
             return found
+        if not self.tells(measure):
+            return None
         course, times = run.courses[measure], self.times
-        if measure != "solution":
+        if measure != SOLUTION:
             change = energy_after(course, times, drifts=self.drifts)
             return change.value if change.disagreement <= most_disagreement(self.drifts) else None
         error = from_parts(lambda n, factor: size_after(course[:n], factor, power(self.drifts)), len(course), times)
@@ -50,7 +75,7 @@ class Outlook(NamedTuple):
 
     def law(self, measure: str) -> str:
         """How errors grow, in words."""
-        if measure != "solution":
+        if measure != SOLUTION:
             return f"the energy {'drifts' if self.drifts else 'does not drift'}"
         larger = "" if self.growth in (None, 1.0) else f", and states get {self.growth:.3g} times as large"
         return f"errors grow like {'t^2' if self.drifts else 't'} at most{larger}"
@@ -66,6 +91,18 @@ def outlook(judge: Judge, curve: Curve, times: float) -> Outlook:
     """
     if times <= 1:
         return Outlook()
-    steps = [row.steps for row in curve.rows if row.errors.failure is None]
-    drifts = not steps or judge.drifts(curve.candidate, max(steps))
-    return Outlook(times, drifts, judge.growth(times))
+    finest = max((row.steps for row in curve.rows if row.errors.failure is None), default=None)
+    if finest is None:
+        return Outlook(times, drifts=True, growth=None, turn=math.inf)
+    turn = first_turn(_states(judge, curve.candidate, finest))
+    return Outlook(times, judge.drifts(curve.candidate, finest), judge.growth(times), turn)
+
+
+def _states(judge: Judge, candidate: Candidate, steps: int) -> np.ndarray:
+    """The states (variables, n) of a run at equidistant times, without the time."""
+    from integrators.loop import integrate
+
+    work = judge.work(candidate, steps)
+    every = max(1, steps // LOOKS)
+    run = integrate(work.scene, work.method, h=work.h, steps=steps, y0=work.y0, save_every=every, **work.options)
+    return without_time(judge.scene, run.y[: judge.scene.dimension, : 1 + steps // every])

@@ -4,7 +4,8 @@ A method follows y' = f(y) + r(y) with a small r = h^p f_{p+1} + … Along the e
 ∫ ∇H(y) · r(y) dt, and the solution by e(t) with e' = f'(y) e + r(y). Both integrands are smooth functions along the
 orbit, and trapezoidal sums see them well: r is evaluated at grid points of y(t), all at once. For e a second solution
 of y' = f(y) receives at every grid point a kick proportional to r(y(t)), of such a size that its distance from the
-first one is linear in r and not yet rounding.
+first one is linear in r and not yet rounding. A third one receives r(y(t)) itself: where that is more than rounding, it
+tells also what is not linear, as next to a separatrix, or with terms whose own effects cancel in the long run.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from __future__ import annotations
 import math
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.steppers.states import StepError
 
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
@@ -22,26 +25,30 @@ from .modified_terms import inverse_structure
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators import Scene, State
+    from integrators import Scene
 
     from ..evaluation import SceneSeries
     from .modified_terms import ModifiedTerms
 
-SECONDS = 0.4
-"""CPU time for a pilot."""
+SECONDS = 4.0
+"""CPU time for a pilot of a large scene; those of small ones have all points in a tenth of that on any machine."""
 FIRST_BLOCK, MOST_POINTS = 256, 2**14
 CHECKED = 512
 """As long as there are not so many grid points, errors are also computed with fewer terms."""
 RESOLUTION = 6
 """Grid points in the time τ with τ² = |f|/|f'f'f + f"(f, f)/4| in which f turns at most: 1/ω for an oscillator."""
-SUBSTEPS = 8
+SUBSTEPS = 3
 """Steps of the flow between grid points."""
-METHOD = "rk4"
+METHOD = "dop853"
+PASSES, AT_ONCE, SETTLED = 10, 32, 1e-4
+"""How often r is evaluated along the solution that it leads to, over how many points, and what the last may change."""
 FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
 DISTANCE = 1e-9
 """How far, relative to its size, kicks take the second solution while f turns."""
 UNIT = 2.0**-53
 """What rounding does to a number, relative to it."""
+CANCELLED = 2.0**-46
+"""Sums that are so small a part of their terms are 0 but for rounding."""
 
 
 class Pilot(NamedTuple):
@@ -52,7 +59,8 @@ class Pilot(NamedTuple):
         y: The states, (variables, n).
         reach: The mean sizes of the terms, and where to stop.
         powers: The powers of h that were taken.
-        errors: The errors of the solution, (variables, n); the time has none.
+        errors: The errors of the solution, (variables, n), to first order in r; the time has none.
+        followed: The same of a solution that r was added to, as it is; nan from where on it could not be followed.
         checked: Those at the first grid points with one power less; with all where there is but one.
         changes: The changes of the energy, (powers, n); None without one.
         sizes: How large variables get, see `ModifiedTerms.sizes`.
@@ -64,6 +72,7 @@ class Pilot(NamedTuple):
     reach: Reach
     powers: tuple[int, ...]
     errors: np.ndarray
+    followed: np.ndarray
     checked: np.ndarray
     changes: np.ndarray | None
     sizes: np.ndarray
@@ -108,7 +117,7 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     began = thread_time()
     while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
         walk.go_on(min(walk.done, total - walk.done))
-    y, errors, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*walk.pieces, strict=True))
+    y, errors, followed, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*walk.pieces, strict=True))
     changes = None
     if rates.size:
         changes = np.zeros(rates.shape)
@@ -116,7 +125,7 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     t = np.linspace(0.0, span * (walk.done / total), walk.done + 1)  # ends with the run, to the last bit
     kicked = float(walk.scale * norms(errors).max())
     checked = np.concatenate(walk.checked, axis=1)
-    return Pilot(t, y, reach, walk.powers, errors, checked, changes, terms.sizes(y), kicked)
+    return Pilot(t, y, reach, walk.powers, errors, followed, checked, changes, terms.sizes(y), kicked)
 
 
 def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> float:
@@ -204,15 +213,14 @@ class _Walk:
         self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
         self.powers = _shrinking(reach, terms.powers)
         self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
-        self._half_kick = self.scale * spacing / 2
         first = y0[:, None]
-        sums, rates = self._perturbation(first)
-        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in sums]
-        if len(self._kicked[0].memory):  # the compiled steps would take y from there, and kicks would be lost
-            raise SeriesError(f"scene must have slopes that depend on the state, but those of {scene.name} do not")
-        for state, r in zip(self._kicked, sums, strict=True):
-            state.values += self._half_kick * r[:, 0]
-        self.pieces, self.checked = [(first, np.zeros_like(first), rates)], [np.zeros_like(first)]
+        (whole, fewer), rates = self._perturbation(first)
+        self._scales = self.scale, self.scale, 1.0
+        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
+        for state, scale, r in zip(self._kicked, self._scales, (whole, fewer, whole), strict=True):
+            state.values += scale * spacing / 2 * r[:, 0]
+        nothing = np.zeros_like(first)
+        self.pieces, self.checked = [(first, nothing, nothing, rates)], [nothing]
 
     def _perturbation(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """r with all powers and with one less, and the rates of change of the energy by power."""
@@ -220,30 +228,64 @@ class _Walk:
 
         values = self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
         sums = [values.sum(axis=0), values[: max(1, len(self.powers) - 1)].sum(axis=0)]
-        no_rates = np.empty((0, y.shape[1]))
-        return sums, no_rates if self._gradient is None else (self._gradient(y) * values).sum(axis=1)
+        if self._gradient is None:
+            return sums, np.empty((0, y.shape[1]))
+        products = self._gradient(y) * values
+        rates = products.sum(axis=1)
+        rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
+        return sums, rates
 
     def go_on(self, points: int) -> None:
         """Follow the flow for so many grid points."""
         t = self._t0 + self.done * self.spacing
         y = _states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
-        sums, rates = self._perturbation(y)
-        self.pieces.append((y, self._errors(self._kicked[0], sums[0], y), rates))
+        (whole, fewer), rates = self._perturbation(y)
+        self.pieces.append((y, self._errors(0, whole, y), self._followed(y), rates))
         if self.done < CHECKED:
-            self.checked.append(self._errors(self._kicked[1], sums[1], y))
+            self.checked.append(self._errors(1, fewer, y))
         self._last, self.done = y[:, -1].copy(), self.done + points
 
-    def _errors(self, state: State, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def _followed(self, y: np.ndarray) -> np.ndarray:
+        """How far the solution that r itself is added to is from the flow; nan from where on that is not found.
+
+        r is evaluated where the pass before has led: along the flow it would be a force with the period of the orbit,
+        to which orbits lock that have a period of their own.
+        """
+        import numpy as np
+
+        found = np.full(y.shape, np.nan)
+        last = self.pieces[-1][2][:, -1:]
+        for first in range(0, y.shape[1], AT_ONCE):
+            here, begin = slice(first, first + AT_ONCE), self._kicked[2]
+            errors = last
+            for _ in range(PASSES):
+                self._kicked[2], before = begin.copy(), errors
+                (r, _), _ = self._perturbation(y[:, here] + errors)
+                errors = self._errors(2, r, y[:, here])
+                if abs(errors - before).max() <= SETTLED * abs(errors).max():
+                    break
+            else:
+                break
+            found[:, here], last = errors, errors[:, -1:]
+        return found
+
+    def _errors(self, which: int, r: np.ndarray, y: np.ndarray) -> np.ndarray:
         """How far a kicked solution is from the flow, between the two halves of the kicks."""
         import numpy as np
 
         from .kicks import kick
 
-        rows = np.empty((y.shape[1], len(y) + 1))
-        rows[:, 0], rows[:, 1:] = len(y), self._half_kick * r.T
+        state, scale = self._kicked[which], self._scales[which]
+        rows, first = np.empty((y.shape[1], len(y) + 1)), state.n
+        rows[:, 0], rows[:, 1:] = len(y), scale * self.spacing / 2 * r.T
         steps = SUBSTEPS * len(rows)
-        self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
-        return (rows[:, 1:].T - y) / self.scale
+        try:
+            self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
+        except StepError:
+            if scale != 1.0:
+                raise
+            rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # what r leads to may end where the flow does not
+        return (rows[:, 1:].T - y) / scale
 
 
 def gradient(scene: Scene) -> Any:

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any
 from integrators.errors import IntegratorError
 from integrators.expressions import shorten
 from integrators.scenes.base import Scene
+from integrators.scenes.registry import scene as built_in
 from integrators.steppers.run_input import check_progress, read_number, read_positive
 from integrators.steppers.states import StepError
 
 from .candidates import Candidate, Candidates, candidates
 from .dense_reference import affordable_span
 from .machine import machine
-from .run_errors import MEASURES, Judge, check_measure
-from .sweeps import Curve, Row, sweep, time_scale, timed
+from .measures import MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure
+from .run_errors import Judge
+from .sweeps import Curve, Row, sweep, time_scale, timed_curves
 
 if TYPE_CHECKING:
     from .candidates import Methods
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method."""
-TINY = 1e-9
+TRIAL_STEP = 1e-9
 """The size of a step that is made for nothing but compiling."""
 LOOSEST, FINEST = 1.0, 1e-15
 SPAN = 200.0
@@ -49,7 +51,6 @@ class WorkPrecision:
         left_out: Methods that were asked for and do not fit, with the reason.
         notes: What else is to be known, in sentences.
         machine: On what it was measured.
-        judge: What measured errors.
 
     Example:
         >>> import bseries as bs
@@ -59,7 +60,7 @@ class WorkPrecision:
     """
 
     def __init__(self, judge: Judge, errors: tuple[float, float], curves: Sequence[Curve], left_out: dict[str, str]):
-        self.judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
+        self._judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
         self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
         self.machine = machine()
 
@@ -70,7 +71,7 @@ class WorkPrecision:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What else is to be known."""
-        return tuple(_notes(self, self.judge))
+        return tuple(_notes(self))
 
     def best(self, error: float, span: float | None = None, measure: str | None = None) -> Recommendation:
         """The cheapest method for an error, and the largest step that meets it.
@@ -86,11 +87,11 @@ class WorkPrecision:
             measure: Which error; by default the first of `measures`.
 
         Raises:
-            IntegratorError: An argument cannot be used, or no method meets the error.
+            IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
         from .recommendation import choose
 
-        return choose(self, self.judge, error, span, self.measures[0] if measure is None else measure)
+        return choose(self, error, span, self.measures[0] if measure is None else measure)
 
     def to_dict(self) -> dict[str, Any]:
         """All figures as JSON-ready data."""
@@ -122,7 +123,7 @@ def _row_dict(row: Row) -> dict[str, Any]:
 
 
 def work_precision(
-    scene: Scene,
+    scene: Scene | str,
     methods: Methods = None,
     *,
     span: float | None = None,
@@ -137,7 +138,7 @@ def work_precision(
     turns. Steps shrink until the error is below the range, stops falling, or the budget is used up.
 
     Args:
-        scene: The scene, with a start.
+        scene: The scene, with a start, or the name of a built-in one.
         methods: Methods or their names, or one; ``modifying-midpoint4`` and others with an even number behind are
             modifying integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those
             known to be good on scenes of this structure.
@@ -156,7 +157,7 @@ def work_precision(
 
     Example:
         >>> import bseries as bs
-        >>> found = bs.work_precision(bs.scene("pendulum"), ["stormer-verlet", "rk4"], span=10, errors=(1e-2, 1e-4))
+        >>> found = bs.work_precision("pendulum", ["stormer-verlet", "rk4"], span=10, errors=(1e-2, 1e-4))
         >>> found
         <WorkPrecision of 2 methods on pendulum: ... runs over 10>
         >>> found.best(1e-3).method
@@ -166,15 +167,17 @@ def work_precision(
         E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, section II.10 (diagrams of
         work and precision).
     """
-    if not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
+    if isinstance(scene, str):
+        scene = built_in(scene)
+    elif not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene or the name of one, but was {shorten(repr(scene))}")
     loosest, finest = check_errors(errors)
     limit = read_number(budget, "budget")
     if limit <= 0:
         raise IntegratorError(f"budget must be a positive number of seconds, but was {limit:g}")
     check_progress(progress)
     measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
-    if "solution" not in measures and not scene.is_hamiltonian:
+    if SOLUTION not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
     length = None if span is None else read_positive(span, "span")
     chosen = candidates(scene, methods)
@@ -191,12 +194,12 @@ def work_precision(
     for k, candidate in enumerate(found):
         report(len(chosen.found) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
-    return WorkPrecision(judge, (loosest, finest), timed(judge, swept), left_out)
+    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
 def _measurable(judge: Judge, chosen: Candidates) -> tuple[list[Candidate], dict[str, str]]:
     """The methods of which something can be measured: where only modified energies count, those that have one."""
-    if judge.available != ("modified-energy",):
+    if judge.available != (MODIFIED_ENERGY,):
         return chosen.found, chosen.left_out
     found = [candidate for candidate in chosen.found if judge.modified_energy(candidate) is not None]
     if not found:
@@ -214,7 +217,7 @@ def _compile(candidate: Candidate, scene: Scene) -> None:
     """Compile the steps of a method, by making one."""
     steps = candidate.stepper()
     with suppress(StepError):
-        steps.advance(steps.start(candidate.start(scene.y0, TINY), h=TINY), 1)
+        steps.advance(steps.start(candidate.start(scene.y0, TRIAL_STEP), h=TRIAL_STEP), 1)
 
 
 def check_errors(errors: Any) -> tuple[float, float]:
@@ -240,7 +243,7 @@ def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge
     if span is not None:
         return Judge(scene, span, measures)
     length = _rounded(SPAN * time_scale(scene))
-    if "solution" in measures:
+    if SOLUTION in measures:
         length = _rounded(affordable_span(scene, length, REFERENCE_SECONDS))
     judge = Judge(scene, length, measures)
     for _ in range(TRIALS):
@@ -258,7 +261,7 @@ def _rounded(value: float) -> float:
     return float(f"{nearest * power:.0e}")
 
 
-def _notes(found: WorkPrecision, judge: Judge) -> list[str]:
+def _notes(found: WorkPrecision) -> list[str]:
     """What else is to be known, in sentences."""
     rows = [row for curve in found.curves for row in curve.rows]
     spreads = sorted(row.cost.spread for row in rows if row.cost is not None)
@@ -272,6 +275,6 @@ def _notes(found: WorkPrecision, judge: Judge) -> list[str]:
     failed = sum(row.errors.failure is not None for row in rows)
     if failed:
         notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
-    if judge.problem:
-        notes.append(f"The solution was not measured: {judge.problem}.")
+    if found._judge.problem:
+        notes.append(f"The solution was not measured: {found._judge.problem}.")
     return notes

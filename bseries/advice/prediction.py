@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.steppers.run_input import read_positive, read_steps
+from integrators.errors import IntegratorError
+from integrators.steppers.run_input import check_end, read_positive, read_steps
 
 from .calibration import seconds_per_step as calibrated
 from .durations import duration
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
     from ..coefficients import Method
 
+LEFT_OUT = "to", "checkpoint", "progress"
+"""Options of `integrate` that a prediction has no use for: it must not touch the files of the run."""
+
 
 class Prediction(NamedTuple):
     """What is expected of a run; made by `predict_run`.
@@ -25,7 +29,7 @@ class Prediction(NamedTuple):
         steps: The number of steps.
         seconds: How long they take on this machine; None if that was not asked for, or there are too few to tell.
         energy: The largest change of the energy, relative to what it is at the start where that is not 0.
-        solution: The largest distance from the exact solution, relative to the largest state.
+        solution: The largest distance from the exact solution, relative to the largest state of the whole run.
         powers: The powers of h in the modified equation that errors come from; none where there are none.
         pilot: How much of the time of the run was gone through, from 0 to 1; the rest is extrapolated.
 
@@ -96,8 +100,9 @@ def predict_run(
 
     The time is that of a part of the run, made by the same code. Errors come from the modified equation
     y' = f(y) + h^p f_{p+1}(y) + …, whose first terms are taken as a small perturbation along the exact flow: over the
-    whole run, or over a pilot of it and then by the law that they follow. Methods whose terms are Hamiltonian have
-    energy errors that do not grow, and solution errors that grow linearly.
+    whole run, or over a pilot of it and then by the law that they follow. Methods whose terms are Hamiltonian, or
+    reversible by a reflection of the orbit to itself, have energy errors that do not grow, and solution errors that
+    grow linearly.
 
     Errors are within a factor of 3 where they are given. Where they cannot be known the prediction says so: if terms of
     the modified equation do not shrink at this step size, if two truncations lead to errors that differ by more than a
@@ -114,7 +119,8 @@ def predict_run(
         parts: What the parts of the method are in the scene.
         seconds_per_step: What a step costs, if that is known.
         timed: Whether the time is to be predicted.
-        **options: All else that `integrate` will be called with, such as `observe` and `save_every`; not files.
+        **options: All else that `integrate` will be called with, such as `observe` and `save_every`, but for files and
+            `progress`.
 
     Returns:
         The prediction.
@@ -143,11 +149,16 @@ def predict_run(
     from integrators.steppers.stepping import stepper
 
     run = {"h": h, "y0": y0, "t0": t0, "parts": parts, **options}
+    for name in LEFT_OUT:
+        if options.get(name) is not None:
+            raise IntegratorError(f"{name} must be left out, since a prediction writes nothing, but was given")
     signature(integrate).bind(scene, method, steps=steps, **run)  # a TypeError for options that there are not
     steps = read_steps(steps, "steps", 0)
     method = named(method) if isinstance(method, str) else method
     control = options.get("control")
     state = stepper(scene, method, parts=parts, control=control).start(y0, h=h, t0=t0)
+    if control is None:
+        check_end(state.t0, state.h, steps)
     seconds = None
     if seconds_per_step is not None:
         seconds = steps * read_positive(seconds_per_step, "seconds_per_step")

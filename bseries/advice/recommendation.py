@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.errors import IntegratorError
 from integrators.steppers.run_input import read_number, read_positive
 
 from .durations import whole_steps
+from .measures import MEASURES, check_measure
 from .outlook import Outlook, outlook
-from .run_errors import MEASURES, Judge, RunErrors, check_measure
 from .step_costs import SAMPLE, step_costs
 
 if TYPE_CHECKING:
     from .precision_curves import WorkPrecision
+    from .run_errors import Judge, RunErrors
     from .sweeps import Curve
 
 NEAR = 1.6
@@ -59,7 +60,7 @@ class Recommendation(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as JSON-ready data."""
-        return self._asdict()
+        return {"schema": 1, "kind": "recommendation", **self._asdict()}
 
 
 class Step(NamedTuple):
@@ -71,8 +72,9 @@ class Step(NamedTuple):
     error: float
 
 
-def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None, measure: str) -> Recommendation:
+def choose(found: WorkPrecision, error: float, span: float | None, measure: str) -> Recommendation:
     """The cheapest method for an error; see `WorkPrecision.best`."""
+    judge = found._judge
     measure = check_measure(measure, MEASURES)
     if measure not in found.measures:
         raise IntegratorError(f"measure must be one of {', '.join(found.measures)}, which were had, but was {measure}")
@@ -82,13 +84,13 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
     times = length / judge.span
     ahead = [(curve, outlook(judge, curve, times)) for curve in found.curves]
-    steps = [largest_step(judge, *near, wanted, measure) for near in _near(ahead, wanted, measure)]
+    able = [each for each in ahead if _bracket_of_rows(*each, wanted, measure)[0] is not None]
+    steps = [largest_step(judge, *near, wanted, measure) for near in _near(able, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
-        longer = f"; how errors grow on from {judge.span:g} to {length:g} may be unknown" if times > 1 else ""
         raise IntegratorError(
             f"error must be one that a method reaches on {found.scene.name} within its budget, but was {wanted:g}"
-            + longer
+            + _unknown([until for _, until in ahead], judge.span, length, measure)
         )
     seconds = _seconds(judge, list(met.values()))
     name = min(seconds, key=seconds.__getitem__)
@@ -105,6 +107,15 @@ def choose(found: WorkPrecision, judge: Judge, error: float, span: float | None,
         basis=f"measured over {judge.span:g}" + (f"; extrapolated, as {step.ahead.law(measure)}" if times > 1 else ""),
         examined={other: time * times for other, time in seconds.items() if other != name},
     )
+
+
+def _unknown(ahead: list[Outlook], span: float, length: float, measure: str) -> str:
+    """Why errors of a longer run may not be known."""
+    if length <= span:
+        return ""
+    short = any(until.tells(measure) for until in ahead)
+    reason = "" if short else ", since the motion turned too seldom"
+    return f"; how errors grow on from {span:g} to {length:g} may be unknown{reason}"
 
 
 def _near(curves: list[tuple[Curve, Outlook]], error: float, measure: str) -> list[tuple[Curve, Outlook]]:
@@ -124,18 +135,13 @@ def largest_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, measu
         error: The error.
         measure: Which error.
     """
-
-    def size(errors: RunErrors) -> float:
-        found = ahead.error(errors, measure)
-        return math.inf if found is None else found
-
-    tries = {row.steps: size(row.errors) for row in curve.rows}
-    good, bad = bracket(tries, error)
+    good, bad = _bracket_of_rows(curve, ahead, error, measure)
     if good is None:
         return None
+    tries = _sizes(curve, ahead, measure)
 
     def meets(steps: int) -> bool:
-        tries[steps] = size(judge.run(curve.candidate, steps))
+        tries[steps] = _size(ahead, judge.run(curve.candidate, steps), measure)
         return tries[steps] <= error
 
     while bad == 0 and good > 1:
@@ -147,21 +153,24 @@ def largest_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, measu
     return Step(curve, ahead, good, tries[good])
 
 
-def bracket(sizes: Mapping[int, float], error: float) -> tuple[int | None, int]:
+def bracket(sizes: Mapping[int, float], error: float, rounded: Collection[int] = ()) -> tuple[int | None, int]:
     """The fewest steps from which on, among those tried, an error is met, and the next fewer that do not meet it.
 
-    Numbers of steps where rounding has made the error larger again do not count.
-
     Args:
-        sizes: Errors by numbers of steps.
+        sizes: Errors by numbers of steps, infinite where they are not known.
         error: The error.
+        rounded: Numbers of steps whose errors rounding may decide. Those beyond all others do not count if they do not
+            meet the error: rounding has made it larger again there, or keeps it from growing by a law.
 
     Returns:
-        Both; None if no number of steps meets it, and 0 if all do.
+        Both; None if no number of steps meets it as all larger ones that count do, and 0 if all do.
 
     Example:
         >>> bracket({10: 5e-3, 20: 2e-5, 40: 3e-4, 80: 4e-5, 160: 6e-6}, 1e-4)
         (80, 40)
+        >>> found = {10: 5e-3, 20: 5e-12, 40: 2e-13, 80: 3e-13}
+        >>> bracket(found, 2e-13, rounded={20, 40, 80}), bracket(found, 2e-13)
+        ((40, 20), (None, 0))
     """
     good, bad = None, 0
     for steps in sorted(sizes, reverse=True):
@@ -170,7 +179,25 @@ def bracket(sizes: Mapping[int, float], error: float) -> tuple[int | None, int]:
         elif good is not None:
             bad = steps
             break
+        elif steps not in rounded:
+            break
     return good, bad
+
+
+def _bracket_of_rows(curve: Curve, ahead: Outlook, error: float, measure: str) -> tuple[int | None, int]:
+    """The bracket among the rows of a method."""
+    return bracket(_sizes(curve, ahead, measure), error, curve.rounded(measure))
+
+
+def _sizes(curve: Curve, ahead: Outlook, measure: str) -> dict[int, float]:
+    """The errors of the rows by their numbers of steps."""
+    return {row.steps: _size(ahead, row.errors, measure) for row in curve.rows}
+
+
+def _size(ahead: Outlook, errors: RunErrors, measure: str) -> float:
+    """The error that a run leads to; infinite if that is not known."""
+    found = ahead.error(errors, measure)
+    return math.inf if found is None else found
 
 
 def _seconds(judge: Judge, steps: list[Step]) -> dict[str, float]:

@@ -10,15 +10,16 @@ from time import thread_time
 from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.errors import IntegratorError
-from integrators.expressions import shorten
 from integrators.loop import integrate
 from integrators.steppers.states import StepError
 
 from ..exceptions import SeriesError
 from ..hamiltonians.routes import modified_hamiltonian
+from .conservation import may_drift
 from .dense_reference import DenseReference
 from .distances import energy_size, relative_distances, without_time
 from .growth import EVEN, size_of_states_after
+from .measures import MEASURES
 from .modified_terms import modified_terms
 from .step_costs import Work
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from .candidates import Candidate
 
 UNSOLVED = "did not converge"
-MEASURES = ("solution", "energy", "modified-energy")
 LOOKS = 400
 """How often the solution and the modified energy are looked at."""
 ENERGY_LOOKS = 4000
@@ -161,7 +161,7 @@ class Judge:
                 warnings.simplefilter("ignore")  # terms that are not finite are not Hamiltonian
                 terms = modified_terms(candidate.method, self.scene)
                 y = self._made(candidate, self.span / steps, steps).y[: self.scene.dimension]
-                return not terms.is_hamiltonian(y, terms.powers)
+                return may_drift(terms, y)
         except (SeriesError, IntegratorError):
             return True
 
@@ -243,20 +243,10 @@ def _modified_energy(candidate: Candidate) -> ModifiedHamiltonian | None:
 def _order(method: Method) -> int:
     """The order as far as it matters; that of the catalogue if there is one, for decimals are slow to check."""
     from integrators.methods.registry import catalogue
+    from integrators.methods.registry import method as named
 
     from ..conditions import order_of
 
     claims = {entry.name: entry.order for entry in catalogue() if isinstance(entry.order, int)}
-    return claims.get(method.name) or order_of(method, MOST_ORDER)
-
-
-def check_measure(measure: str, known: tuple[str, ...]) -> str:
-    """The name of a measure, with - or _.
-
-    Raises:
-        IntegratorError: There is none of this name.
-    """
-    name = measure.replace("_", "-") if isinstance(measure, str) else ""
-    if name not in known:
-        raise IntegratorError(f"measure must be one of {', '.join(known)}, but was {shorten(repr(measure))}")
-    return name
+    claim = claims.get(method.name)
+    return claim if claim and named(method.name) == method else order_of(method, MOST_ORDER)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .candidates import Candidate
 from .fronts import pareto_front, seconds_at
+from .measures import SOLUTION
 from .outlook import Outlook
 from .run_errors import UNSOLVED, Judge, RunErrors
 from .step_costs import step_costs
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
 FIRST_STEP = 4.0
 """The first step size, in times |y|/|f| at the start."""
 STEEP = 30.0
-"""Where halving the step improves the error by more, √2 is the next factor."""
+"""As soon as halving the step improves the error by more, √2 is the factor from there on."""
 ROUNDING, PATIENCE = 1e-9, 2
-"""Below this error, so many steps in a row without a gain are the end: the rest is rounding."""
+"""Below this error rounding may decide; there so many steps in a row without a gain are the end."""
 SAMPLE = 0.004
 TIMED = 5
 """So many rows of a method are timed; what the steps of the others cost is read from a line through these."""
@@ -30,7 +31,7 @@ STIFF = 1e-4
 LEAST_SECONDS = 5e-9
 """No step takes less; so sweeps of methods that always fail come to an end."""
 
-TINY = 2.0**-60
+LEAST_ERROR = 2.0**-60
 """Errors of 0, among logarithms."""
 MEASURED = Outlook()
 """On nothing but what was measured."""
@@ -73,11 +74,18 @@ class Curve(NamedTuple):
             ahead: On the longer runs whose errors are asked for; by default those measured.
         """
         errors = ((row.seconds, ahead.error(row.errors, measure)) for row in self.rows)
-        return pareto_front((max(error, TINY), seconds) for seconds, error in errors if seconds and error is not None)
+        return pareto_front(
+            (max(error, LEAST_ERROR), seconds) for seconds, error in errors if seconds and error is not None
+        )
 
-    def seconds(self, error: float, measure: str = "solution", ahead: Outlook = MEASURED) -> float | None:
+    def seconds(self, error: float, measure: str = SOLUTION, ahead: Outlook = MEASURED) -> float | None:
         """CPU seconds for the span that reach an error, interpolated between rows; None if no row does."""
         return seconds_at(self.front(measure, ahead), error)
+
+    def rounded(self, measure: str) -> set[int]:
+        """The numbers of steps whose measured error is so small that rounding may decide it."""
+        errors = ((row.steps, row.errors.error(measure)) for row in self.rows)
+        return {steps for steps, error in errors if error is not None and error < ROUNDING}
 
 
 def time_scale(scene: Scene) -> float:
@@ -136,7 +144,7 @@ def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> 
     return found
 
 
-def timed(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]:
+def timed_curves(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]:
     """The curves: rows with their times, taken in turn."""
     work = {
         f"{candidate.name} {steps}": judge.work(candidate, steps)
@@ -146,8 +154,8 @@ def timed(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]
     costs = step_costs(work, sample=SAMPLE)
     curves = []
     for candidate, rows in swept:
-        timed = {steps: costs[key] for steps, _ in rows if (key := f"{candidate.name} {steps}") in costs}
-        made = [Row(judge.span / n, n, None if e.failure else _cost(timed, n), e) for n, e in rows]
+        known = {steps: costs[key] for steps, _ in rows if (key := f"{candidate.name} {steps}") in costs}
+        made = [Row(judge.span / n, n, None if e.failure else _cost(known, n), e) for n, e in rows]
         curves.append(Curve(candidate, tuple(made)))
     return curves
 
@@ -159,12 +167,12 @@ def _to_time(steps: Sequence[int]) -> list[int]:
     return [steps[round(k * (len(steps) - 1) / (TIMED - 1))] for k in range(TIMED)]
 
 
-def _cost(timed: dict[int, Timing], steps: int) -> Timing:
+def _cost(known: dict[int, Timing], steps: int) -> Timing:
     """What a step costs, between rows that were timed by a straight line between logarithms."""
-    if steps in timed:
-        return timed[steps]
-    below, above = max(n for n in timed if n < steps), min(n for n in timed if n > steps)
+    if steps in known:
+        return known[steps]
+    below, above = max(n for n in known if n < steps), min(n for n in known if n > steps)
     part = math.log(steps / below) / math.log(above / below)
-    values = zip(timed[below][:3], timed[above][:3], strict=True)
+    values = zip(known[below][:3], known[above][:3], strict=True)
     seconds, low, high = (first * (last / first) ** part for first, last in values)
     return Timing(seconds, low, high, 0)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..advice.durations import duration
+from ..advice.measures import ENERGY, MODIFIED_ENERGY
 from . import layout
 from .layout import Column
 
@@ -25,7 +26,7 @@ CSV = (
 def written(
     found: WorkPrecision,
     choices: dict[float, Recommendation | str],
-    predictions: dict[float, Prediction | None],
+    predictions: dict[float, Prediction],
     output: Output,
 ) -> Iterable[str]:
     """The table for readers, and the notes below it."""
@@ -66,13 +67,13 @@ def _advice(error: float, choice: Recommendation | str, prediction: Prediction |
         f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
         + (f"; next {others}." if others else ".")
     )
-    if prediction is not None and choice.measure != "modified-energy":
-        expected = prediction.energy if choice.measure == "energy" else prediction.solution
-        yield f"    expected of the modified equation: error {expected}."
+    if prediction is not None and choice.measure != MODIFIED_ENERGY:
+        expected = prediction.energy if choice.measure == ENERGY else prediction.solution
+        yield f"    expected of the modified equation: {'' if expected.value is None else 'error '}{expected}."
 
 
 def choice_facts(
-    choices: dict[float, Recommendation | str], predictions: dict[float, Prediction | None]
+    choices: dict[float, Recommendation | str], predictions: dict[float, Prediction]
 ) -> list[dict[str, Any]]:
     """The recommendations for JSON."""
     facts = []

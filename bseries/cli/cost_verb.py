@@ -20,6 +20,7 @@ from .scene_argument import read_start, takes_scene
 if TYPE_CHECKING:
     from integrators import Scene
 
+    from ..advice.candidates import Candidate
     from ..advice.precision_curves import WorkPrecision
     from ..advice.prediction import Prediction
     from ..advice.recommendation import Recommendation
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 FORMATS = ("table", "json", "csv", "markdown")
 USUAL = (1e-3, 1e-6, 1e-9)
 """The errors that methods are recommended for where none is given."""
+OF_MODIFYING = "the field of a modifying integrator changes with the step"
+"""Why nothing is expected of these."""
 
 
 def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
@@ -128,7 +131,7 @@ def cost(
         return layout.csv(CSV, csv_rows(found))
     goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
     choices = {error: _choice(found, error, longer) for error in goals}
-    predictions = {error: _prediction(found, choice) for error, choice in choices.items()} if predict else {}
+    predictions = _predictions(found, choices) if predict else {}
     if output.format == "json":
         return [layout.json({**found.to_dict(), "choices": choice_facts(choices, predictions)}, "methods")]
     return written(found, choices, predictions, output)
@@ -175,17 +178,24 @@ def _choice(found: WorkPrecision, error: float, length: float | None) -> Recomme
         return str(refusal)
 
 
-def _prediction(found: WorkPrecision, choice: Recommendation | str) -> Prediction | None:
-    """What the modified equation lets expect of a recommended run; None for modifying integrators."""
+def _predictions(found: WorkPrecision, choices: dict[float, Recommendation | str]) -> dict[float, Prediction]:
+    """What the modified equation lets expect of the recommended runs, by the wanted errors."""
+    candidates = {curve.candidate.name: curve.candidate for curve in found.curves}
+    return {
+        error: _prediction(candidates[choice.method], choice)
+        for error, choice in choices.items()
+        if not isinstance(choice, str)
+    }
+
+
+def _prediction(candidate: Candidate, choice: Recommendation) -> Prediction:
+    """What the modified equation lets expect of a recommended run, or why that is unknown."""
     from bseries import errors
 
-    from ..advice.prediction import predict_run
+    from ..advice.prediction import predict_run, time_only
 
-    if isinstance(choice, str):
-        return None
-    candidate = next(curve.candidate for curve in found.curves if curve.candidate.name == choice.method)
     if candidate.is_modifying:
-        return None
+        return time_only(choice.h, choice.steps, OF_MODIFYING, choice.seconds)
     try:
         return predict_run(
             candidate.scene,
@@ -193,9 +203,10 @@ def _prediction(found: WorkPrecision, choice: Recommendation | str) -> Predictio
             h=choice.h,
             steps=choice.steps,
             seconds_per_step=choice.seconds / choice.steps,
+            solver=candidate.solver,
         )
-    except errors:
-        return None
+    except errors as error:
+        return time_only(choice.h, choice.steps, str(error), choice.seconds)
 
 
 def _draw(found: WorkPrecision, path: str) -> None:

@@ -9,7 +9,7 @@ from . import layout
 from .layout import Column
 
 if TYPE_CHECKING:
-    from ..advice.effect_cost_rows import CostRow
+    from ..advice.effect_cost_rows import CostRow, EffectCosts
     from ..advice.effect_report import EffectReport, EffectRow, Influence
     from ..advice.timing import Timing
     from .output import Output
@@ -55,15 +55,16 @@ def write_report(report: EffectReport, output: Output) -> Iterable[str]:
     return _written(output, COLUMNS, list(_rows(report)), title, [EXPLANATION, *_times(report), *report.advice()])
 
 
-def write_costs(rows: Sequence[CostRow], scene: str, method: str, order: int, output: Output) -> Iterable[str]:
+def write_costs(costs: EffectCosts, output: Output) -> Iterable[str]:
     """What effects cost, in any format but JSON."""
     if output.format == "csv":
-        return layout.csv(COST_CSV, map(_cost_values, rows))
+        return layout.csv(COST_CSV, map(_cost_values, costs))
     notes = [
         "step, field: CPU time for a step and for an evaluation of the field; ±: half the distance of the quartiles.",
-        f"trees: those to order {order} that the modified equation of {method} needs there.",
+        f"trees: those to order {costs.order} that the modified equation of {costs.method} needs there.",
     ]
-    return _written(output, COST_COLUMNS, list(map(_cost_row, rows)), f"Cost of effects of {scene}, {method}", notes)
+    title = f"Cost of effects of {costs.scene}, {costs.method}"
+    return _written(output, COST_COLUMNS, list(map(_cost_row, costs)), title, notes)
 
 
 def _written(

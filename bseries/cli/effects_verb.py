@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..advice.durations import whole_steps
 from . import layout
 from .application import Refusal
 from .effects_output import write_costs, write_report
@@ -100,29 +102,53 @@ def effects(
         raise Refusal("order must be left out with --span, which looks at no trees, but was given")
     from ..advice.effect_influences import effect_influence
     from ..advice.machine import machine
-    from ..advice.prediction import time_only
 
-    def expect(cost: float | None) -> Prediction:
-        return time_only(common["h"], 0, "they are what is to be measured")
-
-    watch, length = Expectation(output.progress.update, expect, None), read_given(span, "span")
-
-    def progress(done: int, total: int) -> None:
-        """Only the first run tells what steps cost: before each further one there is something to compile."""
-        (watch if (done - 1) * abs(common["h"]) < length else output.progress.update)(done, total)
-
+    length = read_given(span, "span")
     report = effect_influence(
         scene,
         method,
         span=length,
         accept=None if accept is None else read_given(accept, "accept"),
         measure=measure,
-        progress=progress,
+        progress=FirstRun(output.progress.update, common["h"], length),
         **common,
     )
     if output.format == "json":
         return [layout.json({**report.to_dict(), "machine": machine()}, "rows")]
     return write_report(report, output)
+
+
+class FirstRun:
+    """The progress of all runs, of which the first tells how long they will take.
+
+    Before each further one there is something to compile, which steps would seem to cost.
+
+    Args:
+        show: Shows progress.
+        h: The step size.
+        span: How long a run is.
+
+    Attributes:
+        watch: What is expected, from the first run.
+    """
+
+    def __init__(self, show: Callable[[int, int], object], h: Any, span: Any):
+        self._show, self._h, self._span = show, h, span
+        self.watch, self._total = Expectation(show, self._predict, None), 0
+
+    def __call__(self, done: int, total: int) -> None:
+        """Note how many steps are made of all; what `effect_influence` calls."""
+        self._total = total
+        (self.watch if done <= self._steps else self._show)(done, total)
+
+    @cached_property
+    def _steps(self) -> int:
+        return whole_steps(float(self._span), float(self._h))
+
+    def _predict(self, cost: float | None) -> Prediction:
+        from ..advice.prediction import time_only
+
+        return time_only(self._h, self._total, "they are what is to be measured")
 
 
 def _costs(
@@ -134,11 +160,7 @@ def _costs(
 
     if accept is not None:
         raise Refusal("span must be given with --accept, since influences grow with it, but was not")
-    order = ORDER if order is None else order
-    rows = effect_costs(scene, method, order=order, **common)
-    name = scene if isinstance(scene, str) else scene.name
+    costs = effect_costs(scene, method, order=ORDER if order is None else order, **common)
     if output.format == "json":
-        data = {"schema": 1, "kind": "effect-costs", "method": method.name, "scene": name, "h": float(common["h"])}
-        found = [{**row._asdict(), "step": row.step._asdict(), "field": row.field._asdict()} for row in rows]
-        return [layout.json({**data, "order": order, "machine": machine(), "rows": found}, "rows")]
-    return write_costs(rows, name, method.name, order, output)
+        return [layout.json({**costs.to_dict(), "machine": machine()}, "rows")]
+    return write_costs(costs, output)

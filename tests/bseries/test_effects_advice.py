@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -274,6 +276,7 @@ def test_text_and_data_of_a_report():
 def test_costs_against_the_number_of_effects():
     rows = bs.effect_costs("pendulum", "stormer-verlet", h=0.01, effects=["damping", "asymmetry"])
     assert [row.effects for row in rows] == [(), ("asymmetry",), ("asymmetry", "damping")]
+    assert (len(rows), rows[-1], rows[:1]) == (3, rows.rows[2], rows.rows[:1])
     assert [(row.trees, row.all_trees) for row in rows] == [(37, 1202), (37, 1202), (217, 1202)]
     for row in rows:
         tree_count = bs.modified_field(
@@ -281,6 +284,13 @@ def test_costs_against_the_number_of_effects():
         ).report()
         assert tree_count == f"{row.trees:,} of {row.all_trees:,} trees"
         assert 0 < row.field.low <= row.field.seconds <= row.field.high
+    data = json.loads(json.dumps(rows.to_dict()))
+    assert [data[key] for key in ("schema", "kind", "scene", "method", "h", "order")] == [
+        *(1, "effect-costs", "pendulum", "stormer-verlet-kdk", 0.01, 6)
+    ]
+    assert [(row["effects"], row["trees"], row["step"]["seconds"]) for row in data["rows"]] == [
+        (list(row.effects), row.trees, row.step.seconds) for row in rows
+    ]
     with_matrix = bs.effect_costs(OSCILLATOR, "ros34pw2", h=0.1, effects="drag")
     assert [(row.trees, row.all_trees) for row in with_matrix] == [(None, None)] * 2
 
@@ -326,8 +336,9 @@ def test_mistakes(mistake):
 
 
 def test_methods():
-    with pytest.raises(bs.SeriesError, match="method must be a method"):
-        bs.effect_influence("pendulum", 4, h=0.1, span=1)  # pyright: ignore[reportArgumentType]
+    for call in (partial(bs.effect_influence, span=1), bs.effect_costs):
+        with pytest.raises(bs.SeriesError, match="method must be a method"):
+            call("pendulum", 4, h=0.1)
 
 
 def never_had(scene, *effects):

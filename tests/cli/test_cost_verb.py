@@ -45,6 +45,48 @@ def test_json_and_csv_have_all_runs(answer):
     assert row["energy"]  # is looked at in any case, for the sake of drifts
 
 
+def predicted(answer, monkeypatch, predict, methods="rk4"):
+    """The advice and its JSON, with another prediction."""
+    monkeypatch.setattr("bseries.advice.prediction.predict_run", predict)
+    call = ("cost", "pendulum", "--methods", methods, "--span", "5", "--errors", "1e-1:1e-2", "--error", "1e-2")
+    (choice,) = json.loads(answer(*call, "--format", "json"))["choices"]
+    line = next(line for line in answer(*call).splitlines() if "expected of the modified equation" in line)
+    return line.strip(), choice
+
+
+def test_why_nothing_can_be_expected_is_said(answer, monkeypatch):
+    def refuse(*arguments, **options):
+        raise bs.SeriesError("too many trees")
+
+    line, choice = predicted(answer, monkeypatch, refuse)
+    assert line == "expected of the modified equation: unknown: too many trees."
+    assert choice["prediction"]["solution_error"] == {"value": None, "reason": "too many trees"}
+    assert (choice["prediction"]["steps"], choice["prediction"]["seconds"]) == (choice["steps"], choice["seconds"])
+    line, choice = predicted(answer, monkeypatch, refuse, "modifying-midpoint4")
+    reason = "the field of a modifying integrator changes with the step"
+    assert line == f"expected of the modified equation: unknown: {reason}."
+    assert choice["prediction"]["energy_error"] == {"value": None, "reason": reason}
+
+
+STIFF = ("--ode", "y' = z; z' = -1000*z - 1000*y", "--start", "y=1,-1")
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "expected"), [(STIFF, "radau-iia2", "auto"), (("pendulum",), "gauss2", "fixed-point")]
+)
+def test_the_solver_of_the_recommended_runs_is_passed_on(answer, monkeypatch, scene, method, expected):
+    """Newton's method where the scene is stiff."""
+    solvers, plain = [], bs.predict_run
+
+    def predict(*arguments, **options):
+        solvers.append(options["solver"])
+        return plain(*arguments, **options)
+
+    monkeypatch.setattr("bseries.advice.prediction.predict_run", predict)
+    answer("cost", *scene, "--methods", method, "--span", "2", "--errors", "1e-1:1e-5", "--error", "1e-4")
+    assert solvers == [expected]
+
+
 def test_tableau_files_beside_names(answer, tmp_path):
     mine = tmp_path / "mine.json"
     bs.save_method(bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="mine"), mine)

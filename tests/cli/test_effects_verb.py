@@ -10,6 +10,7 @@ import re
 import pytest
 
 import bseries as bs
+from bseries.cli.effects_verb import FirstRun
 
 DAMPED = ("pendulum", "--method", "explicit-midpoint", "--effect", "damping", "--parameter", "gamma=1e-6")
 RUN = (*DAMPED, "--step", "1/20", "--span", "2")
@@ -104,6 +105,33 @@ def test_costs_without_a_span(answer, effects):
     found = answer("effects", *call)
     assert found.startswith("Cost of effects of pendulum, explicit-midpoint\n\non  effects ")
     assert re.search(r"\n 1  damping +\S+ ns +\S+ +\S+ ns +\S+ +8 +8\n", found)
+
+
+def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
+    """A clock of our own: steps take 10 ms, and compiling before the second run half an hour."""
+    now, shown = [0.0], []
+    for module in ("bseries.advice.calibration", "bseries.cli.expectation"):
+        monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
+    first = FirstRun(lambda *at: shown.append(at), 0.1, 10.0)
+    for done, seconds in ((1, 0.01), (41, 0.41), (100, 1.0), (110, 1800.0), (600, 1805.0)):
+        now[0] = seconds
+        first(done, 600)
+    assert shown == [(done, 600) for done in (1, 41, 100, 110, 600)]
+    expected = first.watch.prediction
+    assert expected is not None
+    assert (expected.steps, expected.h, expected.seconds) == (600, 0.1, pytest.approx(6.0, rel=0.01))
+    assert capsys.readouterr().err.startswith("bseries: expected: 6 s, errors unknown: they are what is to be measured")
+
+
+def test_further_runs_announce_nothing(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr("bseries.advice.calibration.perf_counter", lambda: now[0])
+    first = FirstRun(lambda *at: None, 0.1, 1.0)
+    for done, seconds in ((1, 0.0), (10, 0.1), (11, 60.0), (20, 61.0), (60, 70.0)):
+        now[0] = seconds
+        first(done, 60)
+    assert first.watch.prediction is None
+    assert not capsys.readouterr().err
 
 
 MISTAKES = {

@@ -36,19 +36,19 @@ def test_variable_steps_hold_the_energy_of_eccentric_orbits(e, method, promise, 
     comet = bs.scene("kepler", eccentricity=e)
     run = bs.integrate(comet, method, h=0.02, steps=5000, control=CONTROL, observe="energy")
     error, energy = energy_error(run), run.observed["energy"]
-    measured(
-        f"kepler e = {e}, {method}, reversible variable steps, {run.t[-1] / (2 * np.pi):.1f} periods in 5000 steps",
-        f"energy error ≤ {promise:.0e}/(1 − e), no drift", error, "{:.1e}/(1 − e)",
-    )  # fmt: skip
-    assert error < promise
+    case = f"kepler e = {e}, {method}, 5000 reversible variable steps"
+    measured.within(f"{case}: energy error", error, promise, "/(1 − e)", note=f"{run.t[-1] / (2 * np.pi):.1f} periods")
     early, late = (abs(part / energy[0] - 1).max() for part in (energy[:2000], energy[-2000:]))
-    assert late < 1.05 * early + 1e-13
+    measured.within(
+        f"{case}: energy error of the last 2000 steps",
+        late / (early + 1e-13),
+        1.05,
+        " of that of the first",
+        form=".3f",
+    )
     if method == "gauss3":
         distance = float(abs(run.y[:, -1] - orbit(mpmath.mpf(e), run.t[-1]))[2:].max()) * (1 - float(e))
-        measured(
-            "the same: position at the end against Kepler's equation", "≤ 1e-9/(1 − e)", distance, "{:.1e}/(1 − e)"
-        )
-        assert distance < 1e-9
+        measured.within(f"{case}: position at the end against Kepler's equation", distance, 1e-9, "/(1 − e)")
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
@@ -60,11 +60,11 @@ def test_fixed_steps_fail_there_and_the_modified_equation_warns(e, measured):
     field = bs.modified_field(bs.method("stormer-verlet"), comet, 9)
     with pytest.warns(bs.TruncationWarning, match="stormer-verlet-kdk on kepler is worse at order 9 than"):
         found = bs.reach(field, comet.y0, h)
-    measured(
+    assert error > 0.5
+    measured.said(
         f"kepler e = {e}, stormer-verlet, 200 fixed steps a period", "the modified equation warns at the perihelion",
         f"needs h ≤ {found.largest_step:.1e}, h = {h:.1e}; relative energy error {error:.1e}",
     )  # fmt: skip
-    assert error > 0.5
     far = [0, -float(mpmath.sqrt((1 - mpmath.mpf(e)) / (1 + mpmath.mpf(e)))), -1 - float(e), 0]
     assert not bs.reach(field, far, h).is_beyond
 
@@ -81,12 +81,11 @@ def test_populations_close_to_zero(method, promise, measured):
     run = bs.integrate(PREDATORS, method, h=0.001, steps=30_000, y0=NEARLY_EXTINCT, observe="energy")
     exact = bs.reference_solution(PREDATORS, [1, 10, 30], y0=NEARLY_EXTINCT)
     error = float(abs(run.y[:, [1000, 10_000, 30_000]] / exact - 1).max())
-    measured(
-        f"lotka-volterra from p = q = 1e-12, {method}, h = 0.001: p and q at t = 1, 10, 30 (p ≥ {run.y[0].min():.1e})",
-        f"relative error ≤ {promise:.0e}, p and q > 0", error,
-    )  # fmt: skip
-    assert error < promise
     assert run.y.min() > 0
+    measured.within(
+        f"lotka-volterra from p = q = 1e-12, {method}, h = 0.001: p and q, both positive, at t = 1, 10, 30",
+        error, promise, what="relative error", note=f"p ≥ {run.y[0].min():.1e}",
+    )  # fmt: skip
 
 
 def test_what_is_no_population_is_told(measured):
@@ -94,7 +93,8 @@ def test_what_is_no_population_is_told(measured):
     with pytest.warns(RuntimeWarning, match=r"energy must be finite .* observed, but was nan at t = 16\.4"):
         run = bs.integrate(PREDATORS, "explicit-euler", h=0.01, steps=3000, y0=NEARLY_EXTINCT, observe="energy")
     assert run.y.min() < 0
-    measured("the same, explicit-euler, h = 0.01: p < 0 from t = 16.4 on", "warns", "“energy must be finite …”")
+    case = "lotka-volterra from p = q = 1e-12, explicit-euler, h = 0.01: p < 0 from t = 16.4 on"
+    measured.said(case, "warns", "“energy must be finite …”")
     with pytest.raises(bs.IntegratorError, match="start must make p positive, but it was 0"):
         PREDATORS.with_start(p=[0])
     assert bs.integrate(PREDATORS, "rk4", h=0.01, steps=3, y0=(5e-324, 1e-308)).y.min() > 0
@@ -128,20 +128,44 @@ def test_next_to_the_separatrix(p0, measured):
     run = bs.integrate(PENDULUM, "gauss5", h=0.05, steps=1400, y0=(p0, 0))
     found = measured_turn(run)
     assert found is not None
-    error = abs(found / turn(p0) - 1)
     what = f"rotates in {turn(p0):.4f}" if p0 > 2 else f"swings in {turn(p0):.4f}"
-    measured(f"pendulum, H = 1 {'+-'[p0 < 2]} 1e-12 ({what}), gauss5, h = 0.05", "period to 1e-5", error)
-    assert error < 1e-5
+    measured.within(
+        f"pendulum, H = 1 {'+−'[p0 < 2]} 1e-12 ({what}), gauss5, h = 0.05: period",
+        abs(found / turn(p0) - 1), 1e-5, what="relative error",
+    )  # fmt: skip
     other, h = ("stormer-verlet", 0.1) if p0 < 2 else ("rk4", 0.01)  # they come to the other side
     assert measured_turn(bs.integrate(PENDULUM, other, h=h, steps=int(70 / h), y0=(p0, 0))) is None
 
 
-def test_on_the_equilibrium_of_the_separatrix(measured):
-    """sin(π) is 1.2e-16 in doubles, and grows by e^t from there."""
-    run = bs.integrate(PENDULUM, "gauss5", h=0.05, steps=200, y0=(0, np.pi))
-    grown = float(abs(run.y[1, -1] - np.pi))
-    measured("pendulum at q = π (to 1.2e-16), t = 10", "1.2e-16 cosh(t) = 1.3e-12, to 1e-15·e^t", grown)
-    assert abs(grown - float(np.sin(np.pi)) * np.cosh(10)) < 2e-15 * np.exp(10)
+def distance_from_the_top(start, t):
+    """π − q after a time t from rest at q = start: sin(q/2) = k cd(t) with the modulus k = sin(start/2)."""
+    with mpmath.workdps(50):
+        k = mpmath.sin(mpmath.mpf(start) / 2)
+        return mpmath.pi - 2 * mpmath.asin(k * mpmath.ellipfun("cd", t, m=k**2))
+
+
+def fallen(method, start, t):
+    """How much π − q is off after a fall from rest, as a part of 2⁻⁵³ e^t."""
+    run = bs.integrate(PENDULUM, method, h=0.0625, steps=16 * t, save_every=None, y0=(0, start))
+    with mpmath.workdps(50):
+        error = abs(mpmath.pi - float(run.y[1, -1]) - distance_from_the_top(start, t))
+        return float(error * 2**53 / mpmath.exp(t))
+
+
+@pytest.mark.parametrize(("start", "t"), [(np.pi - 1e-8, 10), (np.pi - 1e-8, 20), (np.pi - 1e-12, 20)])
+def test_next_to_the_equilibrium_of_the_separatrix(start, t, measured):
+    """At rest beside the top, H = 1 − 5e-17 or − 5e-25. The distance from the top, d, grows like d cosh(t).
+
+    q near π has the last bit 2⁻⁵¹, half of which an angle may be off: a force that is off by 2⁻⁵² for all the time
+    moves the pendulum by 2⁻⁵² (cosh(t) − 1), less than 2⁻⁵³ e^t.
+    """
+    beside = float(distance_from_the_top(start, t))
+    measured.within(
+        f"pendulum from rest at π − {np.pi - start:.0e}, gauss5, h = 1/16: distance from π at t = {t}",
+        fallen("gauss5", start, t), 1, f" · 2⁻⁵³ e^{t}", what="error", note=f"distance {beside:.1e}",
+    )  # fmt: skip
+    assert beside > 1000 * 2.0**-53 * np.exp(t)  # a pendulum that stayed at rest would be noticed
+    assert fallen("stormer-verlet", start, t) > 4  # so is an error of 1e-3 of the distance
 
 
 # y' = y² to the blow-up at t = 1
@@ -159,11 +183,11 @@ def test_fixed_steps_end_at_the_blow_up(method, measured):
     assert kept is not None
     assert np.isfinite(kept.y).all()
     half = abs(kept.y[0, 50] / 2 - 1)
-    measured(
+    assert 0.98 < kept.t[-1] < 1.06
+    measured.said(
         f"y' = y², {method}, h = 0.01: blow-up at t = 1", "StepError with all states before",
         f"stops at t = {kept.t[-1]:.2f}; y(0.5) to {half:.0e}",
     )  # fmt: skip
-    assert 0.98 < kept.t[-1] < 1.06
     with pytest.warns(bs.TruncationWarning, match="worse at order 13"):
         bs.reach(bs.modified_field(bs.method(method), RICCATI, 13), kept.y[:, 99], 0.01)
 
@@ -175,19 +199,18 @@ def test_variable_steps_go_up_to_the_blow_up(measured):
     assert kept is not None
     k = int(np.searchsorted(kept.y[0], 1e6))
     error = abs(kept.y[0, k] * (1 - kept.t[k]) - 1)
-    measured("the same, gauss3 with steps ε/y: y at y = 1e6", "relative error ≤ 1e-9", error)
-    measured(
-        "the same: largest y before the run ends, t − 1", "y ≥ 1e150", f"{kept.y[0, -1]:.1e}, {kept.t[-1] - 1:.1g}"
-    )
-    assert error < 1e-9
-    assert kept.y[0, -1] > 1e150
-    assert abs(kept.t[-1] - 1) < 1e-12
+    case = "y' = y², gauss3 with steps ε/y"
+    measured.within(f"{case}: y at y = 1e6", error, 1e-9, what="relative error")
+    measured.at_least(f"{case}: largest y before the run ends", kept.y[0, -1], 1e150)
+    measured.within(f"{case}: where the run ends", abs(kept.t[-1] - 1), 1e-12, what="|t − 1|")
+    fixed = bs.integrate(RICCATI, "gauss3", h=0.01, steps=98)  # fixed steps lose all digits long before
+    assert abs(fixed.y[0, -1] * (1 - fixed.t[-1]) - 1) > 1e-9
 
 
 def test_the_reference_solution_says_where_it_ends(measured):
     with pytest.raises(bs.IntegratorError, match=r"t must end before (1|0\.99999\d+), beyond which") as found:
         bs.reference_solution(RICCATI, 2)
-    measured("the same, reference_solution to t = 2", "a clear error", f"“{found.value}”")
+    measured.said("y' = y², reference_solution to t = 2", "a clear error", f"“{found.value}”")
 
 
 # Lennard-Jones atoms that overlap at the start
@@ -210,7 +233,8 @@ def test_atoms_at_one_place_are_refused(method, distance, measured):
     kept = found.value.trajectory
     assert kept is not None
     assert kept.y.shape == (4, 1)
-    measured(f"lennard-jones, two atoms at distance {distance:g}, {method}", "a clear error", "“y0 must be where …”")
+    case = f"lennard-jones, two atoms at distance {distance:g}, {method}"
+    measured.said(case, "a clear error", "“y0 must be where …”")
 
 
 def test_overlapping_atoms_call_for_small_steps(measured):
@@ -219,23 +243,18 @@ def test_overlapping_atoms_call_for_small_steps(measured):
         h: abs(np.diff(dimer(0.5, "stormer-verlet", h, 1000).observed["energy"][[0, -1]])[0]) / 16128
         for h in (1e-3, 1e-5)
     }
-    measured(
-        "lennard-jones at distance 0.5, stormer-verlet, h = 1e-5: energy after 1000 steps",
-        "relative error ≤ 1e-3",
-        error[1e-5],
-    )
-    assert error[1e-5] < 1e-3
+    case = "lennard-jones at distance 0.5, stormer-verlet"
+    measured.within(f"{case}, h = 1e-5: energy after 1000 steps", error[1e-5], 1e-3, what="relative error")
     assert error[1e-3] > 1
     scene = bs.scene("lennard-jones", particles=2, dimension=1, temperature=0)
     field, start = bs.modified_field(bs.method("stormer-verlet"), scene, 5), [0, 0, -0.25, 0.25]
     with pytest.warns(bs.TruncationWarning, match=r"worse at order 5 than at order 1: for h = 0\.001 .* needs h ≤"):
         found = bs.reach(field, start, 1e-3)
     assert not bs.reach(field, start, 1e-5).is_beyond
-    measured(
-        "the same, h = 1e-3: energy error, and what the modified equation says",
-        "warns",
-        f"{error[1e-3]:.1g}, needs h ≤ {found.largest_step:.1e}",
-    )
+    measured.said(
+        f"{case}, h = 1e-3: the modified equation", "warns",
+        f"needs h ≤ {found.largest_step:.1e}; relative energy error {error[1e-3]:.1g}",
+    )  # fmt: skip
 
 
 def test_implicit_steps_from_a_deep_overlap_say_that_they_do_not_converge(measured):
@@ -243,8 +262,5 @@ def test_implicit_steps_from_a_deep_overlap_say_that_they_do_not_converge(measur
         bs.StepError, match=r"small enough for implicit-midpoint .* step 1, from t = 0, did not converge"
     ):
         dimer(1e-3, "implicit-midpoint", 1e-3, 100)
-    measured(
-        "lennard-jones at distance 1e-3, implicit-midpoint, h = 1e-3",
-        "converges or says so",
-        "StepError “… did not converge”",
-    )
+    case = "lennard-jones at distance 1e-3, implicit-midpoint, h = 1e-3"
+    measured.said(case, "StepError", "“… did not converge”")
