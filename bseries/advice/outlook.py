@@ -1,4 +1,4 @@
-"""What errors of a run become in a longer one, by the laws of `growth`: those of its method and of its solution."""
+"""What errors of a run become in a longer one: as the modified equation tells, or by the laws of `growth`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from .distances import without_time
+from .foresight import foreseen
 from .growth import PARTS, REGULAR, energy_after, from_parts, most_disagreement, power, size_after
 from .measures import SOLUTION
 from .turns import first_turn
@@ -29,6 +30,8 @@ class Outlook(NamedTuple):
         drifts: Whether the energy drifts, or may.
         growth: How many times as large states get; None if that cannot be told.
         turn: The part of the time measured in which the motion turned once; infinite if it did not.
+        factor: How many times as large the error asked for gets, by the modified equation; infinite if it says that
+            this cannot be known, None if it says nothing, so that the laws count.
 
     Example:
         >>> import numpy as np
@@ -42,6 +45,7 @@ class Outlook(NamedTuple):
     drifts: bool = False
     growth: float | None = 1.0
     turn: float = 0.0
+    factor: float | None = None
 
     def tells(self, measure: str) -> bool:
         """Whether enough was measured to tell how errors grow.
@@ -64,6 +68,8 @@ class Outlook(NamedTuple):
         found = run.error(measure)
         if found is None or self.times <= 1:
             return found
+        if self.factor is not None:
+            return found * self.factor if math.isfinite(self.factor) else None
         if not self.tells(measure):
             return None
         course, times = run.courses[measure], self.times
@@ -75,14 +81,31 @@ class Outlook(NamedTuple):
 
     def law(self, measure: str) -> str:
         """How errors grow, in words."""
+        if self.factor is not None:
+            return "the modified equation tells"
         if measure != SOLUTION:
             return f"the energy {'drifts' if self.drifts else 'does not drift'}"
         larger = "" if self.growth in (None, 1.0) else f", and states get {self.growth:.3g} times as large"
         return f"errors grow like {'t^2' if self.drifts else 't'} at most{larger}"
 
 
+def best_outlook(judge: Judge, curve: Curve, length: float, error: float, measure: str) -> Outlook:
+    """The outlook on the error of a method, by the modified equation if it tells.
+
+    Args:
+        judge: What measured errors.
+        curve: The method and its rows.
+        length: How long runs shall be.
+        error: The error that they shall meet.
+        measure: Its name.
+    """
+    times = length / judge.span
+    found = foreseen(judge, curve, length, error, measure) if times > 1 else None
+    return outlook(judge, curve, times) if found is None else Outlook(times, factor=found)
+
+
 def outlook(judge: Judge, curve: Curve, times: float) -> Outlook:
-    """The outlook on errors of a method.
+    """The outlook on errors of a method, by the laws that they follow.
 
     Args:
         judge: What measured them.

@@ -10,8 +10,9 @@ from integrators.errors import IntegratorError
 from integrators.steppers.run_input import read_number, read_positive
 
 from .durations import whole_steps
+from .foresight import factor
 from .measures import MEASURES, check_measure
-from .outlook import Outlook, outlook
+from .outlook import Outlook, best_outlook
 from .step_costs import SAMPLE, step_costs
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ NEAR = 1.6
 MOST_EXAMINED = 4
 NARROW = 1.02
 """The largest step is known within this factor."""
+CHECKS, MET = 3, 0.9
+"""How often the factor by which errors grow is found anew, and how much of the error may be used up until it is not."""
 
 
 class Recommendation(NamedTuple):
@@ -83,9 +86,9 @@ def choose(found: WorkPrecision, error: float, span: float | None, measure: str)
     if length < judge.span:
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
     times = length / judge.span
-    ahead = [(curve, outlook(judge, curve, times)) for curve in found.curves]
+    ahead = _ahead(found, wanted, length, measure)
     able = [each for each in ahead if _bracket_of_rows(*each, wanted, measure)[0] is not None]
-    steps = [largest_step(judge, *near, wanted, measure) for near in _near(able, wanted, measure)]
+    steps = [_checked_step(judge, *near, wanted, length, measure) for near in _near(able, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
         raise IntegratorError(
@@ -107,6 +110,33 @@ def choose(found: WorkPrecision, error: float, span: float | None, measure: str)
         basis=f"measured over {judge.span:g}" + (f"; extrapolated, as {step.ahead.law(measure)}" if times > 1 else ""),
         examined={other: time * times for other, time in seconds.items() if other != name},
     )
+
+
+def _ahead(found: WorkPrecision, error: float, length: float, measure: str) -> list[tuple[Curve, Outlook]]:
+    """The methods with their outlooks, but for those that would be dearer even if errors did not grow."""
+    optimistic = ((curve.seconds(error, measure), curve) for curve in found.curves)
+    chosen, least = [], math.inf
+    for seconds, curve in sorted(((t, c) for t, c in optimistic if t is not None), key=lambda pair: pair[0]):
+        if seconds <= NEAR * least:
+            until = best_outlook(found._judge, curve, length, error, measure)
+            chosen.append((curve, until))
+            if _bracket_of_rows(curve, until, error, measure)[0] is not None:  # and not by luck
+                least = min(least, curve.seconds(error, measure, until) or math.inf)
+    return chosen
+
+
+def _checked_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, length: float, measure: str) -> Step | None:
+    """The largest step, with an outlook that is the one for this step."""
+    step = largest_step(judge, curve, ahead, error, measure)
+    for _ in range(CHECKS):
+        if step is None or step.ahead.factor is None:
+            break
+        measured = step.error / step.ahead.factor
+        found = factor(judge, curve, step.steps, measured, length, measure)
+        if found is None or MET * error <= found * measured <= error:
+            break
+        step = largest_step(judge, curve, ahead._replace(factor=found), error, measure)
+    return step
 
 
 def _unknown(ahead: list[Outlook], span: float, length: float, measure: str) -> str:

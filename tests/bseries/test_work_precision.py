@@ -252,6 +252,7 @@ def test_the_step_is_the_largest_that_meets_the_error(pendulum, judge, error):
         assert larger is None or larger > error
 
 
+@pytest.mark.usefixtures("laws")
 def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
     ahead = [outlook(judge, found, 4.0) for found in pendulum.curves]
     assert [until[:3] for until in ahead] == [(4.0, drifts, 1.0) for drifts in (False, True, False)]
@@ -271,6 +272,13 @@ def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
     assert pendulum.best(1e-3).basis == "measured over 20"
 
 
+@pytest.fixture
+def laws(monkeypatch):
+    """The modified equation says nothing, so that laws count."""
+    monkeypatch.setattr("bseries.advice.outlook.foreseen", lambda *_: None)
+
+
+@pytest.mark.usefixtures("laws")
 @pytest.mark.parametrize("errors", [(1e-2, 1e-6), (1e-2, 1e-10), (1e-3, 1e-9)])
 def test_the_law_does_not_hang_on_the_range_of_errors(errors):
     """With fine steps the energy of rk4 hardly drifts beyond its oscillation in three turns, but it does in 300."""
@@ -291,7 +299,7 @@ def real_error(scene, method, h, steps, finer):
     return relative_distance(bs.integrate(scene, method, h=h, steps=steps).y, exact)
 
 
-@pytest.mark.parametrize(
+LONGER = pytest.mark.parametrize(
     ("scene", "method", "span", "finest", "longer", "error", "law"),
     [
         (bs.scene("pendulum"), "rk4", 100, 1e-6, 1000, 1e-3, "t^2 at most"),
@@ -301,12 +309,49 @@ def real_error(scene, method, h, steps, finer):
         (bs.scene("kepler"), "blanes-moan-rkn6-11", 20, 1e-8, 200, 1e-6, "t at most"),
     ],
 )
-def test_solutions_of_longer_spans_against_real_runs(scene, method, span, finest, longer, error, law):
+
+
+@LONGER
+@pytest.mark.usefixtures("laws")
+def test_solutions_of_longer_spans_by_laws(scene, method, span, finest, longer, error, law):
     """Where angles grow, errors are relative to the angles at the end."""
     found = bs.work_precision(scene, method, span=span, errors=(1e-2, finest), measure="solution", budget=BUDGET)
     chosen = found.best(error, span=longer)
     assert chosen.basis.endswith(f"errors grow like {law}")
     assert chosen.error == pytest.approx(real_error(scene, method, chosen.h, chosen.steps, 8), rel=0.2)
+
+
+@LONGER
+def test_solutions_of_longer_spans_by_the_modified_equation(scene, method, span, finest, longer, error, law):
+    """From a part of the span that the laws need."""
+    errors = (1e-2, finest)
+    found = bs.work_precision(scene, method, span=span / 4, errors=errors, measure="solution", budget=BUDGET)
+    chosen = found.best(error, span=longer)
+    assert chosen.basis.endswith("as the modified equation tells")
+    assert chosen.error <= error
+    assert chosen.error == pytest.approx(real_error(scene, method, chosen.h, chosen.steps, 8), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("scene", "methods", "span", "longer", "best"),
+    [
+        ("pendulum", ["rk4", "stormer-verlet"], 100, 3000, "rk4"),
+        ("lotka-volterra", ["rk4", "stormer-verlet"], 60, 1500, "rk4"),
+    ],
+)
+def test_what_grows_fastest_in_the_end_may_be_small_for_long(scene, methods, span, longer, best):
+    """The energy of rk4 drifts, but for this span and error it is the cheapest by far."""
+    found = bs.work_precision(scene, methods, span=span, errors=(1e-2, 1e-7), measure="solution", budget=5 * BUDGET)
+    chosen = found.best(1e-4, span=longer)
+    assert chosen.method == best
+    assert real_error(bs.scene(scene), best, chosen.h, chosen.steps, 4) < 1.1e-4
+
+
+def test_chaos_behind_the_span_that_was_measured_is_seen():
+    found = bs.work_precision("lorenz", ["rk4", "dop853"], span=2, errors=(1e-2, 1e-5), budget=BUDGET)
+    with pytest.raises(bs.IntegratorError, match="how errors grow on from 2 to 50 may be unknown"):
+        found.best(1e-4, span=50)
+    assert found.best(1e-4).error <= 1e-4  # control
 
 
 def test_energies_may_drift_where_modified_terms_cannot_be_had(pendulum, judge, monkeypatch):
@@ -338,6 +383,7 @@ def test_errors_that_grow_exponentially_are_noticed():
     assert uneven.error(RunErrors(solution=1.0, courses={"solution": times}), "solution") is None
 
 
+@pytest.mark.usefixtures("laws")
 def test_too_few_turns_do_not_tell_how_errors_grow():
     """From 1.6 turns of Kepler's ellipse dop853's error looks a hundred times too small after 8 turns."""
     kepler = bs.scene("kepler")

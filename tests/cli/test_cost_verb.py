@@ -99,7 +99,7 @@ def test_recommendations_for_longer_runs(answer):
     text = answer(*SMALL, "--measure", "energy", "--error", "1e-3", "--for", "1e4", "--no-predict")
     advice = next(line for line in text.splitlines() if line.startswith("Error 1e-03: "))
     assert "steps over 10000" in advice
-    assert "(measured over 10; extrapolated, as the energy " in advice
+    assert "(measured over 10; extrapolated, as the modified equation tells)" in advice
 
 
 def test_the_picture_is_written_and_the_text_goes_to_stdout(answer, tmp_path):
