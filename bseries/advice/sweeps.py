@@ -31,6 +31,8 @@ STIFF = 1e-4
 LEAST_SECONDS = 5e-9
 """No step takes less; so sweeps of methods that always fail come to an end."""
 
+SLOWEST, NUDGE = 10.0, 1e-6
+"""How many times |f|/|f'f| a scale of time may be, and by what part of y it is moved to find f'f."""
 LEAST_ERROR = 2.0**-60
 """Errors of 0, among logarithms."""
 MEASURED = Outlook()
@@ -91,18 +93,24 @@ class Curve(NamedTuple):
 def time_scale(scene: Scene) -> float:
     """|y|/|f(y)| at the start; the reciprocal of |f| if y is 0, and 1 in an equilibrium.
 
+    Near to an equilibrium f is small, and says little of what happens later: ten times |f|/|f'f| bounds it.
+
     Example:
         >>> import bseries as bs
-        >>> time_scale(bs.scene("linear"))
-        1.0
+        >>> time_scale(bs.scene("linear")), round(time_scale(bs.scene("pendulum").with_start(p=[0], q=["pi"])), 3)
+        (1.0, 10.0)
     """
     import numpy as np
 
     from integrators.scipy_bridge import right_hand_side
 
-    y = scene.y0
-    speed = float(np.linalg.norm(right_hand_side(scene)(0.0, y)))
-    return (float(np.linalg.norm(y)) or 1.0) / speed if speed else 1.0
+    f, y = right_hand_side(scene), scene.y0
+    here, size = f(0.0, y), float(np.linalg.norm(y)) or 1.0
+    speed = float(np.linalg.norm(here))
+    if not speed:
+        return 1.0
+    rate = float(np.linalg.norm(f(0.0, y + NUDGE * size / speed * here) - here)) / (NUDGE * size)
+    return min(size / speed, SLOWEST / rate) if rate > 0 else size / speed
 
 
 def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> tuple[Candidate, Swept]:
