@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .effect_variants import Names
     from .timing import Timing
 
+WRONG = 0.1
+"""A run whose own error is as large says nothing of what can be left out."""
 MARGIN = 2.0
 """Effects act on each other: leaving out two may change more than the sum of what leaving out each one does."""
 
@@ -94,6 +96,11 @@ def effect_influence(
     runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, progress)
     own_error = runs.own_error()
     accepted = getattr(own_error, measure) if wanted is None else wanted
+    if wanted is None and not accepted < WRONG:
+        raise SeriesError(
+            f"h must be small enough for a run that is right, or accept be given, but with {step:g} the error of the "
+            f"method itself is {accepted:.2g}"
+        )
     rows = [EffectRow(name, text, runs.alone(name), runs.without(name)) for name, text in variants.effects.items()]
     left_out = _recommended(runs, rows, measure, accepted, factor)
     times = _times(runs, left_out, parts, solver)

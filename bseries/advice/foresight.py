@@ -36,9 +36,8 @@ def foreseen(judge: Judge, curve: Curve, length: float, error: float, measure: s
         As `factor`.
     """
     rounded = curve.rounded(measure)
-    known = {
-        row.steps: found for row in curve.rows if (found := row.errors.error(measure)) and row.steps not in rounded
-    }
+    errors = {row.steps: row.errors.error(measure) for row in curve.rows if row.steps not in rounded}
+    known = {steps: size for steps, size in errors.items() if size}
     if not known:
         return None
     wanted = error * judge.span / length if measure == SOLUTION else error  # it grows linearly more often than not
@@ -81,7 +80,7 @@ def factor(judge: Judge, curve: Curve, steps: int, known: float, length: float, 
     expected = found.solution if measure == SOLUTION else found.energy
     if expected.value is None:
         return math.inf if _is_untold(expected) else None
-    return expected.value / known
+    return expected.value / known if expected.value > 0 else None  # only rounding
 
 
 def _is_untold(expected: ExpectedError) -> bool:

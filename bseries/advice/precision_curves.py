@@ -12,7 +12,7 @@ from integrators.errors import IntegratorError
 from integrators.expressions import shorten
 from integrators.scenes.base import Scene
 from integrators.scenes.registry import scene as built_in
-from integrators.steppers.run_input import check_progress, read_number, read_positive
+from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number, read_positive
 from integrators.steppers.states import StepError
 
 from .candidates import Candidate, Candidates, candidates
@@ -241,6 +241,10 @@ def check_errors(errors: Any) -> tuple[float, float]:
 def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
     """What measures errors; the default span is shortened until there is a reference solution."""
     if span is not None:
+        if not span < (longest := MOST_STEPS * time_scale(scene)):
+            raise IntegratorError(
+                f"span must be below {longest:.3g} for {scene.name}, whose f is so large, but was {span:g}"
+            )
         return Judge(scene, span, measures)
     length = _rounded(SPAN * time_scale(scene))
     if SOLUTION in measures:

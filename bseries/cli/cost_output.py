@@ -59,11 +59,11 @@ def _cell(seconds: float | None, least: float | None) -> str:
 def _advice(error: float, choice: Recommendation | str, prediction: Prediction | None) -> Iterator[str]:
     """The recommendation for an error, in sentences."""
     if isinstance(choice, str):
-        yield f"Error {error:.0e}: {choice}."
+        yield f"Error {_short(error)}: {choice}."
         return
     others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
     yield (
-        f"Error {error:.0e}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
+        f"Error {_short(error)}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
         f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
         + (f"; next {others}." if others else ".")
     )
@@ -91,3 +91,8 @@ def csv_rows(found: WorkPrecision) -> Iterator[layout.Row]:
             costs = (None,) * 4 if row.cost is None else row.cost
             errors = (getattr(row.errors, name) for name in CSV[-5:])
             yield layout.values(curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)
+
+
+def _short(error: float) -> str:
+    """A wanted error with the digits that it was given with."""
+    return next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)

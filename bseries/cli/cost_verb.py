@@ -14,7 +14,7 @@ from .application import Refusal
 from .cost_output import CSV, choice_facts, csv_rows, written
 from .method_argument import is_tableau_file, read_method
 from .number_option import read_float
-from .output import takes_output
+from .output import NO_LATEX, takes_output
 from .scene_argument import read_start, takes_scene
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..advice.recommendation import Recommendation
     from .output import Output
 
-FORMATS = ("table", "json", "csv", "markdown")
+PICTURES = (".png", ".svg", ".pdf")
 USUAL = (1e-3, 1e-6, 1e-9)
 """The errors that methods are recommended for where none is given."""
 OF_MODIFYING = "the field of a modifying integrator changes with the step"
@@ -38,12 +38,9 @@ def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(write)
     def call(*, path: str | None, format_: str | None, **options: Any) -> None:
-        from ..figures.saving import FORMATS as PICTURES
         from ..figures.saving import check_place
 
-        if format_ not in (None, *FORMATS):
-            raise Refusal(f"format must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
-        is_picture = path is not None and os.path.splitext(path)[1].lower().removeprefix(".") in PICTURES
+        is_picture = path is not None and os.path.splitext(path)[1].lower() in PICTURES
         if is_picture:
             check_place(str(path), "output")
         text_path = None if is_picture else path
@@ -71,7 +68,7 @@ def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
     "--predict/--no-predict", default=True, help="Whether to compare with what the modified equation lets expect."
 )
 @takes_picture
-@takes_output
+@functools.partial(takes_output, formats=NO_LATEX, also=PICTURES)
 def cost(
     scene: Scene,
     effects: Sequence[str],

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..advice.durations import whole_steps
+from ..advice.measures import SOLUTION
 from . import layout
 from .application import Refusal
 from .effects_output import write_costs, write_report
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 @click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative backwards in time.")
 @click.option("--span", metavar="T", help="How long the run is; without it, only what effects cost.")
 @click.option("--accept", metavar="E", help="The error that is accepted; by default, that of the method itself.")
-@click.option("--measure", metavar="NAME", default="solution", help="What E is an error of: solution or energy.")
+@click.option("--measure", metavar="NAME", help="What E is an error of: solution (by default) or energy.")
 @click.option(
     "--effect", "effects", metavar="NAME", multiple=True, shell_complete=complete_effect,
     help="An effect to look at; repeatable; by default, all.",
@@ -60,7 +61,7 @@ def effects(
     step: str | None,
     span: str | None,
     accept: str | None,
-    measure: str,
+    measure: str | None,
     effects: Sequence[str],
     parameters: Sequence[str],
     start: str | None,
@@ -97,7 +98,10 @@ def effects(
     }
     scene = load_file(scene_source) if is_path(scene_source) else scene_source
     if span is None:
-        return _costs(scene, method, accept, common, order, output)
+        for name, given in (("accept", accept), ("measure", measure)):
+            if given is not None:
+                raise Refusal(f"span must be given with --{name}, since influences grow with it, but was not")
+        return _costs(scene, method, common, order, output)
     if order is not None:
         raise Refusal("order must be left out with --span, which looks at no trees, but was given")
     from ..advice.effect_influences import effect_influence
@@ -109,7 +113,7 @@ def effects(
         method,
         span=length,
         accept=None if accept is None else read_given(accept, "accept"),
-        measure=measure,
+        measure=SOLUTION if measure is None else measure,
         progress=FirstRun(output.progress.update, common["h"], length),
         **common,
     )
@@ -151,15 +155,11 @@ class FirstRun:
         return time_only(self._h, self._total, "they are what is to be measured")
 
 
-def _costs(
-    scene: Any, method: Method, accept: str | None, common: dict[str, Any], order: int | None, output: Output
-) -> Iterable[str]:
+def _costs(scene: Any, method: Method, common: dict[str, Any], order: int | None, output: Output) -> Iterable[str]:
     """What effects cost, in any format."""
     from ..advice.effect_cost_rows import ORDER, effect_costs
     from ..advice.machine import machine
 
-    if accept is not None:
-        raise Refusal("span must be given with --accept, since influences grow with it, but was not")
     costs = effect_costs(scene, method, order=ORDER if order is None else order, **common)
     if output.format == "json":
         return [layout.json({**costs.to_dict(), "machine": machine()}, "rows")]

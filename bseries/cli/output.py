@@ -17,6 +17,8 @@ from .progress import Progress
 T = TypeVar("T")
 
 FORMATS = ("table", "json", "csv", "latex", "markdown")
+NO_LATEX = ("table", "json", "csv", "markdown")
+"""Of verbs that measure: nothing there is a formula."""
 SUFFIXES = {"": "table", ".txt": "table", ".json": "json", ".csv": "csv", ".tex": "latex", ".md": "markdown"}
 
 MOST_ROWS = 100_000
@@ -102,16 +104,24 @@ class WholeNumber(click.ParamType):
             raise Refusal(f"{name} must be a whole number, but was {value!r:.60}") from None
 
 
-def takes_output(verb: Callable[..., Iterable[str]]) -> Callable[..., None]:
-    """Give a verb the options --format and -o; it gets an `Output` and returns the text to write."""
+def takes_output(
+    verb: Callable[..., Iterable[str]], formats: Sequence[str] = FORMATS, also: Sequence[str] = ()
+) -> Callable[..., None]:
+    """Give a verb the options --format and -o; it gets an `Output` and returns the text to write.
 
-    @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(FORMATS)}; by default, table.")
+    Args:
+        verb: The verb.
+        formats: The formats that it has.
+        also: Suffixes of files that are not text and do not come here, for the sentence on wrong ones.
+    """
+
+    @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
     @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE; its suffix tells the format.")
     @functools.wraps(verb)
     def write(*, format_: str | None, path: str | None, **options: Any) -> None:
         target = None if path == "-" else path
         with Progress() as progress:
-            output = Output(_choose_format(format_, target), target, progress)
+            output = Output(_choose_format(format_, target, formats, also), target, progress)
             if target is not None:
                 _check_folder(target)
             output.write(verb(output=output, **options))
@@ -119,14 +129,14 @@ def takes_output(verb: Callable[..., Iterable[str]]) -> Callable[..., None]:
     return write
 
 
-def _choose_format(given: str | None, path: str | None) -> str:
+def _choose_format(given: str | None, path: str | None, formats: Sequence[str], also: Sequence[str]) -> str:
     if given is not None:
-        if given not in FORMATS:
-            raise Refusal(f"format must be one of {', '.join(FORMATS)}, but was {given!r:.60}")
+        if given not in formats:
+            raise Refusal(f"format must be one of {', '.join(formats)}, but was {given!r:.60}")
         return given
     suffix = os.path.splitext(path or "")[1].lower()
-    if suffix not in SUFFIXES:
-        known = ", ".join(filter(None, SUFFIXES))
+    if SUFFIXES.get(suffix) not in formats:
+        known = ", ".join([*(name for name, text in SUFFIXES.items() if name and text in formats), *also])
         raise Refusal(f"output must end in one of {known} where --format is not given, but was {path!r:.60}")
     return SUFFIXES[suffix]
 

@@ -16,7 +16,7 @@ from .expectation import Expectation
 from .layout import Column
 from .method_argument import complete_method, read_method
 from .number_option import read_given
-from .output import WholeNumber, takes_output
+from .output import NO_LATEX, WholeNumber, takes_output
 from .said_warnings import said_warnings
 from .scene_argument import head, place, read_parts, read_start, takes_parts, takes_scene
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from .method_argument import Method
     from .output import Output
 
-FORMATS = ("table", "json", "csv", "markdown")
 COLUMNS = (Column("what"), Column("start", True), Column("end", True), Column("change", True), Column("relative", True))
 LOOKS = 1000
 """How often something is observed where states are not kept."""
@@ -68,8 +67,6 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
     def call(*, path: str | None, format_: str | None, **options: Any) -> None:
         if path is not None and not path.lower().endswith(".npz"):
             raise Refusal(f"output must end in .npz, but was {path!r:.60}; the summary goes to stdout")
-        if format_ not in (None, *FORMATS):
-            raise Refusal(f"format must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
         write(path=None, format_=format_ or "table", to=path, **options)
 
     return call
@@ -99,7 +96,7 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
 )
 @takes_ensemble
 @takes_trajectory_file
-@takes_output
+@functools.partial(takes_output, formats=NO_LATEX)
 def simulate(
     scene: Scene,
     method: Method,

@@ -401,6 +401,12 @@ def test_a_method_must_follow_the_field():
     assert found.solution.reason == "method must be consistent, but slow follows 0.833 times the field"
 
 
+@pytest.mark.parametrize(("h", "steps"), [(1e308, 10), (1e300, 10**10)])
+def test_times_beyond_all_numbers(h, steps):
+    with pytest.raises(bs.IntegratorError, match="h must be small enough for a finite time"):
+        predicted(PENDULUM, "rk4", h, steps)
+
+
 @pytest.mark.parametrize("option", ["to", "checkpoint"])
 def test_a_prediction_leaves_files_alone(option, tmp_path):
     path = tmp_path / "run.npz"

@@ -9,6 +9,8 @@ import json
 import pytest
 
 import bseries as bs
+from bseries.cli.cost_verb import PICTURES
+from bseries.figures.saving import FORMATS
 
 SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
 
@@ -133,6 +135,8 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--span", "0"), "span must be positive"),
         (("pendulum", "--measure", "x"), "measure must be one of solution, energy, modified-energy, but was 'x'"),
         (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, but was 'latex'"),
+        (("pendulum", "-o", "k.tex"), "output must end in one of .txt, .json, .csv, .md, .png, .svg, .pdf where"),
+        (("pendulum", "--span", "1e300"), "span must be below 1.35e+16 for pendulum"),
         (("pendulum", "-o", "missing/cost.png"), "output must be a file in a folder that is there"),
         (("pendulum", "-o", "cost.jpg"), "output must end in one of"),
         ((*SMALL[1:], "--for", "5"), "for must be at least the span measured, 10, but was 5"),
@@ -143,3 +147,15 @@ def test_refusals(run, arguments, message):
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_pictures_have_all_formats_that_can_be_saved():
+    assert {f".{name}" for name in FORMATS} == {*PICTURES}
+
+
+def test_errors_are_shown_as_they_were_given(answer):
+    text = answer(*SMALL, "--error", "2.5e-3", "--error", "1e-3", "--no-predict")
+    assert [line.split(":")[0] for line in text.splitlines() if line.startswith("Error")] == [
+        "Error 2.5e-03",
+        "Error 1e-03",
+    ]

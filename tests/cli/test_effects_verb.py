@@ -142,6 +142,15 @@ MISTAKES = {
     "unknown effect": ("kepler --method rk4 --step 0.1 --span 2 --effect wind", "effects must be of relativity"),
     "parameter": ("pendulum --method rk4 --step 0.1 --span 2 --parameter mass=2", "parameters must be of"),
     "accept alone": ("pendulum --method rk4 --step 0.1 --accept 1", "span must be given with --accept"),
+    "measure alone": ("pendulum --method rk4 --step 0.1 --measure energy", "span must be given with --measure"),
+    "a run that is wrong": (
+        "kepler --method rk4 --step 0.02 --span 6 --start p=0,1",
+        "h must be small enough for a run that is right, or accept be given, but with 0.02 the error of the method",
+    ),
+    "energies beyond all numbers": (
+        "pendulum --method rk4 --step 0.05 --span 1 --effect damping --start p=1e300 --measure energy",
+        "the error of the method itself is inf",
+    ),
     "order": ("pendulum --method rk4 --step 0.1 --span 1 --order 3", "order must be left out with --span"),
     "no number": ("pendulum --method rk4 --step x --span 1", "step must be"),
     "span": ("pendulum --method rk4 --step 0.1 --span -1", "span must be positive"),
