@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 NYSTROM = (
     *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),
-    *("dormand-prince54", "dop853", "gauss2", "gauss4", "gauss6"),
+    *("dormand-prince54", "dop853", "gauss2", "gauss4", "gauss6", "gauss8"),
 )
 """For q'' = g(q)."""
 SPLIT = (
@@ -43,7 +43,7 @@ MODIFYING = "modifying-midpoint"
 """The implicit midpoint rule on its modifying field; the order is given behind the name."""
 MODIFYING_ORDERS = (4, 6)
 ALL = "all"
-MOST_STAGES = 6
+MOST_STAGES = 8
 """Of families, where all methods are asked for."""
 
 

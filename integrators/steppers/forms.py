@@ -126,7 +126,9 @@ class FormWriter:
 
         With compensation, y + e is the sum so far, and y is that rounded: the increment takes e along. If e were added
         only when it is as large as a unit in the last place of y, it would remember where y came from, with a bias for
-        some step sizes (0.1 or 0.01, whose binary digits are periodic), and first integrals would drift.
+        some step sizes (0.1 or 0.01, whose binary digits are periodic), and first integrals would drift. So they would
+        with shorter ways, a field that sees y + h s without the carry, or an increment that is rounded before it is
+        added: on Kepler's problem by 20 to 100 standard errors in 10^7 steps of 0.05 or 0.04.
 
         References:
             N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, section 4.3; HLW, section VIII.5.
