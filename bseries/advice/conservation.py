@@ -18,7 +18,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from .growth import goes_on
-from .modified_terms import inverse_structure
+from .structure_functions import inverse_structure
 
 if TYPE_CHECKING:
     import numpy as np

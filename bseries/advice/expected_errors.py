@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import warnings
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from integrators import IntegratorError, StepError
 
 from ..exceptions import SeriesError
 from .conservation import may_drift
-from .distances import energy_size, largest_size, norms, without_time
-from .growth import (
-    EVEN,
-    REGULAR,
-    agreed,
-    disagreement,
-    energy_after,
-    goes_on,
-    most_disagreement,
-    parts_of,
-    power,
-    size_after,
-    size_of_states_after,
-)
+from .energy_errors import expected_energy_error
+from .expected_error import NO_ENERGY, ONLY_ROUNDING, ExpectedError
+from .solution_errors import expected_solution_error
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,53 +19,6 @@ if TYPE_CHECKING:
     from integrators import Scene
 
     from ..coefficients import Method
-    from .pilot import Pilot
-
-AGREEMENT = 2.0
-"""Two ways to an expected error may differ by this factor."""
-LOST = 0.5
-"""What is left of errors by the bounds of an orbit, if they are beyond it."""
-LARGEST_CHANGE = 0.05
-"""An energy that drifts by a larger part of what it is made of makes another orbit; one that oscillates, by all."""
-NEAR = 1e-2
-"""How far, relative to the size of the orbit, a kicked solution may get for its distance to be linear in the kicks."""
-ROUNDING = 1e-14
-"""Below such relative errors rounding decides."""
-
-NO_ENERGY = "there is no energy that the scene conserves"
-TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead to errors that differ by more than 2"
-ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
-UNTOLD = "how it grows cannot be told from the time to t = {last:.3g}"
-ONLY_ROUNDING = "rounding will be larger"
-NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
-TELLING = 1e-8
-"""If the modified equation leads away by so much of a state or an energy, that is no rounding of the pilot."""
-BEYOND = 2.0
-"""No variable gets further away, in parts of the range where it moves, as long as the motion is of the same kind."""
-SMALL = 0.02
-"""As long as it leads no further away, in parts of a state, that solution can be made in a few passes."""
-SAMPLES = 512
-"""At so many states energies are compared."""
-
-
-class ExpectedError(NamedTuple):
-    """An error that is expected, or why it cannot be known.
-
-    Attributes:
-        value: The error; None where it cannot be known.
-        reason: Why not, or what is to be said of the value; empty if nothing.
-
-    Example:
-        >>> print(ExpectedError(2.13e-7), ExpectedError(None, "there is no energy"))
-        2.1e-07 unknown: there is no energy
-    """
-
-    value: float | None
-    reason: str = ""
-
-    def __str__(self) -> str:
-        text = "unknown" if self.value is None else f"{self.value:.1e}"
-        return f"{text}: {self.reason}" if self.reason else text
 
 
 def expected_errors(
@@ -115,111 +56,6 @@ def expected_errors(
         return unknown("terms of the modified equation are not finite along the solution")
     drifts = may_drift(terms, found.y)
     times = max(1.0, h * steps / found.t[-1])
-    energy = _energy(scene, found, times, y0, drifts)
-    solution = _solution(scene, found, times, drifts, energy)
+    energy = expected_energy_error(scene, found, times, y0, drifts)
+    solution = expected_solution_error(scene, found, times, drifts, energy)
     return energy, solution, found.powers, float(1 / times)
-
-
-def _energy(scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool) -> ExpectedError:
-    """The largest change of the energy."""
-    if found.changes is None:
-        return ExpectedError(None, NO_ENERGY)
-    size = energy_size(scene, y0)
-    expected, fewer = (
-        energy_after(found.changes[:terms].sum(axis=0) / size, times, drifts=drifts)
-        for terms in (len(found.changes), max(1, len(found.changes) - 1))
-    )
-    if expected.high < ROUNDING:
-        return _with_rounding(expected.value)
-    if disagreement(expected.value, fewer.value) > AGREEMENT:
-        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    if expected.value * size > (LARGEST_CHANGE if drifts else 1.0) * _energy_of_orbit(scene, found):
-        return ExpectedError(None, ANOTHER_ORBIT)
-    if not _changes_linearly(scene, found, found.changes, size):
-        return ExpectedError(None, NOT_SMALL)
-    if expected.disagreement > most_disagreement(drifts):
-        return ExpectedError(None, UNTOLD.format(last=found.t[-1]))
-    return _with_rounding(expected.value)
-
-
-def _followed(scene: Scene, found: Pilot) -> int:
-    """How many points the solution that the modified equation leads to stays near to the flow."""
-    import numpy as np
-
-    sizes = norms(without_time(scene, found.followed))
-    away = np.flatnonzero(~(sizes <= SMALL * largest_size(without_time(scene, found.y))))
-    return int(away[0]) if len(away) else len(sizes)
-
-
-def _changes_linearly(scene: Scene, found: Pilot, changes: np.ndarray, size: float) -> bool:
-    """Whether the energy of that solution changes as it does to first order."""
-    import numpy as np
-
-    from integrators.observers import observers
-
-    energy, at = observers(scene, "energy"), np.linspace(0, _followed(scene, found) - 1, SAMPLES).astype(int)
-    there, here = (
-        np.array([energy(t, y)[0] for t, y in zip(found.t[at], states[:, at].T, strict=True)])
-        for states in (found.y + found.followed, found.y)
-    )
-    followed, linear = (float(abs(x).max()) / size for x in (there - here, changes.sum(axis=0)[at]))
-    return max(followed, linear) < TELLING or disagreement(followed, linear) <= AGREEMENT
-
-
-def _energy_of_orbit(scene: Scene, found: Pilot) -> float:
-    """What the energy of an orbit is made of: the mean of Σ |∂H/∂y_i · y_i| / 2, which for oscillators is H.
-
-    Unlike H it does not vanish where a constant is added. Angles go on, and count with their sizes only.
-    """
-    import numpy as np
-
-    from .pilot import gradient
-
-    slopes, places = abs(gradient(scene)(found.y)), np.minimum(abs(found.y), found.sizes[:, None])
-    return float((slopes * places).sum(axis=0).mean() / 2)
-
-
-def _solution(scene: Scene, found: Pilot, times: float, drifts: bool, energy: ExpectedError) -> ExpectedError:
-    """The largest error of the solution."""
-    import numpy as np
-
-    if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
-        return energy
-    seen, y = found.checked.shape[1], without_time(scene, found.y)
-    errors, followed = (without_time(scene, e) for e in (found.errors, found.followed))
-    if disagreement(*(norms(e).max() for e in (found.errors[:, :seen], found.checked))) > AGREEMENT:
-        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    on, size = np.array([goes_on(row) for row in y]), largest_size(y)
-    ranges = np.where(on, math.inf, np.ptp(y, axis=1))
-    known = np.isfinite(followed).all(axis=0)
-    away, linear = (norms(np.minimum(abs(e[:, known]), ranges[:, None])).max() for e in (followed, errors))
-    if TELLING * size < away < SMALL * size:
-        if not known.all():  # lost although it is near
-            return ExpectedError(None, NOT_SMALL)
-        errors = followed
-    elif away >= SMALL * size and disagreement(away, linear) > REGULAR:
-        return ExpectedError(None, NOT_SMALL)
-    sizes = norms(errors)
-    if (abs(followed[:, known]).max(axis=1) > BEYOND * ranges + TELLING * size).any():
-        return ExpectedError(None, NOT_SMALL)
-
-    def bounded(points: int, factor: float) -> tuple[float, float]:
-        """The size, and the part of it that is left when no variable is off by more than the range where it moves."""
-        each = np.array([[size_after(abs(row[:points]), factor, power(drifts))] for row in errors])
-        left = float(norms(np.minimum(each, ranges[:, None]))[0] / norms(each)[0]) if each.any() else 1.0
-        return size_after(sizes[:points], factor, power(drifts)), left
-
-    free, left = zip(*(bounded(*part) for part in parts_of(len(sizes), times)), strict=True)
-    expected = agreed(size * least for size, least in zip(free, left, strict=True))
-    states, ends = size_of_states_after(y, times), min(left) < LOST
-    value = expected.value / states.value
-    is_linear = found.kicked < NEAR * largest_size(without_time(scene, found.sizes[:, None]))
-    is_lost = value > LOST and bool(on.any())  # nothing says where errors of variables that go on will end
-    grows_evenly = expected.disagreement <= REGULAR and states.disagreement <= EVEN
-    if not grows_evenly or is_lost or not (ends or is_linear):
-        return ExpectedError(None, UNTOLD.format(last=found.t[-1]) + ", as in chaos")
-    return ExpectedError(value, "as large as orbits are") if ends else _with_rounding(value)
-
-
-def _with_rounding(value: float) -> ExpectedError:
-    return ExpectedError(value, "" if value > ROUNDING else ONLY_ROUNDING)

@@ -9,7 +9,7 @@ from integrators.errors import IntegratorError
 
 from ..exceptions import SeriesError
 from .durations import whole_steps
-from .expected_errors import ANOTHER_ORBIT, NOT_SMALL, ExpectedError
+from .expected_error import ANOTHER_ORBIT, NOT_SMALL, ExpectedError
 from .measures import MODIFIED_ENERGY, SOLUTION
 from .prediction import predict_run
 

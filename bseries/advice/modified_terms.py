@@ -8,9 +8,10 @@ from ..evaluation import modified_field
 from ..exceptions import SeriesError
 from ..structure import symmetry, symplecticity
 from .growth import goes_on
+from .structure_functions import inverse_structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import numpy as np
 
@@ -138,37 +139,6 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
                 powers = _powers(field, exact)
             return ModifiedTerms(field, powers)
     raise SeriesError(f"method must have an order below {ORDERS[-1]} for terms of its modified equation, but has not")
-
-
-def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None:
-    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None where there is none.
-
-    Example:
-        >>> import bseries as bs, numpy as np
-        >>> f = bs.modified_field(bs.method("rk4"), bs.scene("lotka-volterra"), 1)
-        >>> y = np.array([2.0, 3.0])
-        >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
-        [0.5, 0.333333333333]
-    """
-    import numpy as np
-
-    if not scene.is_hamiltonian:
-        return None
-    if scene.canonical_pair is not None:
-        p, q = scene.canonical_pair
-        fixed = np.zeros((scene.dimension, scene.dimension))
-        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
-        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
-        return lambda y: fixed
-    import sympy
-
-    if scene.poisson is None:
-        return None
-    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
-    if matrix.det().equals(0):
-        return None
-    function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)
-    return lambda y: np.linalg.inv(np.array(function(y), float))
 
 
 def in_floats(method: Method) -> Program:

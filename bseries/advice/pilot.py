@@ -12,20 +12,16 @@ from __future__ import annotations
 
 import math
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-from integrators.steppers.states import StepError
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
 from ..term_sizes import Reach
 from .distances import largest_size, norms, without_time
-from .modified_terms import inverse_structure
+from .pilot_walk import RESOLUTION, Walk, exact_states
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from integrators import Scene
 
     from ..evaluation import SceneSeries
     from .modified_terms import ModifiedTerms
@@ -33,22 +29,9 @@ if TYPE_CHECKING:
 SECONDS = 4.0
 """CPU time for a pilot of a large scene; those of small ones have all points in a tenth of that on any machine."""
 FIRST_BLOCK, MOST_POINTS = 256, 2**14
-CHECKED = 512
-"""As long as there are not so many grid points, errors are also computed with fewer terms."""
-RESOLUTION = 6
-"""Grid points in the time τ with τ² = |f|/|f'f'f + f"(f, f)/4| in which f turns at most: 1/ω for an oscillator."""
-SUBSTEPS = 3
-"""Steps of the flow between grid points."""
-METHOD = "dop853"
-PASSES, AT_ONCE, SETTLED = 10, 32, 1e-4
-"""How often r is evaluated along the solution that it leads to, over how many points, and what the last may change."""
 FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
-DISTANCE = 1e-9
-"""How far, relative to its size, kicks take the second solution while f turns."""
 UNIT = 2.0**-53
 """What rounding does to a number, relative to it."""
-CANCELLED = 2.0**-46
-"""Sums that are so small a part of their terms are 0 but for rounding."""
 
 
 class Pilot(NamedTuple):
@@ -108,11 +91,11 @@ def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float
     import numpy as np
 
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
-    first = _states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
+    first = exact_states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
     reach, size = _reach(terms, first, h), largest_size(without_time(terms.field.scene, first))
     if total <= RESOLUTION and abs(span) * sum(reach.sizes[k] for k in terms.powers) < UNIT * size:
         return None
-    walk = _Walk(terms, y0, h, span / total, t0, reach, size)
+    walk = Walk(terms, y0, h, span / total, t0, reach, size)
     walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
     began = thread_time()
     while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
@@ -136,7 +119,7 @@ def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> fl
     spacing, went_down = min(whole, _turning_time(field, y0[:, None], all_terms=True) / RESOLUTION), False
     for _ in range(MOST_REFINEMENTS):
         points = min(FIRST_BLOCK, math.ceil(whole / spacing))
-        states = _states(field.scene, y0, math.copysign(spacing, span), points, t0)
+        states = exact_states(field.scene, y0, math.copysign(spacing, span), points, t0)
         wanted = _turning_time(field, states) / RESOLUTION
         if spacing > FINER * wanted:
             spacing, went_down = wanted, True
@@ -162,14 +145,6 @@ def _turning_time(field: SceneSeries, y: np.ndarray, all_terms: bool = False) ->
     return float((f[once > 0] / (2 * once[once > 0])).min(initial=least) if all_terms else least)
 
 
-def _states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float) -> np.ndarray:
-    """The exact flow at a grid point and so many next ones."""
-    from integrators import integrate
-
-    step = spacing / SUBSTEPS
-    return integrate(scene, METHOD, h=step, steps=SUBSTEPS * points, save_every=SUBSTEPS, y0=y0, t0=t0).y
-
-
 def _reach(terms: ModifiedTerms, y: np.ndarray, h: float) -> Reach:
     """The mean sizes of the terms at some states."""
     import numpy as np
@@ -182,134 +157,3 @@ def _reach(terms: ModifiedTerms, y: np.ndarray, h: float) -> Reach:
     if not sizes[list(terms.powers)].any():
         raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
     return Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(sizes.tolist()))
-
-
-def _shrinking(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
-    """The powers of h whose terms shrink: two if there are, for of a single one nothing tells how good it is."""
-    found = tuple(k for k in powers if k <= reach.optimal_power)
-    if len(found) < min(2, len(powers)):
-        before, power = [(0, *powers)[len(found) + i] for i in (0, 1)]
-        if reach.sizes[power]:
-            raise SeriesError(
-                f"h must be small enough for the terms of the modified equation to shrink, but was {reach.h:g}, where "
-                f"the one with h^{power} is {reach.sizes[power] / reach.sizes[before]:.1g} times that with h^{before}"
-            )
-    return found
-
-
-class _Walk:
-    """A pilot under way: the flow, and solutions that are kicked, as strongly as the first states tell."""
-
-    def __init__(
-        self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, reach: Reach, size: float
-    ):
-        import numpy as np
-
-        from integrators.steppers.stepping import stepper
-
-        self.spacing, self.done = spacing, 0
-        self._terms, self._h, self._t0, self._last = terms, h, t0, y0
-        scene = terms.field.scene
-        self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
-        self.powers = _shrinking(reach, terms.powers)
-        self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
-        first = y0[:, None]
-        (whole, fewer), rates = self._perturbation(first)
-        self._scales = self.scale, self.scale, 1.0
-        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
-        for state, scale, r in zip(self._kicked, self._scales, (whole, fewer, whole), strict=True):
-            state.values += scale * spacing / 2 * r[:, 0]
-        nothing = np.zeros_like(first)
-        self.pieces, self.checked = [(first, nothing, nothing, rates)], [nothing]
-
-    def _perturbation(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """r with all powers and with one less, and the rates of change of the energy by power."""
-        import numpy as np
-
-        values = self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
-        sums = [values.sum(axis=0), values[: max(1, len(self.powers) - 1)].sum(axis=0)]
-        if self._gradient is None:
-            return sums, np.empty((0, y.shape[1]))
-        products = self._gradient(y) * values
-        rates = products.sum(axis=1)
-        rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
-        return sums, rates
-
-    def go_on(self, points: int) -> None:
-        """Follow the flow for so many grid points."""
-        t = self._t0 + self.done * self.spacing
-        y = _states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
-        (whole, fewer), rates = self._perturbation(y)
-        self.pieces.append((y, self._errors(0, whole, y), self._followed(y), rates))
-        if self.done < CHECKED:
-            self.checked.append(self._errors(1, fewer, y))
-        self._last, self.done = y[:, -1].copy(), self.done + points
-
-    def _followed(self, y: np.ndarray) -> np.ndarray:
-        """How far the solution that r itself is added to is from the flow; nan from where on that is not found.
-
-        r is evaluated where the pass before has led: along the flow it would be a force with the period of the orbit,
-        to which orbits lock that have a period of their own.
-        """
-        import numpy as np
-
-        found = np.full(y.shape, np.nan)
-        last = self.pieces[-1][2][:, -1:]
-        for first in range(0, y.shape[1], AT_ONCE):
-            here, begin = slice(first, first + AT_ONCE), self._kicked[2]
-            errors = last
-            for _ in range(PASSES):
-                self._kicked[2], before = begin.copy(), errors
-                (r, _), _ = self._perturbation(y[:, here] + errors)
-                errors = self._errors(2, r, y[:, here])
-                if abs(errors - before).max() <= SETTLED * abs(errors).max():
-                    break
-            else:
-                break
-            found[:, here], last = errors, errors[:, -1:]
-        return found
-
-    def _errors(self, which: int, r: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """How far a kicked solution is from the flow, between the two halves of the kicks."""
-        import numpy as np
-
-        from .kicks import kick
-
-        state, scale = self._kicked[which], self._scales[which]
-        rows, first = np.empty((y.shape[1], len(y) + 1)), state.n
-        rows[:, 0], rows[:, 1:] = len(y), scale * self.spacing / 2 * r.T
-        steps = SUBSTEPS * len(rows)
-        try:
-            self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
-        except StepError:
-            if scale != 1.0:
-                raise
-            rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # what r leads to may end where the flow does not
-        return (rows[:, 1:].T - y) / scale
-
-
-def gradient(scene: Scene) -> Any:
-    """A function that gives ∇H at many points (variables, n); None if the energy is not conserved.
-
-    Example:
-        >>> import bseries as bs, numpy as np
-        >>> gradient(bs.scene("pendulum"))(np.array([[1.0], [0.0]])).ravel().tolist()
-        [1.0, 0.0]
-    """
-    import numpy as np
-
-    if not scene.is_hamiltonian:
-        return None
-    from integrators import method
-
-    inverse = inverse_structure(scene) if scene.canonical_pair is not None else None
-    if inverse is not None:
-        field, matrix = modified_field(method("explicit-euler"), scene, 1), inverse(np.zeros(scene.dimension))
-        return lambda y: matrix @ field.terms(y)[0]
-    import sympy
-
-    formula: Any = scene.hamiltonian
-    values: Any = list(scene.parameter_values.items())
-    gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]
-    function = sympy.lambdify([scene.symbols], gradients, "numpy", cse=True)
-    return lambda y: np.array([np.broadcast_to(row, y.shape[1:]) for row in function(y)])

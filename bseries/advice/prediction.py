@@ -10,7 +10,8 @@ from integrators.steppers.run_input import check_end, read_positive, read_steps
 
 from .calibration import seconds_per_step as calibrated
 from .durations import duration
-from .expected_errors import ExpectedError, expected_errors
+from .expected_error import ExpectedError
+from .expected_errors import expected_errors
 
 if TYPE_CHECKING:
     from integrators import Scene
