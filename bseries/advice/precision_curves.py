@@ -180,6 +180,10 @@ def work_precision(
     if SOLUTION not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
     length = None if span is None else read_positive(span, "span")
+    if length is not None and not length < (longest := MOST_STEPS * time_scale(scene)):
+        raise IntegratorError(
+            f"span must be below {longest:.3g} for {scene.name}, whose f is so large, but was {length:g}"
+        )
     chosen = candidates(scene, methods)
     total = 2 * len(chosen.found)
     report = progress or (lambda done, total: None)
@@ -241,10 +245,6 @@ def check_errors(errors: Any) -> tuple[float, float]:
 def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
     """What measures errors; the default span is shortened until there is a reference solution."""
     if span is not None:
-        if not span < (longest := MOST_STEPS * time_scale(scene)):
-            raise IntegratorError(
-                f"span must be below {longest:.3g} for {scene.name}, whose f is so large, but was {span:g}"
-            )
         return Judge(scene, span, measures)
     length = _rounded(SPAN * time_scale(scene))
     if SOLUTION in measures:
