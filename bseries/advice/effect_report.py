@@ -7,6 +7,9 @@ from typing import Any, NamedTuple
 
 from .timing import Timing
 
+MEASURABLE = 0.03
+"""Steps whose times differ by a smaller part take the same: so much code is moved by whatever else changes."""
+
 
 class Influence(NamedTuple):
     """How far two runs are apart in the variables that they share.
@@ -151,7 +154,7 @@ class EffectReport(NamedTuple):
 
     def _saving(self) -> str:
         """What the recommendation does to the time of a step."""
-        if abs(self.saved) <= (self.full.spread + self.kept.spread) / 2:
+        if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
             return ", which changes the time of a step by less than it varies"
         if self.saved < 0:
             return f", though a step takes {-self.saved:.0%} longer"

@@ -14,6 +14,7 @@ from .foresight import factor
 from .measures import MEASURES, check_measure
 from .outlook import Outlook, best_outlook
 from .step_costs import SAMPLE, step_costs
+from .sweeps import ROUNDING
 
 if TYPE_CHECKING:
     from .precision_curves import WorkPrecision
@@ -25,6 +26,8 @@ NEAR = 1.6
 MOST_EXAMINED = 4
 NARROW = 1.02
 """The largest step is known within this factor."""
+FINER = tuple(1.01**k for k in range(1, 21))
+"""By what factors more steps are tried, to see that they meet the error as well."""
 CHECKS, MET = 3, 0.9
 """How often the factor by which errors grow is found anew, and how much of the error may be used up until it is not."""
 
@@ -158,6 +161,9 @@ def _near(curves: list[tuple[Curve, Outlook]], error: float, measure: str) -> li
 def largest_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, measure: str) -> Step | None:
     """The largest step that meets an error as all smaller ones of the rows do, bisected by runs.
 
+    Steps that are a little smaller are tried, too: where errors go up and down, that one met it by luck. Only rounding
+    may make them larger again, and how they grow in longer runs may be unknown.
+
     Args:
         judge: What makes runs.
         curve: The method and its rows.
@@ -177,10 +183,19 @@ def largest_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, measu
     while bad == 0 and good > 1:
         half = good // 2
         good, bad = (half, 0) if meets(half) else (good, half)
-    while bad and good > max(bad + 1, NARROW * bad):
-        middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
-        good, bad = (middle, bad) if meets(middle) else (good, middle)
-    return Step(curve, ahead, good, tries[good])
+    while True:
+        while bad and good > max(bad + 1, NARROW * bad):
+            middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
+            good, bad = (middle, bad) if meets(middle) else (good, middle)
+        later = sorted(n for n in {round(good * factor) for factor in FINER} if n > good)
+        failed = [n for n in later if not (tries[n] <= error if n in tries else meets(n))]
+        missed = [n for n in failed if tries[n] >= ROUNDING and (ahead.times <= 1 or math.isfinite(tries[n]))]
+        if not missed:
+            return Step(curve, ahead, good, tries[good])
+        beyond = [n for n, size in tries.items() if n > missed[-1] and size <= error]
+        if not beyond:
+            return None
+        good, bad = min(beyond), missed[-1]
 
 
 def bracket(sizes: Mapping[int, float], error: float, rounded: Collection[int] = ()) -> tuple[int | None, int]:

@@ -38,10 +38,13 @@ def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(write)
     def call(*, path: str | None, format_: str | None, **options: Any) -> None:
+        from integrators.optional_modules import optional_module
+
         from ..figures.saving import check_place
 
         is_picture = path is not None and os.path.splitext(path)[1].lower() in PICTURES
         if is_picture:
+            optional_module("matplotlib", "pictures")
             check_place(str(path), "output")
         text_path = None if is_picture else path
         write(path=text_path, format_=format_, picture=path if is_picture else None, **options)

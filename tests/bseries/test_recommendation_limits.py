@@ -39,15 +39,18 @@ def curve_of(errors, courses=None):
     return Curve(candidate(bs.scene("pendulum"), "rk4"), tuple(rows))
 
 
-class Useless:
-    """In place of a judge: runs that never meet an error."""
+class From:
+    """In place of a judge: runs that meet any error from so many steps on, but for some numbers of steps."""
+
+    def __init__(self, least, *but):
+        self.least, self.but = least, but
 
     def run(self, candidate, steps):
-        return evenly(1.0)
+        return evenly(1.0 if steps < self.least or steps in self.but else 1e-13)
 
 
 def test_nothing_is_recommended_where_finer_steps_say_nothing():
-    runs, exponential = Useless(), np.exp(20 * np.linspace(-1, 0, 201))
+    runs, exponential = From(20), np.exp(20 * np.linspace(-1, 0, 201))
     met = curve_of({10: 1e-2, 20: 1e-5, 40: 1e-6})
     for ahead in (Outlook(), Outlook(4.0)):
         step = largest_step(runs, met, ahead, 1e-4, "solution")
@@ -62,8 +65,16 @@ def test_nothing_is_recommended_where_finer_steps_say_nothing():
     assert largest_step(runs, lucky, Outlook(), 1e-4, "solution") is None
 
 
+def test_a_step_that_meets_the_error_between_others_that_do_not_is_luck():
+    found = curve_of({50: 1e-2, 100: 1e-5, 200: 1e-6})
+    for but, expected in (((), 100), ((103,), 104), ((103, 117), 118), ((150,), 100)):
+        step = largest_step(From(100, *but), found, Outlook(), 1e-4, "solution")
+        assert step is not None
+        assert step.steps == expected
+
+
 def test_only_rounding_may_make_errors_of_finer_steps_larger():
-    runs = Useless()
+    runs = From(20)
     for rounding in (3e-13, 9e-10):
         found = curve_of({10: 1e-2, 20: 2e-13, 40: rounding})
         step = largest_step(runs, found, Outlook(), 2e-13, "solution")
