@@ -18,7 +18,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from .growth import goes_on
-from .structure_functions import inverse_structure
+from .structure_functions import gradient, inverse_structure
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,6 +33,8 @@ POINTS, EQUAL = 8, 1e-9
 """At how many states fields are compared with their reflections, and how well they agree if they are reversible."""
 NEAR = 0.15
 """How near to an orbit, in parts of the range of each variable, its own reflection comes; others are half of it off."""
+BESIDE = 0.01
+"""How far beside an orbit, in parts of its size."""
 TURN = 64
 """Points for a mean over an angle."""
 
@@ -61,6 +63,25 @@ def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
         turns = _turns(terms, y, some, there)
         is_hamiltonian = terms.is_hamiltonian(y, terms.powers) and not _gains(terms, some[:, 0], turns)
         return not (is_hamiltonian or _is_reversible(terms, y, some, there, turns))
+
+
+def conserves_energy(terms: ModifiedTerms, y: np.ndarray) -> bool:
+    """Whether the terms conserve the energy, on an orbit and beside it: on a circle others may seem to do so.
+
+    Args:
+        terms: The terms.
+        y: States (variables, n) along the orbit.
+    """
+    import numpy as np
+
+    slopes = gradient(terms.field.scene)
+    if slopes is None:
+        return False
+    some = y[:, np.linspace(0, y.shape[1] - 1, POINTS).astype(int)]
+    aside = some + BESIDE * abs(y).max() * np.random.default_rng(1).uniform(-1, 1, some.shape)
+    with np.errstate(all="ignore"):
+        products = slopes(aside) * terms.values(aside)
+    return bool((abs(products.sum(axis=1)) <= EQUAL * abs(products).sum(axis=1)).all())
 
 
 def _gains(terms: ModifiedTerms, y: np.ndarray, turns: np.ndarray) -> bool:

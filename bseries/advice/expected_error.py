@@ -18,6 +18,7 @@ TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead 
 ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
 UNTOLD = "how it grows cannot be told from the time to t = {last:.3g}"
 ONLY_ROUNDING = "rounding will be larger"
+OF_HIGHER_ORDER = "to first order it does not change on this orbit, beside which it would"
 NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
 
 

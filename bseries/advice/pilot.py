@@ -149,11 +149,19 @@ def _reach(terms: ModifiedTerms, y: np.ndarray, h: float) -> Reach:
     """The mean sizes of the terms at some states."""
     import numpy as np
 
-    sizes = np.zeros(terms.field.order)
+    sizes, each = np.zeros(terms.field.order), np.array([norms(values) for values in terms.values(y)])
     sizes[0] = norms(terms.field.terms(y)[0]).mean()
-    sizes[list(terms.powers)] = [norms(values).mean() for values in terms.values(y)]
+    sizes[list(terms.powers)] = each.mean(axis=1)
     if not np.isfinite(sizes).all():
         raise SeriesError("y0 must be where terms of the modified equation are finite, but there are some that are not")
     if not sizes[list(terms.powers)].any():
         raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
+    if len(each) > 1:
+        first, second = each[:2, each[0].argmax()]
+        ratio = second / first * np.float64(abs(h)) ** (terms.powers[1] - terms.powers[0])
+        if ratio > 1:
+            raise SeriesError(
+                f"h must be small enough for the terms of the modified equation to shrink where they are largest, but "
+                f"was {h:g}, where the one with h^{terms.powers[1]} is {ratio:.1g} times that with h^{terms.powers[0]}"
+            )
     return Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(sizes.tolist()))

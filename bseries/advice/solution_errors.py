@@ -9,6 +9,7 @@ from .distances import largest_size, norms, without_time
 from .expected_error import (
     AGREEMENT,
     ANOTHER_ORBIT,
+    NO_ENERGY,
     NOT_SMALL,
     SMALL,
     TELLING,
@@ -64,7 +65,8 @@ def expected_solution_error(
     is_linear = found.kicked < NEAR * largest_size(without_time(scene, found.sizes[:, None]))
     is_lost = value > LOST and bool(on.any())  # nothing says where errors of variables that go on will end
     grows_evenly = expected.disagreement <= REGULAR and states.disagreement <= EVEN
-    if not grows_evenly or is_lost or not (ends or is_linear):
+    is_unbound = ends and drifts and energy.reason == NO_ENERGY  # the method may leave what bounds the orbit
+    if not grows_evenly or is_lost or is_unbound or not (ends or is_linear):
         return ExpectedError(None, UNTOLD.format(last=found.t[-1]) + ", as in chaos")
     return ExpectedError(value, "as large as orbits are") if ends else with_rounding(value)
 

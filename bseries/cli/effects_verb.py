@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ..advice.prediction import Prediction
     from .method_argument import Method
     from .output import Output
+    from .progress import Progress
 
 
 @click.command()
@@ -114,7 +115,7 @@ def effects(
         span=length,
         accept=None if accept is None else read_given(accept, "accept"),
         measure=SOLUTION if measure is None else measure,
-        progress=FirstRun(output.progress.update, common["h"], length),
+        progress=FirstRun(output.progress, common["h"], length),
         **common,
     )
     if output.format == "json":
@@ -128,7 +129,7 @@ class FirstRun:
     Before each further one there is something to compile, which steps would seem to cost.
 
     Args:
-        show: Shows progress.
+        progress: Shows progress, and says what is expected.
         h: The step size.
         span: How long a run is.
 
@@ -136,9 +137,9 @@ class FirstRun:
         watch: What is expected, from the first run.
     """
 
-    def __init__(self, show: Callable[[int, int], object], h: Any, span: Any):
-        self._show, self._h, self._span = show, h, span
-        self.watch, self._total = Expectation(show, self._predict, None), 0
+    def __init__(self, progress: Progress, h: Any, span: Any):
+        self._show, self._h, self._span = progress.update, h, span
+        self.watch, self._total = Expectation(progress, self._predict, None), 0
 
     def __call__(self, done: int, total: int) -> None:
         """Note how many steps are made of all; what `effect_influence` calls."""

@@ -127,7 +127,7 @@ def simulate_ensemble(
 
         return time_only(options["h"], options["steps"], "each run has a start of its own")
 
-    watch = Expectation(output.progress.update, expect, predict, beforehand=False)
+    watch = Expectation(output.progress, expect, predict, beforehand=False)
     executor: Any = "processes" if many.processes else "threads"
     with ExitStack() as stack:
         if many.scheduler == LOCAL:

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from ..advice.calibration import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
     from ..advice.prediction import Prediction
+    from .progress import Progress
 
 LONG = 5.0
 """Seconds of work that is announced without being asked."""
@@ -23,7 +22,7 @@ class Expectation:
     """The progress of a run, which is calibrated by its own beginning, and what is expected of it.
 
     Args:
-        show: Shows progress.
+        progress: Shows progress, and says what is expected.
         predict: Makes a prediction; its argument is what a step costs, None if that is to be found out.
         wanted: Whether a prediction is wanted; None: of work that takes long.
         beforehand: Whether `predict` can find out what a step costs.
@@ -35,14 +34,14 @@ class Expectation:
 
     def __init__(
         self,
-        show: Callable[[int, int], object],
+        progress: Progress,
         predict: Callable[[float | None], Prediction],
         wanted: bool | None,
         *,
         beforehand: bool = True,
     ):
         self.watch, self.prediction = Stopwatch(), None
-        self._show, self._predict, self._pause = show, predict, 0.0
+        self._show, self._say, self._predict, self._pause = progress.update, progress.say, predict, 0.0
         self._asked, self._is_open, self._least = bool(wanted), wanted is not False, 0.0 if wanted else LONG
         if wanted and beforehand:
             self._is_open = False
@@ -54,7 +53,7 @@ class Expectation:
         self._show(done, total)
         if self._is_open and done >= total and self._asked and self.watch.seconds <= SECONDS:
             self._is_open = False
-            click.echo(f"bseries: expected: nothing, since all was done within {SECONDS:g} s", err=True)
+            self._say(f"bseries: expected: nothing, since all was done within {SECONDS:g} s")
         if self._is_open and self.watch.seconds > SECONDS:
             self._is_open = False
             cost = self.watch.seconds / self.watch.steps
@@ -62,14 +61,14 @@ class Expectation:
             if self.watch.seconds + cost * left > self._least:
                 began = perf_counter()
                 self._announce(cost, self.watch.seconds + cost * left)
-                self._pause = perf_counter() - began
+                self._pause = perf_counter() - began if left else 0.0  # after the last step nothing waits for it
 
     def _announce(self, cost: float | None, seconds: float | None = None) -> None:
         """Say what is expected; a run that goes on from a checkpoint takes less than all its steps."""
         self.prediction = self._predict(cost)
         if seconds is not None:
             self.prediction = self.prediction._replace(seconds=seconds)
-        click.echo(f"bseries: expected: {self.prediction}", err=True)
+        self._say(f"bseries: expected: {self.prediction}")
 
     @property
     def done(self) -> int:

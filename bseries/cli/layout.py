@@ -55,9 +55,9 @@ def sections(rows: Iterable[Row], column: int) -> Iterator[Row | None]:
 
 def _narrowed(widths: Sequence[int], words: Sequence[int], available: int) -> list[int]:
     """Widths that fit under a common bound: cells are folded between words; if need be, the last column within words,
-    for it holds a formula or a sentence; and at worst all columns.
+    for it holds a formula or a sentence; and at worst all columns but the first, whose names are to be copied.
     """
-    narrow = [LEAST_WIDTH] * len(widths)
+    narrow = [*words[:1], *[LEAST_WIDTH] * (len(widths) - 1)]
     fitted = list(widths)
     for floors in (words, [*words[:-1], LEAST_WIDTH], narrow):
         bound = max(widths)

@@ -6,6 +6,8 @@ import sys
 from types import TracebackType
 from typing import Any
 
+import click
+
 PATIENCE = 1.0
 """Seconds before a bar is drawn."""
 
@@ -42,6 +44,13 @@ class Progress:
         """Say how much of the writing is done; before the first call the bar only shows that work goes on."""
         if self._bar is not None:
             self._bar.update(self._task, description="writing", completed=done, total=total)
+
+    def say(self, text: str) -> None:
+        """A line on stderr, above the bar if there is one."""
+        if self._bar is not None:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        else:
+            click.echo(text, err=True)
 
     def close(self) -> None:
         """Take the bar away, or keep it from appearing."""

@@ -173,7 +173,7 @@ def simulate(
         run = {key: value for key, value in common.items() if key != "checkpoint"}
         return predict_run(scene, method, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)
 
-    watch = Expectation(output.progress.update, expect, predict)
+    watch = Expectation(output.progress, expect, predict)
     try:
         with said_warnings():
             run = integrate(

@@ -11,6 +11,7 @@ import pytest
 
 import bseries as bs
 from bseries.cli.effects_verb import FirstRun
+from bseries.cli.progress import Progress
 
 DAMPED = ("pendulum", "--method", "explicit-midpoint", "--effect", "damping", "--parameter", "gamma=1e-6")
 RUN = (*DAMPED, "--step", "1/20", "--span", "2")
@@ -107,12 +108,23 @@ def test_costs_without_a_span(answer, effects):
     assert re.search(r"\n 1  damping +\S+ ns +\S+ +\S+ ns +\S+ +8 +8\n", found)
 
 
+class Shown(Progress):
+    """Progress that is kept."""
+
+    def __init__(self, shown):
+        super().__init__()
+        self.shown = shown
+
+    def update(self, done, total):
+        self.shown.append((done, total))
+
+
 def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
     """A clock of our own: steps take 10 ms, and compiling before the second run half an hour."""
     now, shown = [0.0], []
     for module in ("bseries.advice.calibration", "bseries.cli.expectation"):
         monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
-    first = FirstRun(lambda *at: shown.append(at), 0.1, 10.0)
+    first = FirstRun(Shown(shown), 0.1, 10.0)
     for done, seconds in ((1, 0.01), (41, 0.41), (100, 1.0), (110, 1800.0), (600, 1805.0)):
         now[0] = seconds
         first(done, 600)
@@ -126,7 +138,7 @@ def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
 def test_further_runs_announce_nothing(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr("bseries.advice.calibration.perf_counter", lambda: now[0])
-    first = FirstRun(lambda *at: None, 0.1, 1.0)
+    first = FirstRun(Shown([]), 0.1, 1.0)
     for done, seconds in ((1, 0.0), (10, 0.1), (11, 60.0), (20, 61.0), (60, 70.0)):
         now[0] = seconds
         first(done, 60)

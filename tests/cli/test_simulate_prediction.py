@@ -9,6 +9,7 @@ import pytest
 import bseries as bs
 from bseries.cli import expectation
 from bseries.cli.expectation import Expectation
+from bseries.cli.progress import Progress
 
 RUN = ("simulate", "pendulum", "--method", "rk4", "--step", "0.1", "--steps", "2000")
 LINE = "bseries: expected: "
@@ -125,7 +126,7 @@ class TestExpectation:
             clock[0] += 7.0  # a prediction takes its time
             return self.expected(cost and 10 * cost)
 
-        return Expectation(lambda done, total: None, predict, wanted, beforehand=False)
+        return Expectation(Progress(), predict, wanted, beforehand=False)
 
     def test_time_for_the_prediction_does_not_count(self, clock, capsys):
         watch = self.expectation(clock)
@@ -148,6 +149,15 @@ class TestExpectation:
             watch(done, 40)
         assert watch.prediction is None
         assert watch.outcome(None) is None
+
+    def test_a_prediction_after_the_last_step_takes_nothing_off_the_time(self, clock, monkeypatch):
+        monkeypatch.setattr(expectation, "LONG", 0.0)
+        watch = self.expectation(clock)
+        for done, now in ((10, 100.0), (20, 101.0)):
+            clock[0] = now
+            watch(done, 20)
+        assert watch.prediction is not None
+        assert watch.seconds == pytest.approx(1.0)
 
     def test_a_run_that_goes_on_takes_what_is_left(self, clock):
         watch = self.expectation(clock)
