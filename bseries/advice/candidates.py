@@ -111,7 +111,7 @@ def candidates(scene: Scene, methods: Methods = None) -> Candidates:
     if not found:
         reason = next(iter(left_out.values()), "")
         raise IntegratorError(f"methods must have one that fits {scene.name}, but had none: {shorten(reason, 200)}")
-    return Candidates(found, left_out)
+    return Candidates(found, {} if methods is None else left_out)  # nobody has asked for the usual ones
 
 
 def candidate(scene: Scene, given: Method | str) -> Candidate:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from ..figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, new_figure, print_style
 from .curve_labels import Label, label_ends
-from .fronts import pareto_front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,11 +20,14 @@ MARKERS = ("o", "s", "D", "^", "v", "P", "X")
 WIDTH, HEIGHT = 15.0, 7.5
 """Of a panel, in centimetres."""
 LABEL_SIZE, LABEL_DISTANCE = 7, 0.055
+LEGEND = "strong lines: the cheapest method for some error"
 AXES = {
     "solution": "largest error of the solution, relative to the size of the state",
     "energy": "largest error of the energy, relative to it",
     "modified-energy": "largest change of the modified energy, relative to it",
 }
+LOOKS = 50
+"""For so many errors the cheapest method is found."""
 BEYOND = 10.0
 """What the axis shows beyond the errors of interest, on both sides."""
 
@@ -33,7 +35,7 @@ BEYOND = 10.0
 def draw(found: WorkPrecision) -> Figure:
     """Draw what was measured.
 
-    Of a method the rows are shown that no other of it beats; those that are the cheapest of all somewhere are strong.
+    Of a method the rows are shown that no other of it beats; methods that are the cheapest for some error are strong.
     """
     measures = [measure for measure in found.measures if any(curve.front(measure) for curve in found.curves)]
     with print_style():
@@ -41,7 +43,8 @@ def draw(found: WorkPrecision) -> Figure:
         panels = figure.subplots(len(measures), 1, squeeze=False)[:, 0]
         for panel, measure in zip(panels, measures, strict=True):
             _panel(panel, found, measure)
-        panels[0].set_title(f"{found.scene.title}, t = 0 to {found.span:g}")
+        panels[0].set_title(f"{found.scene.title}, t = 0 to {found.span:g}", loc="left")
+        panels[0].set_title(LEGEND, loc="right", fontsize=LABEL_SIZE)
     return figure
 
 
@@ -51,16 +54,27 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
     panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
     panel.grid(color="#dddddd", linewidth=0.4)
     shown = [(k, curve, _within(curve, measure, limits)) for k, curve in enumerate(found.curves)]
-    best = set(pareto_front(point for _, _, points in shown for point in points if point[0] >= finest))
+    best = _cheapest(found, measure)
     labels = []
     for k, curve, points in shown:
         if not points:
             continue
-        strong = not best.isdisjoint(points)
+        strong = curve.candidate.name in best
         colour = COLOURS[k % len(COLOURS)]
         panel.plot(*zip(*points, strict=True), **_look(k, colour, strong))
         labels.append(Label(curve.candidate.name, colour, *points[-1]))
     label_ends(panel, labels, least=LABEL_DISTANCE, size=LABEL_SIZE)
+
+
+def _cheapest(found: WorkPrecision, measure: str) -> set[str]:
+    """The methods that are the cheapest for some error of interest."""
+    loosest, finest = found.errors
+    best = set[str]()
+    for k in range(LOOKS + 1):
+        error = loosest * (finest / loosest) ** (k / LOOKS)
+        times = {curve.candidate.name: t for curve in found.curves if (t := curve.seconds(error, measure)) is not None}
+        best |= {min(times, key=times.__getitem__)} if times else set()
+    return best
 
 
 def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tuple[float, float]]:

@@ -41,7 +41,15 @@ def label_ends(panel: Axes, labels: Sequence[Label], *, least: float = 0.036, si
             color=label.colour,
             fontsize=size,
             va="center",
-            arrowprops={"arrowstyle": "-", "color": label.colour, "lw": 0.4, "alpha": 0.6, "shrinkA": 0, "shrinkB": 2},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": label.colour,
+                "lw": 0.4,
+                "alpha": 0.6,
+                "shrinkA": 2,
+                "shrinkB": 2,
+                "relpos": (0, 0.5),  # from the left, so that no line crosses a name
+            },
         )
 
 

@@ -171,6 +171,7 @@ def work_precision(
         scene = built_in(scene)
     elif not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene or the name of one, but was {shorten(repr(scene))}")
+    _ = scene.y0  # refuses a scene without a start before anything is compiled
     loosest, finest = check_errors(errors)
     limit = read_number(budget, "budget")
     if limit <= 0:

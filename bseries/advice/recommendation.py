@@ -94,10 +94,7 @@ def choose(found: WorkPrecision, error: float, span: float | None, measure: str)
     steps = [_checked_step(judge, *near, wanted, length, measure) for near in _near(able, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
-        raise IntegratorError(
-            f"error must be one that a method reaches on {found.scene.name} within its budget, but was {wanted:g}"
-            + _unknown([until for _, until in ahead], judge.span, length, measure)
-        )
+        raise _refusal(found, [until for _, until in ahead], wanted, length, measure)
     seconds = _seconds(judge, list(met.values()))
     name = min(seconds, key=seconds.__getitem__)
     step = met[name]
@@ -142,13 +139,17 @@ def _checked_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, leng
     return step
 
 
-def _unknown(ahead: list[Outlook], span: float, length: float, measure: str) -> str:
-    """Why errors of a longer run may not be known."""
-    if length <= span:
-        return ""
-    short = any(until.tells(measure) for until in ahead)
-    reason = "" if short else ", since the motion turned too seldom"
-    return f"; how errors grow on from {span:g} to {length:g} may be unknown{reason}"
+def _refusal(found: WorkPrecision, ahead: list[Outlook], error: float, length: float, measure: str) -> IntegratorError:
+    """Why no method is recommended: none is so precise, or how errors grow on in a longer run is not known."""
+    if length <= found.span or not ahead:
+        return IntegratorError(
+            f"error must be one that a method reaches on {found.scene.name} within its budget, but was {error:g}"
+        )
+    reason = "" if any(until.tells(measure) for until in ahead) else ", since the motion turned too seldom"
+    return IntegratorError(
+        f"span must be one for which a method is known to reach {error:g} on {found.scene.name}, but was {length:g}: "
+        f"how errors grow on from {found.span:g} to {length:g} may be unknown{reason}"
+    )
 
 
 def _near(curves: list[tuple[Curve, Outlook]], error: float, measure: str) -> list[tuple[Curve, Outlook]]:
