@@ -65,23 +65,29 @@ def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
         return not (is_hamiltonian or _is_reversible(terms, y, some, there, turns))
 
 
-def conserves_energy(terms: ModifiedTerms, y: np.ndarray) -> bool:
-    """Whether the terms conserve the energy, on an orbit and beside it: on a circle others may seem to do so.
+def energy_rate_beside(terms: ModifiedTerms, y: np.ndarray, h: float) -> float:
+    """How fast the terms change the energy beside an orbit: on a circle, where they do not, that may be by symmetry.
 
     Args:
         terms: The terms.
         y: States (variables, n) along the orbit.
+        h: The step size.
+
+    Returns:
+        The largest rate at some states; 0 if the terms conserve the energy, or there is none.
     """
     import numpy as np
 
     slopes = gradient(terms.field.scene)
     if slopes is None:
-        return False
+        return 0.0
     some = y[:, np.linspace(0, y.shape[1] - 1, POINTS).astype(int)]
     aside = some + BESIDE * abs(y).max() * np.random.default_rng(1).uniform(-1, 1, some.shape)
     with np.errstate(all="ignore"):
-        products = slopes(aside) * terms.values(aside)
-    return bool((abs(products.sum(axis=1)) <= EQUAL * abs(products).sum(axis=1)).all())
+        products = slopes(aside) * terms.values(aside) * np.float64(h) ** np.array(terms.powers)[:, None, None]
+        rates = products.sum(axis=1)
+        rates[abs(rates) <= EQUAL * abs(products).sum(axis=1)] = 0.0
+    return float(np.nan_to_num(abs(rates)).max())
 
 
 def _gains(terms: ModifiedTerms, y: np.ndarray, turns: np.ndarray) -> bool:

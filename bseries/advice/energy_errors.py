@@ -35,7 +35,7 @@ SAMPLES = 512
 
 
 def expected_energy_error(
-    scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool, conserves: bool
+    scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool, beside: float
 ) -> ExpectedError:
     """The largest change of the energy.
 
@@ -45,7 +45,7 @@ def expected_energy_error(
         times: How many times as long the run is.
         y0: The start.
         drifts: Whether energies may drift.
-        conserves: Whether the terms conserve the energy everywhere.
+        beside: By how much it would change beside this orbit, while f turns.
     """
     if found.changes is None:
         return ExpectedError(None, NO_ENERGY)
@@ -55,7 +55,8 @@ def expected_energy_error(
         for terms in (len(found.changes), max(1, len(found.changes) - 1))
     )
     if expected.high < ROUNDING:
-        return with_rounding(expected.value) if conserves else ExpectedError(None, OF_HIGHER_ORDER)
+        is_higher = (beside / size) ** 2 > ROUNDING  # what is of second order is about the square of what is of first
+        return ExpectedError(None, OF_HIGHER_ORDER) if is_higher else with_rounding(expected.value)
     if disagreement(expected.value, fewer.value) > AGREEMENT:
         return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
     if expected.value * size > (LARGEST_CHANGE if drifts else 1.0) * _energy_of_orbit(scene, found):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from integrators import IntegratorError, StepError
 
 from ..exceptions import SeriesError
-from .conservation import conserves_energy, may_drift
+from .conservation import energy_rate_beside, may_drift
 from .energy_errors import expected_energy_error
 from .expected_error import NO_ENERGY, ONLY_ROUNDING, ExpectedError
 from .solution_errors import expected_solution_error
@@ -29,6 +29,7 @@ def expected_errors(
 
     from .modified_terms import modified_terms
     from .pilot import pilot
+    from .pilot_walk import RESOLUTION
 
     def unknown(reason: str) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
         return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0
@@ -56,6 +57,7 @@ def expected_errors(
         return unknown("terms of the modified equation are not finite along the solution")
     drifts = may_drift(terms, found.y)
     times = max(1.0, h * steps / found.t[-1])
-    energy = expected_energy_error(scene, found, times, y0, drifts, conserves_energy(terms, found.y))
+    beside = energy_rate_beside(terms, found.y, h) * RESOLUTION * abs(found.t[1])
+    energy = expected_energy_error(scene, found, times, y0, drifts, beside)
     solution = expected_solution_error(scene, found, times, drifts, energy)
     return energy, solution, found.powers, float(1 / times)

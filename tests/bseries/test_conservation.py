@@ -108,3 +108,19 @@ def test_a_scene_without_energy_has_no_hamiltonian_terms_but_may_be_reversible()
     assert not terms.is_hamiltonian(y, terms.powers)
     assert not may_drift(terms, y)
     assert may_drift(terms, y + 1)  # from there ρ leads to other states
+
+
+@pytest.mark.parametrize(("method", "h", "known"), [("stormer-verlet", 0.02, False), ("yoshida6", 0.002, True)])
+def test_energies_that_change_to_second_order_only(method, h, known):
+    """On a circle ∇H · r is 0, by symmetry and not because energy is conserved."""
+    circle = bs.scene("kepler").with_start(p=[0, 1], q=[1, 0])
+    found = bs.predict_run(circle, method, h=h, steps=1000, timed=False).energy
+    energy = bs.integrate(circle, method, h=h, steps=1000, observe="energy").observed["energy"]
+    real = relative_change(energy, energy_size(circle, circle.y0))
+    if known:
+        assert real < 1e-13
+        assert found.reason == "rounding will be larger"
+    else:
+        assert real > 1e-8  # control
+        assert found.value is None
+        assert found.reason.startswith("to first order it does not change on this orbit")
