@@ -105,7 +105,8 @@ def predict_run(
     reversible by a reflection of the orbit to itself, have energy errors that do not grow, and solution errors that
     grow linearly.
 
-    Errors are within a factor of 3 where they are given. Where they cannot be known the prediction says so: if terms of
+    Where errors are given they should be within a factor of 3 (`docs/prediction.md` names motions where they have been
+    found not to be). Where they cannot be known the prediction says so: if terms of
     the modified equation do not shrink at this step size, if two truncations lead to errors that differ by more than a
     factor of 2, if four parts of the pilot lead to errors at the end that differ by more than a factor of 1.5 (2 for
     energies that do not drift), as in chaos, or if the energy drifts so far that the orbit itself would change.
