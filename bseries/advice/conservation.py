@@ -57,7 +57,7 @@ def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
     """
     import numpy as np
 
-    some = y[:, np.linspace(0, y.shape[1] - 1, POINTS).astype(int)]
+    some = _some(y)
     with np.errstate(all="ignore"):  # what is not finite is not equal to anything
         there = _values(terms, some)
         turns = _turns(terms, y, some, there)
@@ -81,7 +81,7 @@ def energy_rate_beside(terms: ModifiedTerms, y: np.ndarray, h: float) -> float:
     slopes = gradient(terms.field.scene)
     if slopes is None:
         return 0.0
-    some = y[:, np.linspace(0, y.shape[1] - 1, POINTS).astype(int)]
+    some = _some(y)
     aside = some + BESIDE * abs(y).max() * np.random.default_rng(1).uniform(-1, 1, some.shape)
     with np.errstate(all="ignore"):
         products = slopes(aside) * terms.values(aside) * np.float64(h) ** np.array(terms.powers)[:, None, None]
@@ -128,6 +128,13 @@ def _is_reversible(terms: ModifiedTerms, y: np.ndarray, some: np.ndarray, there:
         if (abs(back + sign[:, None] * there) <= EQUAL * _sizes(there)).all() and _are_near(reflected, y, turns):
             return True
     return False
+
+
+def _some(y: np.ndarray) -> np.ndarray:
+    """Some states of an orbit."""
+    import numpy as np
+
+    return y[:, np.linspace(0, y.shape[1] - 1, POINTS).astype(int)]
 
 
 def _values(terms: ModifiedTerms, y: np.ndarray) -> np.ndarray:

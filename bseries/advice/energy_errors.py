@@ -18,8 +18,9 @@ from .expected_error import (
     UNTOLD,
     ExpectedError,
     with_rounding,
-)  # fmt: skip
+)
 from .growth import disagreement, energy_after, most_disagreement
+from .structure_functions import gradient
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,8 +99,6 @@ def _energy_of_orbit(scene: Scene, found: Pilot) -> float:
     Unlike H it does not vanish where a constant is added. Angles go on, and count with their sizes only.
     """
     import numpy as np
-
-    from .structure_functions import gradient
 
     slopes, places = abs(gradient(scene)(found.y)), np.minimum(abs(found.y), found.sizes[:, None])
     return float((slopes * places).sum(axis=0).mean() / 2)

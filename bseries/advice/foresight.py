@@ -9,7 +9,7 @@ from integrators.errors import IntegratorError
 
 from ..exceptions import SeriesError
 from .durations import whole_steps
-from .expected_error import ANOTHER_ORBIT, NOT_SMALL, ExpectedError
+from .expected_error import ANOTHER_ORBIT, NOT_SMALL, UNTOLD, ExpectedError
 from .measures import MODIFIED_ENERGY, SOLUTION
 from .prediction import predict_run
 
@@ -40,9 +40,12 @@ def foreseen(judge: Judge, curve: Curve, length: float, error: float, measure: s
     known = {steps: size for steps, size in errors.items() if size}
     if not known:
         return None
-    wanted = error * judge.span / length if measure == SOLUTION else error  # it grows linearly more often than not
+
+    def nearest(size: float) -> int:
+        return min(known, key=lambda n: abs(math.log(known[n] / size)))
+
     found: dict[int, float | None] = {}
-    steps = min(known, key=lambda n: abs(math.log(known[n] / wanted)))
+    steps = nearest(error * judge.span / length if measure == SOLUTION else error)  # it grows linearly, mostly
     while steps not in found:
         found[steps] = growth = factor(judge, curve, steps, known[steps], length, measure)
         if growth is None or not math.isfinite(growth) or len(found) == TRIALS:
@@ -50,8 +53,7 @@ def foreseen(judge: Judge, curve: Curve, length: float, error: float, measure: s
         off = known[steps] * growth / error
         if 1 / NEAR < off < NEAR:
             break
-        target = known[steps] / off  # if the factor stays as it is
-        steps = min(known, key=lambda n: abs(math.log(known[n] / target)))
+        steps = nearest(known[steps] / off)  # if the factor stays as it is
     return found[steps]
 
 
@@ -85,4 +87,4 @@ def factor(judge: Judge, curve: Curve, steps: int, known: float, length: float, 
 
 def _is_untold(expected: ExpectedError) -> bool:
     """Whether an error is unknown because of the solution, and not because of the method or its step."""
-    return expected.reason in (ANOTHER_ORBIT, NOT_SMALL) or expected.reason.startswith("how it grows")
+    return expected.reason in (ANOTHER_ORBIT, NOT_SMALL) or expected.reason.startswith(UNTOLD.partition("{")[0])

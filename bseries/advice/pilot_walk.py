@@ -28,6 +28,8 @@ PASSES, AT_ONCE, SETTLED = 10, 32, 1e-4
 """How often r is evaluated along the solution that it leads to, over how many points, and what the last may change."""
 DISTANCE = 1e-9
 """How far, relative to its size, kicks take the second solution while f turns."""
+FIRST_ORDER, FEWER_TERMS, FOLLOWED = range(3)
+"""The solutions that receive kicks: small multiples of r with all powers, and with one less, and r itself."""
 CANCELLED = 2.0**-46
 """Sums that are so small a part of their terms are 0 but for rounding."""
 
@@ -57,35 +59,46 @@ class Walk:
         self.powers = _shrinking(reach, terms.powers)
         self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
         first = y0[:, None]
-        (whole, fewer), rates = self._perturbation(first)
+        values = self._terms_at(first)
+        whole, rates = values.sum(axis=0), self._rates(first, values)
         self._scales = self.scale, self.scale, 1.0
         self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
-        for state, scale, r in zip(self._kicked, self._scales, (whole, fewer, whole), strict=True):
+        for state, scale, r in zip(self._kicked, self._scales, (whole, self._fewer(values), whole), strict=True):
             state.values += scale * spacing / 2 * r[:, 0]
         nothing = np.zeros_like(first)
         self.pieces, self.checked = [(first, nothing, nothing, rates)], [nothing]
 
-    def _perturbation(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """r with all powers and with one less, and the rates of change of the energy by power."""
+    def _terms_at(self, y: np.ndarray) -> np.ndarray:
+        """The terms whose sum is r, (powers, variables, n)."""
         import numpy as np
 
-        values = self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
-        sums = [values.sum(axis=0), values[: max(1, len(self.powers) - 1)].sum(axis=0)]
+        return self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
+
+    @staticmethod
+    def _fewer(values: np.ndarray) -> np.ndarray:
+        """r with one power less, if there are two."""
+        return values[: max(1, len(values) - 1)].sum(axis=0)
+
+    def _rates(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The rates of change of the energy by power, (powers, n); none without an energy."""
+        import numpy as np
+
         if self._gradient is None:
-            return sums, np.empty((0, y.shape[1]))
+            return np.empty((0, y.shape[1]))
         products = self._gradient(y) * values
         rates = products.sum(axis=1)
         rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
-        return sums, rates
+        return rates
 
     def go_on(self, points: int) -> None:
         """Follow the flow for so many grid points."""
         t = self._t0 + self.done * self.spacing
         y = exact_states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
-        (whole, fewer), rates = self._perturbation(y)
-        self.pieces.append((y, self._errors(0, whole, y), self._followed(y), rates))
+        values = self._terms_at(y)
+        errors = self._errors(FIRST_ORDER, values.sum(axis=0), y)
+        self.pieces.append((y, errors, self._followed(y), self._rates(y, values)))
         if self.done < CHECKED:
-            self.checked.append(self._errors(1, fewer, y))
+            self.checked.append(self._errors(FEWER_TERMS, self._fewer(values), y))
         self._last, self.done = y[:, -1].copy(), self.done + points
 
     def _followed(self, y: np.ndarray) -> np.ndarray:
@@ -98,13 +111,14 @@ class Walk:
 
         found = np.full(y.shape, np.nan)
         last = self.pieces[-1][2][:, -1:]
+        if not np.isfinite(last).all():
+            return found
         for first in range(0, y.shape[1], AT_ONCE):
-            here, begin = slice(first, first + AT_ONCE), self._kicked[2]
+            here, begin = slice(first, first + AT_ONCE), self._kicked[FOLLOWED]
             errors = last
             for _ in range(PASSES):
-                self._kicked[2], before = begin.copy(), errors
-                (r, _), _ = self._perturbation(y[:, here] + errors)
-                errors = self._errors(2, r, y[:, here])
+                self._kicked[FOLLOWED], before = begin.copy(), errors
+                errors = self._errors(FOLLOWED, self._terms_at(y[:, here] + errors).sum(axis=0), y[:, here])
                 if abs(errors - before).max() <= SETTLED * abs(errors).max():
                     break
             else:
@@ -125,7 +139,7 @@ class Walk:
         try:
             self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
         except StepError:
-            if scale != 1.0:
+            if which != FOLLOWED:
                 raise
             rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # what r leads to may end where the flow does not
         return (rows[:, 1:].T - y) / scale

@@ -17,7 +17,7 @@ from .expected_error import (
     UNTOLD,
     ExpectedError,
     with_rounding,
-)  # fmt: skip
+)
 from .growth import EVEN, REGULAR, agreed, disagreement, goes_on, parts_of, power, size_after, size_of_states_after
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..evaluation import modified_field
@@ -45,6 +46,7 @@ def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None
     return lambda y: np.linalg.inv(np.array(function(y), float))
 
 
+@lru_cache(maxsize=16)
 def gradient(scene: Scene) -> Any:
     """A function that gives ∇H at many points (variables, n); None if the energy is not conserved.
 
