@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from integrators.scenes.base import Scene
+    from integrators.steppers.states import State
 
     from ..coefficients import Method
 
@@ -72,35 +73,60 @@ class _Run:
     def __init__(self, work: Work, sample: float):
         from integrators.steppers.stepping import stepper
 
-        self.steps, self.repeats = 1, 1
         self._stepper = stepper(work.scene, work.method, **work.options)
         self._start = self._stepper.start(work.y0, h=work.h)
-        seconds = self._seconds(1)  # what is to be compiled is
+        self.steps, self.repeats = 1, 1
+        self._made(1)  # what is to be compiled is, so that the next one shows what a step takes
+        seconds, end = self._made(1)
         while seconds < sample and self.steps < work.most_steps:
             growth = min(4.0, 1.1 * sample / max(seconds, 1e-9))
             wanted = min(math.ceil(self.steps * growth), work.most_steps)
             try:
-                seconds = self._seconds(wanted)
+                seconds, end = self._made(wanted)
             except StepError:  # so far the run cannot go: so many steps as could be made have to do
                 break
             self.steps = wanted
+        self._parts = self._separated(end.solver)
         self.sample()
         self.repeats = max(1, math.ceil(sample / max(self._repeated(), 1e-9)))
         self.repeats = max(1, math.ceil(self.repeats * sample / max(self._repeated(), 1e-9)))
 
     def sample(self) -> None:
         """Make the steps, again and again if a run can only be short."""
-        self._stepper.repeat(self._start, self.steps, self.repeats)
+        for start, steps in self._parts:
+            self._stepper.repeat(start, steps, self.repeats)
 
     def _repeated(self) -> float:
         begin = thread_time()
         self.sample()
         return thread_time() - begin
 
-    def _seconds(self, steps: int) -> float:
-        """Seconds for a run; where fixed-point iteration does not converge, Newton's method is what is timed."""
+    def _made(self, steps: int) -> tuple[float, State]:
+        """Seconds for a run, and its end."""
         state, begin = self._start.copy(), thread_time()
         self._stepper.advance(state, steps)
-        if state.solver != self._start.solver:
-            self._start.solver, self._start.memory = state.solver, state.memory
-        return thread_time() - begin
+        return thread_time() - begin, state
+
+    def _separated(self, last: str) -> list[tuple[State, int]]:
+        """The steps before the solver changes and those after it, each with where they begin.
+
+        From the first step that fixed-point iteration does not find on, a run goes on with Newton's method, which need
+        not find those before; halving finds that step.
+
+        Args:
+            last: The solver at the end of the run.
+        """
+        before, first, rest = self._start.copy(), self._start.solver, self.steps
+        if last == first:
+            return [(before, rest)]
+        changes = rest  # the step that changes the solver is among so many after `before`
+        while changes > 1:
+            trial = before.copy()
+            self._stepper.advance(trial, changes // 2)
+            if trial.solver == first:
+                before, rest, changes = trial, rest - changes // 2, changes - changes // 2
+            else:
+                changes //= 2
+        after = before.copy()
+        after.solver = last
+        return [(self._start, self.steps - rest), (after, rest)]

@@ -1,5 +1,6 @@
 """What steps cost: short runs are repeated from their start, not prolonged."""
 
+import numpy as np
 import pytest
 
 import bseries as bs
@@ -38,6 +39,30 @@ def test_stages_that_need_newtons_method_are_found_by_it(repetitions):
     stiff = bs.scene("van-der-pol")
     step_costs({"a": Work(stiff, "radau-iia2", 1e-3, options={"solver": "auto"}, most_steps=5)}, sample=0.001)
     assert repetitions
+
+
+def test_compiling_is_not_taken_for_a_step(repetitions):
+    """Nobody has used this stepper: loading it takes longer than a sample."""
+    scene = bs.parse_scene("y' = -sin(1.2345678*y)")
+    step_costs({"a": Work(scene, "rk4", 0.1, np.ones(1), most_steps=50)}, sample=0.001)
+    assert {steps for steps, _ in repetitions} == {50}
+
+
+def test_runs_that_change_their_solver_are_timed_as_they_go(repetitions):
+    """Newton's method does not find the first of these steps, fixed-point iteration none of the later ones."""
+    scene, options = bs.scene("lotka-volterra"), {"solver": "auto"}
+    work = Work(scene, "radau-iia7", 200 / 188, options=options, most_steps=188)
+    stepper = bs.stepper(scene, "radau-iia7", solver="newton")
+    with pytest.raises(bs.IntegratorError, match="188 could not"):
+        stepper.repeat(stepper.start(h=work.h), 188, 1)
+    repetitions.clear()
+    step_costs({"a": work}, sample=0.001)
+    (before, _), (after, _) = repetitions[:2]
+    assert before + after == 188
+    only_fixed = bs.stepper(scene, "radau-iia7", solver="fixed-point")
+    only_fixed.advance(only_fixed.start(h=work.h), before)
+    with pytest.raises(bs.IntegratorError, match=f"step {before + 1}, from"):
+        only_fixed.advance(only_fixed.start(h=work.h), before + 1)
 
 
 def test_a_run_stays_where_it_is():
