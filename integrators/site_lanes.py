@@ -3,7 +3,8 @@
 In one loop over pairs, sums at the sites of a pair keep compilers from computing several pairs at once. So local
 variables are gathered into work arrays first; the formula is a loop over lanes that do not depend on one another, which
 LLVM turns into vector instructions; then the results are added to the sites, in the same order as in one loop. Up to
-`MOST_FLAT` rows are lanes of one loop; of more pairs, those with the same first site.
+`MOST_FLAT` rows are lanes of one loop, in which pairs may have an order of their own (`integrators.site_pairs`); of
+more pairs, those with the same first site.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from .printer import count_operations, source_lines
+from .site_pairs import ring_lines, suits_ring
 
 if TYPE_CHECKING:
     import sympy
@@ -51,6 +53,8 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     flat = total.sites.size <= MOST_FLAT
     lane = "r" if flat else "j"
     values, scatter = _values({key: total.outputs[key] for key in targets})
+    if flat and suits_ring(total, targets, scatter):
+        return ring_lines(total, values, scatter, context)
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}

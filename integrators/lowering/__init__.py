@@ -7,7 +7,8 @@ library, compiled functions and intrinsics, each looked up once for the types of
 
 Generated functions may have numbers, truth values, pointers to doubles, arrays and tuples; loops over ranges,
 ``while``, ``if`` and conditional expressions; and calls of one another. Those that others call return a double, or
-nothing; the first one may return whatever its signature says.
+nothing; the first one may return whatever its signature says. Arrays of different names do not overlap: loops over
+their entries are written in vectors.
 """
 
 from pathlib import Path

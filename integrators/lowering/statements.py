@@ -14,6 +14,7 @@ from numba.core import cgutils
 
 from .expressions import UNSIGNED, WHOLE, Expressions, Value
 from .syntax import refuse
+from .vectors import VectorLoop
 
 if TYPE_CHECKING:
     from .units import Unit
@@ -33,6 +34,7 @@ class Statements(Expressions):
         super().__init__(unit, made, function)
         self.result = result
         self.loops: list[tuple[Any, Any]] = []
+        self.has_vectors = False
 
     def write(self, tree: ast.FunctionDef, arguments: Sequence[Any]) -> None:
         """Write the whole function."""
@@ -41,7 +43,7 @@ class Statements(Expressions):
             self.builder, context.call_conv.get_arguments(self.made)
         )
         for argument, kind, value in zip(tree.args.args, arguments, values, strict=True):
-            self._assign(argument.arg, Value(kind, value))
+            self.assign(argument.arg, Value(kind, value))
         self._write(tree.body)
         if not self._has_ended() and self.result is types.none:
             self._return(context.get_dummy_value())
@@ -108,6 +110,9 @@ class Statements(Expressions):
     def visit_For(self, node: ast.For) -> None:
         if not isinstance(node.iter, ast.Call) or not isinstance(node.target, ast.Name):
             refuse(node)
+        if VectorLoop(self, node).write():
+            self.has_vectors = True
+            return
         bounds = [self.visit(x) for x in node.iter.args[:2]]
         step = ast.literal_eval(node.iter.args[2]) if len(node.iter.args) == 3 else 1
         kinds = {bound.type for bound in bounds}
@@ -125,7 +130,7 @@ class Statements(Expressions):
         compare = self.builder.icmp_signed if kind == WHOLE else self.builder.icmp_unsigned
         self.builder.cbranch(compare("<" if step > 0 else ">", now, last), body, after)
         self.builder.position_at_end(body)
-        self._assign(node.target.id, Value(kind, now))
+        self.assign(node.target.id, Value(kind, now))
         self._loop(node.body, body, following, after)
         self.builder.position_at_end(following)
         builder: Any = self.builder
@@ -154,7 +159,7 @@ class Statements(Expressions):
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
-            self._assign(target.id, value)
+            self.assign(target.id, value)
             return
         if not isinstance(target, ast.Subscript):
             refuse(target)
@@ -164,7 +169,8 @@ class Statements(Expressions):
         else:
             self.builder.store(self._kept(value, array.type.dtype), self._place(array, target.slice))
 
-    def _assign(self, name: str, value: Value) -> None:
+    def assign(self, name: str, value: Value) -> None:
+        """Give a variable a value."""
         known = self.variables.get(name)
         if known is None or isinstance(known.type, types.CPointer) != isinstance(value.type, types.CPointer):
             place = cgutils.alloca_once(self.builder, value.llvm.type, name=name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,6 +16,9 @@ from numba.extending import intrinsic
 from .expressions import Value
 from .statements import Statements
 from .syntax import tree_of
+
+MOST_COPIED = 20000
+"""Instructions of all copies of a function, before LLVM unrolls its loops."""
 
 
 class Unit:
@@ -29,6 +33,8 @@ class Unit:
     def __init__(self, context: Any, typing: Any, module: Any):
         self.context, self.typing, self.module = context, typing, module
         self._functions: dict[Any, tuple[Any, Any]] = {}
+        self._calls: Counter[Any] = Counter()
+        self._in_vectors: list[Any] = []
         self._known: dict[Any, tuple[Any, Any]] = {}
 
     def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
@@ -50,8 +56,20 @@ class Unit:
             made.linkage = "internal"
             convention.decorate_function(made, list(inspect.signature(function).parameters), arguments)
             self._functions[key] = made, result
-            Statements(self, made, function, result).write(tree, arguments)
+            statements = Statements(self, made, function, result)
+            statements.write(tree, arguments)
+            if statements.has_vectors:
+                self._in_vectors.append(made)
         return self._functions[key]
+
+    def settle(self) -> None:
+        """All functions are written: those with vectors are copied to where they are called, if that is not too long.
+
+        The vectors that they read and write can then stay in registers; LLVM would copy short functions only.
+        """
+        for made in self._in_vectors:
+            if self._calls[made] * sum(len(block.instructions) for block in made.blocks) <= MOST_COPIED:
+                made.attributes.add("alwaysinline")
 
     def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
         """Numba's signature of a function for these types of arguments, and what calls it with a builder and values."""
@@ -66,6 +84,7 @@ class Unit:
         """Call a function of Python in LLVM."""
         kinds = tuple(value.type for value in values)
         made, result = self.function(function, kinds, result)
+        self._calls[made] += 1
         convention = self.context.call_conv
         status, value = convention.call_function(builder, made, result, kinds, [value.llvm for value in values])
         with cgutils.if_unlikely(builder, status.is_error):  # nothing raises but what numba has been told to let raise
@@ -100,7 +119,9 @@ def lowered(signature: Any = None) -> Callable[[Any], Any]:
             def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
                 unit = Unit(context, typing, builder.module)
                 arguments = [Value(*pair) for pair in zip(signature.args, values, strict=True)]
-                return unit.call(builder, function, arguments, signature.return_type).llvm
+                value = unit.call(builder, function, arguments, signature.return_type).llvm
+                unit.settle()
+                return value
 
             return signature or types.none(*arguments), codegen
 

@@ -36,11 +36,11 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     cells = sorted({cell for _, cell in group.unknowns})
     compare = [f"change{cell} = 0" for cell in cells]
     for cell in cells:
-        lines = ["most = 0"]  # of one entry: between entries there is one maximum, or the loop would not be vectorised
+        lines = ["most = 0"]  # of one entry: between entries there is one maximum, as vectors can be compared
         for e in (e for e, c in group.unknowns if c == cell):
             lines += [f"x = {new[e]}[i]", f"most = max(most, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
         lines.append(f"change{cell} = max(change{cell}, most)")
-        compare += forms.long_loop(cell, lines)
+        compare += forms.loop(cell, lines)
     return [
         *start_values(group, writer),
         *(f"before{cell} = 0" for cell in cells),
@@ -71,7 +71,7 @@ def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepperSource) ->
         for cell, line in writer.forms.assignments(call.node.points[0], array):
             points.setdefault(cell, []).append(line)
         slopes.append(f"{writer.functions.field(call.node.piece, call.cells)}({array}, {new[call.evaluation]})")
-    return [*(line for cell, lines in points.items() for line in writer.forms.long_loop(cell, lines)), *slopes]
+    return [*(line for cell, lines in points.items() for line in writer.forms.loop(cell, lines)), *slopes]
 
 
 def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[str]:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 HEAD_BITS = 10
 NOTHING = Fraction(1, 10**30)
 """Coefficients are known to 40 digits."""
-LONG = 16
-"""Entries that a vectorised loop takes at once."""
 
 
 class FormWriter:
@@ -71,18 +69,6 @@ class FormWriter:
         """A loop over the entries of a cell."""
         lines = list(lines)
         return [line for a, b in self.structure.cells[cell] for line in _repeated(a, b, lines)]
-
-    def long_loop(self, cell: int, lines: Iterable[str]) -> list[str]:
-        """A loop over the entries of a cell that is vectorised as a loop where it is long, not unrolled."""
-        lines = list(lines)
-        found: list[str] = []
-        for a, b in self.structure.cells[cell]:
-            middle = a + (b - a) // LONG * LONG
-            if middle > a:
-                found += [f"for i in range({a}, opaque({middle})):", *indented(lines)]
-            if b > middle:
-                found += _repeated(middle, b, lines)
-        return found
 
     def point(self, point: Point, array: str, *, copied: bool = False) -> tuple[list[str], str]:
         """Statements that make a point, and the array where it then is: y itself, if it is the start.
@@ -143,7 +129,7 @@ class FormWriter:
         else:
             total = self._extended(cell, known, form) or self.sum(cell, form.terms)
         lines = [f"s = {total}", "x = y[i] + fma(h, s, e[i])", "e[i] += fma(h, s, y[i] - x)", "y[i] = x"]
-        return self.long_loop(cell, lines)
+        return self.loop(cell, lines)
 
     def entry(self, cell: int, form: Form) -> str:
         """An entry of a form as a text."""

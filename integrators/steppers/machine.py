@@ -109,17 +109,6 @@ def value_of(typing_context: Any, number: Any) -> Any:
 
 
 @intrinsic
-def opaque(typing_context: Any, number: Any) -> Any:
-    """The same integer, of which the compiler knows nothing: a loop up to it is not unrolled, but vectorised."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        integer = ir.IntType(64)
-        return builder.asm(ir.FunctionType(integer, [integer]), "", "=r,0", arguments, side_effect=False)
-
-    return types.int64(types.int64), codegen
-
-
-@intrinsic
 def call_observer(typing_context: Any, address: Any, t: Any, y: Any, out: Any) -> Any:
     """Call the C function void (double t, double *y, double *out) at an address."""
 

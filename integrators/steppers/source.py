@@ -57,7 +57,7 @@ KERNELS = {
     ),
     "iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
     "linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
-    "machine": ("STEPS", "bits", "fma", "opaque", "pointer", "shifted", "stack", "steps_in_c"),
+    "machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip
 """What generated steppers call, by the module where it is; they import what they need."""
 SIGNATURE = "source, lost, m, controls, constants, w, h, steps, fresh"
@@ -196,7 +196,7 @@ class StepperSource(WorkArrays):
         slopes += ["else:", *indented(load)] if memory else []
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
         steps = [*control.load, *slopes, *loop, *store, *control.store]
-        arrays, work = self.array_lines(in_loops=bool(self._iterated))
+        arrays, work = self.array_lines()
         lines = [*arrays, *self._state_lines("y[i] = source[i]", "e[i] = lost[i]"), *_renamed(steps, registers)]
         lines += [
             *self._state_lines("source[i] = y[i]", "lost[i] = e[i]"),
@@ -267,9 +267,9 @@ class StepperSource(WorkArrays):
         return allocate(reads, writes, kept, joined)
 
     def _state_lines(self, line: str, compensating: str) -> list[str]:
-        """A loop over the whole state."""
+        """Loops over the whole state: cell by cell, so that entries which steps compute apart are not put together."""
         lines = [line, *([compensating] * self.compensated)]
-        return [f"for i in range({self.structure.scene.dimension}):", *indented(lines)]
+        return [text for cell in range(len(self.structure.cells)) for text in self.forms.loop(cell, lines)]
 
 
 CALLS = {

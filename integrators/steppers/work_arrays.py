@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 MOST_STACK = 32_768
 """Doubles of work arrays that are put on the stack; beyond, they lie in an array of the caller's."""
-MOST_SCALARS = 16
-"""Variables of a state whose work arrays become scalars."""
 
 
 class WorkArrays:
@@ -57,19 +55,14 @@ class WorkArrays:
         self._number_count += count
         return f"shifted(constants, {self._number_count - count})"
 
-    def array_lines(self, *, in_loops: bool) -> tuple[list[str], int]:
+    def array_lines(self) -> tuple[list[str], int]:
         """Statements that make the arrays, and how many doubles the caller must bring.
 
-        LLVM knows of arrays on the stack that they do not overlap, as loops need to be vectorised; but of straight-line
-        code it makes vector instructions for arrays in one block of memory only, as it would put those on the stack in
-        registers.
-
-        Args:
-            in_loops: Whether long sums are written as loops.
+        LLVM knows of arrays on the stack that they do not overlap, and puts short ones into registers.
         """
         lines = [f"{name} = pointer({array})" for array, name in self._constants.items()]
         total = sum(self._sizes.values())
-        if total <= MOST_STACK and (in_loops or self._dimension <= MOST_SCALARS):
+        if total <= MOST_STACK:
             return [*lines, *(f"{name} = stack({size})" for name, size in self._sizes.items())], 0
         offset = 0
         for name, size in self._sizes.items():

@@ -1,7 +1,7 @@
 """Generated functions lowered to LLVM do what Python does with the same text."""
 
 import importlib
-from math import sin
+from math import sin, sqrt
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ from numba import types
 from numba.core.errors import NumbaError
 
 from integrators.lowering.units import lowered
-from integrators.steppers.machine import DOUBLES, compiled, pointer, shifted, stack
+from integrators.lowering.vectors import VectorLoop
+from integrators.steppers.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
 
 NUMBERS = np.array([0.5, -2.0, 3.25])
 PLACES = np.array([2, 0, 1])
@@ -131,6 +132,126 @@ def test_arrays_on_the_stack_and_nothing_returned():
     y = np.arange(6.0)
     run(y, 3)
     assert list(y) == [2, 3, 4, 3, 4, 5]
+
+
+WEIGHTS = np.linspace(1.0, 2.0, 11)
+ROUND = np.array([7, 3, 0, 10, 2, 9, 1, 5, 8, 6, 4])
+
+
+def entries(y, h):
+    """Loops over entries: each sets its own only."""
+    z = stack(11)
+    for i in range(11):
+        s = 0.5 * y[i] - h
+        z[i] = abs(s) * WEIGHTS[i] / 3.0 + sqrt(y[i] * y[i])
+    for i in range(4, 12):
+        y[i] = y[i + 9] + fma(h, -z[i - 4], y[i])
+        y[i] *= 2.0
+    for i in range(11):
+        y[2 * i] += z[ROUND[i]] - z[ROUND[(10 - i)]]
+    largest = 3
+    for i in range(11):
+        most = 0
+        most = max(most, bits(abs(z[i] - y[i])))
+        largest = max(largest, most)
+    for i in range(3):
+        z[i] = y[i]
+    return value_of(largest) + z[2] + s + i
+
+
+def running(y, h):
+    for i in range(1, 9):
+        y[i] = y[i - 1] + h
+
+
+def ahead(y, h):
+    for i in range(8):
+        y[i + 1] += h * y[i]
+
+
+def turned(y, h):
+    for i in range(8):
+        y[i] = y[7 - i]
+
+
+def doubled(y, h):
+    for i in range(8):
+        y[ROUND[i] - ROUND[i]] = h + y[i + 1]
+
+
+def carried(y, h):
+    s = h
+    for i in range(8):
+        y[i] += s
+        s = 2.0 * y[i]
+
+
+def counted(y, h):
+    for i in range(8):
+        y[i] *= i
+
+
+def called(y, h):
+    for i in range(8):
+        y[i] = sin(y[i])
+
+
+def largest_number(y, h):
+    best = 0.0
+    for i in range(8):
+        best = max(best, y[i + 9])
+    y[0] = best
+
+
+@pytest.fixture
+def vector_loops(monkeypatch):
+    """Whether the loops with bounds that are written out are in vectors."""
+    found, write = [], VectorLoop.write
+
+    def noted(self):
+        found.append(write(self))
+        return found[-1]
+
+    monkeypatch.setattr(VectorLoop, "write", noted)
+    return found
+
+
+def results(function, kind, monkeypatch):
+    """What a function does to an array, in LLVM and in Python."""
+    made = lowered(kind(DOUBLES, types.float64))(function)
+
+    @compiled
+    def run(y, h):
+        return made(pointer(y), h)
+
+    there, here = np.linspace(-1.5, 2.5, 23), np.linspace(-1.5, 2.5, 23)
+    value = run(there, 0.7)
+    for name, plain in PLAIN.items():
+        monkeypatch.setitem(globals(), name, plain)
+    return (value, there), (function(here, 0.7), here)
+
+
+PLAIN = {
+    "stack": np.empty,
+    "fma": lambda a, b, c: a * b + c,
+    "bits": lambda x: int(np.float64(x).view(np.int64)),
+    "value_of": lambda n: float(np.int64(n).view(np.float64)),
+}
+
+
+def test_loops_over_entries_are_written_in_vectors(vector_loops, monkeypatch):
+    (value, there), (wanted, here) = results(entries, types.float64, monkeypatch)
+    assert vector_loops == [True, True, True, True, False]  # three entries are for LLVM
+    assert value == pytest.approx(wanted, rel=1e-14)
+    np.testing.assert_allclose(there, here, rtol=1e-14)
+
+
+@pytest.mark.parametrize("function", [running, ahead, turned, doubled, carried, counted, called, largest_number])
+def test_loops_whose_entries_depend_on_one_another_are_not(function, vector_loops, monkeypatch):
+    """Nor those that count or call; a loop with a vector of old values would do something else."""
+    (_, there), (_, here) = results(function, types.void, monkeypatch)
+    assert vector_loops == [False]
+    np.testing.assert_allclose(there, here, rtol=1e-14)
 
 
 ONE, TWO = np.uint64(1), np.uint64(2)

@@ -1,0 +1,163 @@
+"""Sums over all pairs of few sites: lanes are pairs, and each site adds up its own.
+
+Pairs of sites that are equally far apart, round the ring of all sites, lie beside one another: at each distance there
+is one for every site with the site so far on. What is read from the sites, and what is added to them, are then
+permutations of whole vectors, and nothing but these goes from one pass to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .printer import source_lines
+
+if TYPE_CHECKING:
+    import sympy
+
+    from .scenes.local_terms import Argument, Place
+    from .site_loops import Context, SiteSum
+
+WIDTH = 8
+"""Lanes of a vector."""
+FILL = 4
+"""Lanes are filled up to a multiple of so many; what idle ones give is lost."""
+
+
+class Ring(NamedTuple):
+    """The lanes of all pairs of n sites.
+
+    Attributes:
+        rows: The pair of each lane, its smaller site first; idle lanes repeat the last one.
+        lanes: For each distance from 1 to n/2 the lane of every site with the site so far on.
+    """
+
+    rows: list[tuple[int, int]]
+    lanes: list[list[int]]
+
+    @classmethod
+    def of(cls, n: int) -> Ring:
+        """The lanes for n sites: those of sites that fill vectors come first, distance by distance.
+
+        Example:
+            >>> Ring.of(3)
+            Ring(rows=[(0, 1), (1, 2), (0, 2), (0, 2)], lanes=[[0, 1, 2]])
+        """
+        distances, full = range(1, n // 2 + 1), n // WIDTH * WIDTH
+        numbers: dict[tuple[int, int], int] = {}
+        for sites in (range(full), range(full, n)):
+            for distance in distances:
+                for site in sites:
+                    numbers.setdefault(_pair(site, distance, n), len(numbers))
+        rows = [*numbers]
+        rows += rows[-1:] * (-len(rows) % FILL)
+        return cls(rows, [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances])
+
+
+def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
+    other = (site + distance) % n
+    return min(site, other), max(site, other)
+
+
+def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
+    """Whether what both sites of a pair are given differs by its sign at most, and is added to entries of theirs."""
+    if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
+        return False
+    if not all(getattr(key, "stride", 0) for key in targets):
+        return False
+    numbers = _by_place(scatter)
+    return all(len(roles) == 2 and roles[0][0] == roles[1][0] for roles in numbers.values())
+
+
+def ring_lines(
+    total: SiteSum, values: Sequence[sympy.Expr], scatter: Mapping[Any, tuple[int, str]], context: Context
+) -> list[str]:
+    """The statements of a sum that suits.
+
+    Args:
+        total: The sum.
+        values: The formulas.
+        scatter: For each output its formula's number and its sign.
+        context: How numbers are written.
+    """
+    from .site_loops import indented
+
+    n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
+    arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
+    copies, differences = _gather(arguments, ring, n, context)
+    data = [
+        f"{names[symbol]} = {context.numbers([x.values[row[x.role]] for row in ring.rows])}[r]"
+        for x, symbol in total.data.items()
+        if symbol in names
+    ]
+    formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], names)
+    return [
+        *copies,
+        *(f"v{k} = stack({len(ring.rows)})" for k in range(len(values))),
+        f"for r in range({len(ring.rows)}):",
+        *indented([*differences, *data, *formula]),
+        *(line for place, roles in _by_place(scatter).items() for line in _sum_lines(place, roles, ring, n, context)),
+    ]
+
+
+def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
+    """For each place in the sites, its offset and stride, what the two sites of a pair are given."""
+    found: dict[tuple[int, int], dict[int, tuple[int, str]]] = {}
+    for place, value in scatter.items():
+        found.setdefault((place.offset, place.stride), {})[place.role] = value
+    return found
+
+
+def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Context) -> tuple[list[str], list[str]]:
+    """Statements that copy entries of all sites to arrays, and those that make local variables of lanes."""
+    sites = [context.sites(column) for column in zip(*ring.rows, strict=True)]
+    arrays: dict[tuple[int, int], str] = {}
+
+    def text(place: Place) -> str:
+        if not place.stride:
+            return f"y[{place.offset}]"
+        array = arrays.setdefault((place.offset, place.stride), f"q{len(arrays)}")
+        return f"{array}[{sites[place.role]}[r]]"
+
+    differences = [f"{name} = {' - '.join(text(x) for x in argument if x)}" for argument, name in arguments.items()]
+    copies = [f"{array} = stack({n})" for array in arrays.values()]
+    for (offset, stride), array in arrays.items():
+        copies += [f"for i in range({n}):", f"    {array}[i] = y[{offset} + {stride}*i]"]
+    return copies, differences
+
+
+def _sum_lines(
+    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, context: Context
+) -> list[str]:
+    """Statements that add to every site what its pairs give it."""
+    (number, first), (_, second) = roles[0], roles[1]
+    terms = [
+        _term(f"v{number}[{context.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], context)
+        for lanes, firsts in _pairs_of_sites(ring, n)
+    ]
+    offset, stride = place
+    return [f"for i in range({n}):", f"    out[{offset} + {stride}*i] += {_balanced(terms)}"]
+
+
+def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]]:
+    """For all sites a lane each, and whether the site is the first of that pair; over again until they had all."""
+    for distance, lanes in enumerate(ring.lanes, 1):
+        yield lanes, [site + distance < n for site in range(n)]
+        if 2 * distance < n:  # otherwise the site so far back is the one so far on
+            yield [lanes[site - distance] for site in range(n)], [site < distance for site in range(n)]
+
+
+def _term(value: str, signs: Sequence[str], context: Context) -> str:
+    import sympy
+
+    if len(set(signs)) == 1:
+        return value if signs[0] == "+" else f"-{value}"
+    return f"{context.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
+
+
+def _balanced(terms: Sequence[str]) -> str:
+    """A sum in which no term waits for more than the logarithm of their number of others."""
+    if len(terms) < 3:
+        return " + ".join(terms)
+    half = len(terms) // 2
+    return f"({_balanced(terms[:half])}) + ({_balanced(terms[half:])})"
