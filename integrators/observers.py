@@ -30,7 +30,7 @@ FORMULAS = '''\
 {imports}
 from numba import cfunc, types
 from integrators.lowering.units import lowered
-from integrators.steppers.machine import DOUBLES, NO_ARRAYS, OPTIONS
+from integrators.steppers.machine import DOUBLES, NO_ARRAYS, OPTIONS, stack
 
 OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
 {constants}
@@ -226,7 +226,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
     from .scenes.expansion import filled
     from .steppers import machine
 
-    writer, lines, base = ModuleText(precise=False, plain=True), [], _base(scene)
+    writer, lines, base = ModuleText(precise=False, lanes=True, plain=True), [], _base(scene)
     integrals = {}
     for k, quantity in quantities.items():
         system = _with_energy(scene) if quantity == ENERGY else None

@@ -54,7 +54,7 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     lane = "r" if flat else "j"
     values, scatter = _values({key: total.outputs[key] for key in targets})
     if flat and suits_ring(total, targets, scatter):
-        return ring_lines(total, values, scatter, context)
+        return ring_lines(total, targets, values, scatter, context)
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}

@@ -60,22 +60,32 @@ def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
 
 
 def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
-    """Whether what both sites of a pair are given differs by its sign at most, and is added to entries of theirs."""
+    """Whether all is added up over pairs, or to entries of both sites, the same but for the sign."""
     if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
         return False
-    if not all(getattr(key, "stride", 0) for key in targets):
+    if not all(_is_total(target) or getattr(key, "stride", 0) for key, target in targets.items()):
         return False
-    numbers = _by_place(scatter)
-    return all(len(roles) == 2 and roles[0][0] == roles[1][0] for roles in numbers.values())
+    entries = _by_place({key: scatter[key] for key, target in targets.items() if not _is_total(target)})
+    return all(len(roles) == 2 and roles[0][0] == roles[1][0] for roles in entries.values())
+
+
+def _is_total(target: str) -> bool:
+    """Whether all pairs are added up."""
+    return "[" not in target
 
 
 def ring_lines(
-    total: SiteSum, values: Sequence[sympy.Expr], scatter: Mapping[Any, tuple[int, str]], context: Context
+    total: SiteSum,
+    targets: Mapping[Any, str],
+    values: Sequence[sympy.Expr],
+    scatter: Mapping[Any, tuple[int, str]],
+    context: Context,
 ) -> list[str]:
     """The statements of a sum that suits.
 
     Args:
         total: The sum.
+        targets: For keys of the outputs the left-hand side.
         values: The formulas.
         scatter: For each output its formula's number and its sign.
         context: How numbers are written.
@@ -90,14 +100,22 @@ def ring_lines(
         for x, symbol in total.data.items()
         if symbol in names
     ]
+    entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
     formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], names)
     return [
         *copies,
         *(f"v{k} = stack({len(ring.rows)})" for k in range(len(values))),
         f"for r in range({len(ring.rows)}):",
         *indented([*differences, *data, *formula]),
-        *(line for place, roles in _by_place(scatter).items() for line in _sum_lines(place, roles, ring, n, context)),
+        *(f"{targets[key]} {_over_pairs(*scatter[key], n * (n - 1) // 2)}" for key in targets if key not in entries),
+        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, context)),
     ]
+
+
+def _over_pairs(number: int, sign: str, count: int) -> str:
+    """The sum of a formula over all pairs."""
+    total = _balanced([f"v{number}[{lane}]" for lane in range(count)])
+    return total if sign == "+" else f"-({total})"
 
 
 def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
@@ -160,4 +178,4 @@ def _balanced(terms: Sequence[str]) -> str:
     if len(terms) < 3:
         return " + ".join(terms)
     half = len(terms) // 2
-    return f"({_balanced(terms[:half])}) + ({_balanced(terms[half:])})"
+    return " + ".join(f"({_balanced(part)})" if len(part) > 1 else part[0] for part in (terms[:half], terms[half:]))

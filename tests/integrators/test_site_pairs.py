@@ -61,3 +61,12 @@ def test_what_both_sites_are_given_may_be_equal_or_differ():
         compiled_scene(scene).field(before, slope)
         stepper.advance(state, 1)
         np.testing.assert_allclose(state.y - before, slope, rtol=1e-12, atol=1e-13 * abs(slope).max())
+
+
+@pytest.mark.parametrize("formula", FORCES.values(), ids=FORCES)
+@pytest.mark.parametrize("n", [4, 5, 9, 16, 17])
+def test_energies_are_those_of_the_scene(n, formula):
+    scene = particles(n, formula)
+    run = bi.integrate(scene, "explicit-euler", h=1e-3, steps=3, observe="energy", save_every=1)
+    expected = [compiled_scene(scene).energy(y) for y in run.y.T]
+    np.testing.assert_allclose(run.observed["energy"], expected, rtol=1e-14)
