@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 NYSTROM = (
     *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),
-    *("dormand-prince54", "dop853", "gauss2", "gauss4", "gauss6", "gauss8", "lobatto-iiia-iiib6", "lobatto-iiia-iiib8"),
+    *("dormand-prince54", "dop853", "gauss4", "gauss8", "lobatto-iiia-iiib8"),
 )
 """For q'' = g(q)."""
 SPLIT = (
