@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from .site_loops import Context, SiteSum
 
-FEWEST_LANES = 8
+FEWEST_LANES, FEWEST_PAIRS = 8, 3
 MOST_FLAT = 128
 VECTOR = 4
 """Lanes of one loop are filled up to a multiple of the doubles computed at once; what idle lanes give is lost."""
@@ -32,7 +32,7 @@ SLOW = {"call", "power"}
 def suits_lanes(total: SiteSum) -> bool:
     """Whether three passes are faster than one."""
     kind, n = total.sites.kind, total.sites.count
-    if kind in ("single", "each") or total.sites.size < FEWEST_LANES:
+    if kind in ("single", "each") or total.sites.size < (FEWEST_PAIRS if kind == "pairs" else FEWEST_LANES):
         return False
     if total.sites.size > MOST_FLAT and (kind != "pairs" or n > MOST_LANES):
         return False
