@@ -2,9 +2,9 @@
 
 In one loop over pairs, sums at the sites of a pair keep compilers from computing several pairs at once. So local
 variables are gathered into work arrays first; the formula is a loop over lanes that do not depend on one another, which
-LLVM turns into vector instructions; then the results are added to the sites, in the same order as in one loop. Up to
-`MOST_FLAT` rows are lanes of one loop, in which pairs may have an order of their own (`integrators.site_pairs`); of
-more pairs, those with the same first site.
+becomes vector instructions; then the results are added to the sites, in the same order as in one loop. Up to
+`MOST_FLAT` rows are lanes of one loop; of more pairs, those with the same first site. Where all pairs are lanes of one
+loop, they mostly have an order of their own, and sites add up theirs (`integrators.site_pairs`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from .printer import count_operations, source_lines
-from .site_pairs import ring_lines, suits_ring
+from .site_pairs import FILL, ring_lines, suits_ring
 
 if TYPE_CHECKING:
     import sympy
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 FEWEST_LANES, FEWEST_PAIRS = 8, 3
 MOST_FLAT = 128
-VECTOR = 4
-"""Lanes of one loop are filled up to a multiple of the doubles computed at once; what idle lanes give is lost."""
 MOST_LANES = 4096
 SLOW = {"call", "power"}
 """Operations that have no vector instructions: they take so long that nothing else matters."""
@@ -62,7 +60,7 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
     gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
-    size = -(-total.sites.size // VECTOR) * VECTOR if flat else total.sites.count
+    size = -(-total.sites.size // FILL) * FILL if flat else total.sites.count
     arrays = [f"{name} = stack({size})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
     if flat:
         following = ["r += 1"]
@@ -130,7 +128,7 @@ def _data(
             continue
         if flat:
             values = [data.values[sites[data.role]] for sites in total.sites.rows()]
-            values += values[-1:] * (-len(values) % VECTOR)
+            values += values[-1:] * (-len(values) % FILL)
             found[symbol] = f"{context.numbers(values)}[r]"
         elif data.role == 0:
             found[symbol] = names[symbol]

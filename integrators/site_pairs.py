@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 WIDTH = 8
 """Lanes of a vector."""
 FILL = 4
-"""Lanes are filled up to a multiple of so many; what idle ones give is lost."""
+"""Lanes of one loop are filled up to a multiple of so many; what idle ones give is lost."""
 
 
 class Ring(NamedTuple):
@@ -63,14 +63,15 @@ def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any,
     """Whether all is added up over pairs, or to entries of both sites, the same but for the sign."""
     if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
         return False
-    if not all(_is_total(target) or getattr(key, "stride", 0) for key, target in targets.items()):
+    at_sites = {key: target for key, target in targets.items() if not _is_total(target)}
+    if not all(getattr(key, "stride", 0) and target.startswith("out[") for key, target in at_sites.items()):
         return False
-    entries = _by_place({key: scatter[key] for key, target in targets.items() if not _is_total(target)})
+    entries = _by_place({key: scatter[key] for key in at_sites})
     return all(len(roles) == 2 and roles[0][0] == roles[1][0] for roles in entries.values())
 
 
 def _is_total(target: str) -> bool:
-    """Whether all pairs are added up."""
+    """Whether all pairs are added up, for a variable that is no entry of an array."""
     return "[" not in target
 
 
@@ -137,7 +138,9 @@ def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Cont
         array = arrays.setdefault((place.offset, place.stride), f"q{len(arrays)}")
         return f"{array}[{sites[place.role]}[r]]"
 
-    differences = [f"{name} = {' - '.join(text(x) for x in argument if x)}" for argument, name in arguments.items()]
+    differences = [
+        f"{name} = {' - '.join(text(x) for x in argument if x is not None)}" for argument, name in arguments.items()
+    ]
     copies = [f"{array} = stack({n})" for array in arrays.values()]
     for (offset, stride), array in arrays.items():
         copies += [f"for i in range({n}):", f"    {array}[i] = y[{offset} + {stride}*i]"]

@@ -129,4 +129,5 @@ class _Run:
                 changes //= 2
         after = before.copy()
         after.solver = last
-        return [(self._start, self.steps - rest), (after, rest)]
+        parts = [(self._start, self.steps - rest), (after, rest)]
+        return [(state, steps) for state, steps in parts if steps]

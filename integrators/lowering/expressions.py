@@ -81,7 +81,7 @@ class Expressions(ast.NodeVisitor):
     def visit_Attribute(self, node: ast.Attribute) -> Value:
         if not isinstance(node.value, ast.Name) or node.value.id in self.local:
             refuse(node)
-        return self._constant(getattr(self._known(node.value.id), node.attr))
+        return self._constant(getattr(self.known(node.value.id), node.attr))
 
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         items = self._items(node)
@@ -133,7 +133,7 @@ class Expressions(ast.NodeVisitor):
         return Value(value.type, chosen)
 
     def visit_Call(self, node: ast.Call) -> Value:
-        function = self._known(ast.unparse(node.func))
+        function = self.known(ast.unparse(node.func))
         arguments = [self.visit(x) for x in node.args]
         if isinstance(function, _Intrinsic):  # which may need the values of numbers
             arguments = [*map(_literal, arguments, node.args)]
@@ -167,12 +167,12 @@ class Expressions(ast.NodeVisitor):
         value = self.visit(node)
         return self.unit.context.is_true(self.builder, value.type, value.llvm)
 
-    def _known(self, name: str) -> Any:
+    def known(self, name: str) -> Any:
         return self.names[name] if name in self.names else getattr(builtins, name)
 
     def _global(self, name: str) -> Value:
         """A constant of the module as a variable."""
-        value = self._constant(self._known(name))
+        value = self._constant(self.known(name))
         place = cgutils.alloca_once(self.constants, value.llvm.type, name=name)
         self.constants.store(value.llvm, place)
         return Value(value.type, place)

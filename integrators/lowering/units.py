@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.ir.instructions import AllocaInstr
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -17,8 +18,10 @@ from .expressions import Value
 from .statements import Statements
 from .syntax import tree_of
 
-MOST_COPIED = 20000
+MOST_COPIED = 20_000
 """Instructions of all copies of a function, before LLVM unrolls its loops."""
+MOST_STACK = 8192
+"""Doubles in the arrays of all copies: they do not share their memory, and the stack of a thread may be small."""
 
 
 class Unit:
@@ -63,12 +66,14 @@ class Unit:
         return self._functions[key]
 
     def settle(self) -> None:
-        """All functions are written: those with vectors are copied to where they are called, if that is not too long.
+        """All functions are written: those with vectors are copied to where they are called, if they are short enough.
 
         The vectors that they read and write can then stay in registers; LLVM would copy short functions only.
         """
         for made in self._in_vectors:
-            if self._calls[made] * sum(len(block.instructions) for block in made.blocks) <= MOST_COPIED:
+            instructions = [line for block in made.blocks for line in block.instructions]
+            stack = sum(map(_entries, instructions))
+            if self._calls[made] * len(instructions) <= MOST_COPIED and self._calls[made] * stack <= MOST_STACK:
                 made.attributes.add("alwaysinline")
 
     def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -90,6 +95,13 @@ class Unit:
         with cgutils.if_unlikely(builder, status.is_error):  # nothing raises but what numba has been told to let raise
             convention.return_status_propagate(builder, status)
         return Value(result, value)
+
+
+def _entries(instruction: Any) -> int:
+    """How many entries an instruction makes room for on the stack."""
+    if not isinstance(instruction, AllocaInstr):
+        return 0
+    return instruction.operands[0].constant if instruction.operands else 1
 
 
 def lowered(signature: Any = None) -> Callable[[Any], Any]:

@@ -36,7 +36,7 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     cells = sorted({cell for _, cell in group.unknowns})
     compare = [f"change{cell} = 0" for cell in cells]
     for cell in cells:
-        lines = ["most = 0"]  # of one entry: between entries there is one maximum, as vectors can be compared
+        lines = ["most = 0"]  # of one entry; one maximum over all entries can be taken of vectors first
         for e in (e for e, c in group.unknowns if c == cell):
             lines += [f"x = {new[e]}[i]", f"most = max(most, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
         lines.append(f"change{cell} = max(change{cell}, most)")

@@ -1,7 +1,7 @@
 """A plan of steps as the source of a compiled function.
 
 The state, the slopes and the points lie in small arrays on the stack, in the order of the state; a cell is a loop over
-its entries, which LLVM unrolls where it is short.
+its entries, which is written in vectors or, where it is short, unrolled.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..codegen import ModuleText
 
 MOST_STACK = 32_768
-"""Doubles of work arrays that are put on the stack; beyond, they lie in an array of the caller's."""
+"""Doubles of work arrays on the stack: a small thread has twice the room. Beyond, the caller brings an array."""
 
 
 class WorkArrays:

@@ -8,7 +8,8 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from integrators.lowering.units import lowered
+from integrators.lowering import vectors
+from integrators.lowering.units import Unit, lowered
 from integrators.lowering.vectors import VectorLoop
 from integrators.steppers.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
 
@@ -196,6 +197,29 @@ def called(y, h):
         y[i] = sin(y[i])
 
 
+def chained(y, h):
+    for i in range(8):
+        y[i] = y[i + 9] = h
+
+
+def recounted(y, h):
+    for i in range(8):
+        i = 3
+        y[i] = y[i] + h
+
+
+def seven(y, h):
+    for i in range(7):
+        y[i] += h
+
+
+def many(y, h):
+    z = stack(65)
+    for i in range(65):
+        z[i] = h
+    y[0] = z[64]
+
+
 def largest_number(y, h):
     best = 0.0
     for i in range(8):
@@ -246,12 +270,88 @@ def test_loops_over_entries_are_written_in_vectors(vector_loops, monkeypatch):
     np.testing.assert_allclose(there, here, rtol=1e-14)
 
 
-@pytest.mark.parametrize("function", [running, ahead, turned, doubled, carried, counted, called, largest_number])
+UNSUITED = (
+    running, ahead, turned, doubled, carried, counted, called, largest_number, chained, recounted, seven, many,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("function", UNSUITED)
 def test_loops_whose_entries_depend_on_one_another_are_not(function, vector_loops, monkeypatch):
     """Nor those that count or call; a loop with a vector of old values would do something else."""
     (_, there), (_, here) = results(function, types.void, monkeypatch)
     assert vector_loops == [False]
     np.testing.assert_allclose(there, here, rtol=1e-14)
+
+
+def heavy(y, h):
+    """As many entries as fill vectors, and one more; the largest change, and what is left of the last entry."""
+    largest, z = 0, stack(23)
+    for i in range(3, 20):
+        s = y[i] * y[i] + h
+        x = (s + y[i]) / (2.0 + s * s)
+        largest = max(largest, bits(abs(x - y[i])))
+        z[i + 1] = x - s
+        y[i] = sqrt(abs(x)) - s / 7.0
+    return value_of(largest) + s + z[20]
+
+
+@pytest.mark.parametrize("long", [0, 1000], ids=["by a loop", "one by one"])
+def test_vectors_are_one_behind_the_other_or_made_by_a_loop(long, vector_loops, monkeypatch):
+    monkeypatch.setattr(vectors, "LONG", long)
+    (value, there), (wanted, here) = results(heavy, types.float64, monkeypatch)
+    assert vector_loops == [True]
+    assert value == pytest.approx(wanted, rel=1e-14)
+    np.testing.assert_allclose(there, here, rtol=1e-14)
+
+
+def narrow_field(y, out):
+    z = stack(500)
+    for i in range(8):
+        z[i] = 2.0 * y[i]
+    for i in range(8):
+        out[i] = z[i] - y[i + 8]
+
+
+def wide_field(y, out):
+    z = stack(5000)
+    for i in range(8):
+        z[625 * i] = 2.0 * y[i]
+    for i in range(8):
+        out[i] = z[625 * i] - y[8 + i]
+
+
+field = narrow_field
+
+
+def two_calls(y, h):
+    k = stack(8)
+    field(y, k)
+    for i in range(8):
+        y[i] += h * k[i]
+    field(y, k)
+
+
+@pytest.mark.parametrize(("chosen", "is_copied"), [(narrow_field, True), (wide_field, False)])
+def test_fields_are_copied_as_long_as_the_stack_of_a_thread_suffices(chosen, is_copied, monkeypatch):
+    copied, function = {}, Unit.function
+
+    def noted(self, *arguments):
+        copied[arguments[0]] = function(self, *arguments)[0].attributes
+        return function(self, *arguments)
+
+    monkeypatch.setattr(Unit, "function", noted)
+    monkeypatch.setitem(globals(), "field", chosen)
+    made = lowered(types.void(DOUBLES, types.float64))(two_calls)
+
+    @compiled
+    def run(y):
+        made(pointer(y), 0.5)
+
+    y = np.linspace(0.0, 1.0, 16)
+    run(y)
+    assert copied.keys() == {two_calls, chosen}
+    assert ["alwaysinline" in attributes for attributes in copied.values()] == [is_copied, True]
+    np.testing.assert_allclose(y[:8], 2 * np.arange(8) / 15 - (np.arange(8) + 8) / 30)
 
 
 ONE, TWO = np.uint64(1), np.uint64(2)

@@ -1,5 +1,6 @@
 """What compiled steps are made of: calls, cells and arrays; sums in lanes; failures; rounding."""
 
+import ast
 import re
 
 import numpy as np
@@ -84,6 +85,21 @@ def test_sums_in_lanes_are_those_of_the_scene(scene, lanes):
     compiled_scene(scene).field(before, slope)
     stepper.advance(state, 1)
     np.testing.assert_allclose(state.y, before + slope, rtol=1e-13, atol=1e-13 * abs(slope).max())
+
+
+@pytest.mark.parametrize(
+    "method", ["rk4", "gauss2", "gauss8", "radau-iia2", "rodas4", "avf", "takahashi-imada", "tdrk5"]
+)
+@pytest.mark.parametrize("scene", ["kepler", "lennard-jones"])
+def test_no_call_is_given_an_array_twice(scene, method):
+    """Loops are written in vectors, as if arrays of different names did not overlap."""
+    source = bi.stepper(bi.scene(scene), method).source
+    calls = [ast.unparse(node) for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    arrays = set(re.findall(r"(\w+) = (?:stack|shifted|pointer)\(", source)) | {"source", "lost", "m"}
+    given = [[name for name in re.findall(r"[\w.]+", call) if name in arrays] for call in calls]
+    assert any(len(names) > 1 for names in given)
+    for call, names in zip(calls, given, strict=True):
+        assert len(names) == len(set(names)) or re.match(r"(max|bits|abs|fma|stack|negligible)\(", call), call
 
 
 def test_large_scenes_need_no_stack(monkeypatch):
