@@ -19,6 +19,10 @@ BASE = ""
 """The owner of what belongs to no effect."""
 
 
+class UnknownNameError(IntegratorError):
+    """There is no parameter or block of a name."""
+
+
 def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
     """The declaration with other values of parameters, of the base system or of effects that are on.
 
@@ -72,7 +76,7 @@ def _owner(name: str, owners: Mapping[str, str], active: Collection[str], argume
         return owner
     known = shorten(", ".join(key for key, value in owners.items() if value == BASE or value in active) or "none")
     off = f", which belongs to the effect {owner} that is off" if owner else ""
-    raise IntegratorError(f"{argument} must be of {known}, but one was {shorten(name)}{off}")
+    raise UnknownNameError(f"{argument} must be of {known}, but one was {shorten(name)}{off}")
 
 
 def _count(value: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import IntegratorError
@@ -30,6 +30,7 @@ from . import (
     toda,
     van_der_pol,
 )
+from .changes import UnknownNameError
 
 if TYPE_CHECKING:
     from .base import Scene
@@ -139,11 +140,16 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
     """
     entry = find_entry(name)
     options = {key: parameters.pop(key) for key in list(parameters) if key in entry.options}
-    if entry.built_in_effects is not None:
-        if effects is not None:
-            options["effects"] = _checked(_names(effects), entry.built_in_effects)
-        return entry.build(**options).with_parameters(**parameters)
-    return entry.build(**options).with_effects(*_names(effects), **parameters)
+    if entry.built_in_effects is not None and effects is not None:
+        options["effects"] = _checked(_names(effects), entry.built_in_effects)
+    built = entry.build(**options)
+    has_others = entry.built_in_effects is None
+    change = partial(built.with_effects, *_names(effects)) if has_others else built.with_parameters
+    try:
+        return change(**parameters)
+    except UnknownNameError as error:
+        hint = f"; options of {entry.name} are {', '.join(entry.options)}" if entry.options else ""
+        raise IntegratorError(f"{error}{hint}") from None
 
 
 def refuse_built_in(name: str, effects: Collection[str]) -> None:

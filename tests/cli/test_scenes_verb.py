@@ -168,7 +168,10 @@ MISTAKES = {
     "a file of another format": ("kepler -o kepler.toml --format csv", "format must be left out"),
     "effect of none": ("--effect drag", "effect and parameter must come with a SCENE"),
     "parameter of none": ("--parameter mu=1", "effect and parameter must come with a SCENE"),
-    "unknown option": ("toda --parameter particles=3", "parameters must be of none, but one was particles"),
+    "unknown option": (
+        "toda --parameter particles=3",
+        "parameters must be of none, but one was particles; options of toda are n",
+    ),
     "no count": ("toda --parameter n=two", "n must be"),
     "effects as a parameter": ("n-body --parameter effects=softening", "must be one of the scene's, but was 'effects'"),
     "no folder": ("kepler -o nowhere/kepler.toml", "output must be a file that can be written"),

@@ -367,7 +367,11 @@ def test_parameters_of_lotka_volterra_and_kepler():
         ("perturbed-kepler", {"eccentricity": "-1/2"}, "eccentricity must be at least 0 .* but was -1/2$"),
         ("kepler", {"eccentricity": "e"}, "eccentricity must be .* unknown name 'e'"),
         ("kepler", {"eccentricity": None}, "eccentricity must be a formula or a number, but was None"),
-        ("kepler", {"ecentricity": "1/2"}, "parameters must be of mu, but one was ecentricity"),
+        (
+            "kepler",
+            {"ecentricity": "1/2"},
+            "parameters must be of mu, but one was ecentricity; options of kepler are eccentricity",
+        ),
         ("kepler", {"c": 10}, "but one was c.*effect relativity"),
         ("kepler", {"effects": "friction"}, "effects must be of relativity, oblateness, drag, but one was 'friction'"),
         ("henon-heiles", {"energy": 0}, "energy must be at least 7/1500, but was 0"),
