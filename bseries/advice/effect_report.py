@@ -137,6 +137,12 @@ class EffectReport(NamedTuple):
 
     def advice(self) -> Iterator[str]:
         """The recommendation in sentences."""
+        yield from self._recommendation()
+        own = getattr(self.own_error, self.measure)
+        if not own <= self.accept:
+            yield f"The method's own error, {own:.2g}, is more than what is accepted: that takes a smaller step."
+
+    def _recommendation(self) -> Iterator[str]:
         if not self.leave_out:
             least = min(getattr(row.left_out, self.measure) for row in self.rows)
             yield (

@@ -373,3 +373,11 @@ def test_built_in_effects_that_are_off_leave_no_trace_in_the_code():
     )
     sources = [bs.stepper(system, "stormer-verlet").source for system in (chosen, never, softened)]
     assert sources[0] == sources[1] != sources[2]
+
+
+@pytest.mark.parametrize(("accept", "warns"), [(1e-3, False), (1e-6, True)])
+def test_an_error_that_the_method_itself_exceeds_is_said_to_take_a_smaller_step(accept, warns):
+    report = bs.effect_influence("kepler", "rk4", h=0.02, span=6, accept=accept, effects=["drag"])
+    own = report.own_error.solution
+    assert (own > accept) is warns
+    assert ("is more than what is accepted: that takes a smaller step" in str(report)) is warns
