@@ -12,8 +12,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from .lowering import MOST_PERMUTED
 from .printer import count_operations, source_lines
-from .site_pairs import FILL, ring_lines, suits_ring
+from .site_pairs import filled, lane_data, ring_lines, suits_ring
 
 if TYPE_CHECKING:
     import sympy
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from .site_loops import Context, SiteSum
 
 FEWEST_LANES, FEWEST_PAIRS = 8, 3
-MOST_FLAT = 128
+MOST_FLAT = MOST_PERMUTED
 MOST_LANES = 4096
 SLOW = {"call", "power"}
 """Operations that have no vector instructions: they take so long that nothing else matters."""
@@ -56,11 +57,12 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
-    data, row = _data(total, names, flat, context)
+    rows = filled([*total.sites.rows()]) if flat else []
+    data, row = (lane_data(total, names, rows, context), []) if flat else _data(total, names, context)
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
     gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
-    size = -(-total.sites.size // FILL) * FILL if flat else total.sites.count
+    size = len(rows) if flat else total.sites.count
     arrays = [f"{name} = stack({size})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
     if flat:
         following = ["r += 1"]
@@ -118,19 +120,15 @@ def _sums(
 
 
 def _data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], flat: bool, context: Context
+    total: SiteSum, names: Mapping[sympy.Symbol, str], context: Context
 ) -> tuple[dict[sympy.Symbol, str], list[str]]:
-    """How lanes read parameters of sites, and statements that read those of the first site of a row."""
+    """How the lanes of a row read parameters of sites, and statements that read those of its first site."""
     found: dict[sympy.Symbol, str] = {}
     row: list[str] = []
     for data, symbol in total.data.items():
         if symbol not in names:
             continue
-        if flat:
-            values = [data.values[sites[data.role]] for sites in total.sites.rows()]
-            values += values[-1:] * (-len(values) % FILL)
-            found[symbol] = f"{context.numbers(values)}[r]"
-        elif data.role == 0:
+        if data.role == 0:
             found[symbol] = names[symbol]
             row.append(f"{names[symbol]} = {context.numbers(data.values)}[i]")
         else:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from .lowering import WIDTH
 from .printer import source_lines
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from .scenes.local_terms import Argument, Place
     from .site_loops import Context, SiteSum
 
-WIDTH = 8
-"""Lanes of a vector."""
 FILL = 4
 """Lanes of one loop are filled up to a multiple of so many; what idle ones give is lost."""
 
@@ -32,7 +31,7 @@ class Ring(NamedTuple):
         lanes: For each distance from 1 to n/2 the lane of every site with the site so far on.
     """
 
-    rows: list[tuple[int, int]]
+    rows: list[tuple[int, ...]]
     lanes: list[list[int]]
 
     @classmethod
@@ -49,9 +48,25 @@ class Ring(NamedTuple):
             for distance in distances:
                 for site in sites:
                     numbers.setdefault(_pair(site, distance, n), len(numbers))
-        rows = [*numbers]
-        rows += rows[-1:] * (-len(rows) % FILL)
-        return cls(rows, [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances])
+        return cls(
+            filled([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
+        )
+
+
+def filled(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The rows of all lanes, idle ones among them."""
+    return rows + rows[-1:] * (-len(rows) % FILL)
+
+
+def lane_data(
+    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], context: Context
+) -> dict[sympy.Symbol, str]:
+    """How lanes, each for a row of sites, read parameters that differ from site to site."""
+    return {
+        symbol: f"{context.numbers([data.values[row[data.role]] for row in rows])}[r]"
+        for data, symbol in total.data.items()
+        if symbol in names
+    }
 
 
 def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
@@ -96,18 +111,14 @@ def ring_lines(
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
     copies, differences = _gather(arguments, ring, n, context)
-    data = [
-        f"{names[symbol]} = {context.numbers([x.values[row[x.role]] for row in ring.rows])}[r]"
-        for x, symbol in total.data.items()
-        if symbol in names
-    ]
     entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
-    formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], names)
+    lanes = names | lane_data(total, names, ring.rows, context)
+    formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
     return [
         *copies,
         *(f"v{k} = stack({len(ring.rows)})" for k in range(len(values))),
         f"for r in range({len(ring.rows)}):",
-        *indented([*differences, *data, *formula]),
+        *indented([*differences, *formula]),
         *(f"{targets[key]} {_over_pairs(*scatter[key], n * (n - 1) // 2)}" for key in targets if key not in entries),
         *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, context)),
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -86,7 +87,7 @@ class _Run:
             except StepError:  # so far the run cannot go: so many steps as could be made have to do
                 break
             self.steps = wanted
-        self._parts = self._separated(end.solver)
+        self._parts = self._separated(work, end.solver)
         self.sample()
         self.repeats = max(1, math.ceil(sample / max(self._repeated(), 1e-9)))
         self.repeats = max(1, math.ceil(self.repeats * sample / max(self._repeated(), 1e-9)))
@@ -107,27 +108,24 @@ class _Run:
         self._stepper.advance(state, steps)
         return thread_time() - begin, state
 
-    def _separated(self, last: str) -> list[tuple[State, int]]:
+    def _separated(self, work: Work, last: str) -> list[tuple[State, int]]:
         """The steps before the solver changes and those after it, each with where they begin.
 
         From the first step that fixed-point iteration does not find on, a run goes on with Newton's method, which need
-        not find those before; halving finds that step.
+        not find those before.
 
         Args:
+            work: The steps.
             last: The solver at the end of the run.
         """
-        before, first, rest = self._start.copy(), self._start.solver, self.steps
-        if last == first:
-            return [(before, rest)]
-        changes = rest  # the step that changes the solver is among so many after `before`
-        while changes > 1:
-            trial = before.copy()
-            self._stepper.advance(trial, changes // 2)
-            if trial.solver == first:
-                before, rest, changes = trial, rest - changes // 2, changes - changes // 2
-            else:
-                changes //= 2
-        after = before.copy()
-        after.solver = last
-        parts = [(self._start, self.steps - rest), (after, rest)]
+        from integrators.steppers.stepping import stepper
+
+        if last == self._start.solver:
+            return [(self._start, self.steps)]
+        first = stepper(work.scene, work.method, **{**work.options, "solver": self._start.solver})
+        after = self._start.copy()
+        with suppress(StepError):  # which leaves the run where that step begins
+            first.advance(after, self.steps)
+        after.solver, after.is_fresh = last, after.n == 0
+        parts = [(self._start, after.n), (after, self.steps - after.n)]
         return [(state, steps) for state, steps in parts if steps]

@@ -13,5 +13,9 @@ their entries are written in vectors.
 
 from pathlib import Path
 
+WIDTH = 8
+"""Entries of a vector; a processor that has no such long ones takes several."""
+MOST_PERMUTED = 128
+"""Entries of a loop that is written in vectors although they lie apart, or are looked up in a table."""
 SOURCES = tuple(sorted(Path(__file__).parent.glob("*.py")))
 """The files on which the code of generated functions depends, besides their own text."""

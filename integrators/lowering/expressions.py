@@ -168,6 +168,7 @@ class Expressions(ast.NodeVisitor):
         return self.unit.context.is_true(self.builder, value.type, value.llvm)
 
     def known(self, name: str) -> Any:
+        """What a name of the module means."""
         return self.names[name] if name in self.names else getattr(builtins, name)
 
     def _global(self, name: str) -> Value:

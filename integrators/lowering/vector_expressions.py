@@ -86,10 +86,9 @@ class VectorExpressions(ast.NodeVisitor):
             self.is_permuted = True  # a loop would have to look them up
             numbers = [ir.Constant(NUMBER, float(constants[place])) for place in self._indices(node.slice)]
             return constant_vector(NUMBER, numbers)
-        start, places = self.noted(node, self.read)
-        if are_consecutive(places) and not _looks_up(node.slice):
+        start, places, are_apart = self.noted(node, self.read)
+        if not are_apart:
             return self.builder.load(self.vector_at(start, places[0]), align=ALIGNMENT)
-        self.is_permuted = True
         vector = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
         for lane, place in enumerate(places):
             number = self.builder.load(self.builder.gep(start, [ir.Constant(WORD, place)]))
@@ -122,8 +121,11 @@ class VectorExpressions(ast.NodeVisitor):
             raise UnsuitedError
         return values
 
-    def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int]]:
-        """Where an array begins, and the places of the entries that are read or written, which are noted."""
+    def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int], bool]:
+        """Where an array begins, the places of the entries that are read or written, and whether they lie apart.
+
+        Places that are looked up may lie one behind the other here, and apart for other values of the counter.
+        """
         if not isinstance(node.value, ast.Name):
             raise UnsuitedError
         array = self.scalars.visit(node.value)
@@ -131,7 +133,10 @@ class VectorExpressions(ast.NodeVisitor):
             raise UnsuitedError
         places = self._indices(node.slice)
         entries.update((node.value.id, place, self.first + lane) for lane, place in enumerate(places))
-        return array.llvm, places
+        are_consecutive = places == [*range(places[0], places[0] + self.width)]
+        are_apart = not are_consecutive or any(isinstance(part, ast.Subscript) for part in ast.walk(node.slice))
+        self.is_permuted |= are_apart
+        return array.llvm, places, are_apart
 
     def vector_at(self, start: Any, place: int) -> Any:
         index = ir.Constant(WORD, place)
@@ -186,12 +191,3 @@ class VectorExpressions(ast.NodeVisitor):
 def constant_vector(kind: Any, numbers: list[Any]) -> Any:
     """A vector of constants."""
     return ir.Constant(ir.VectorType(kind, len(numbers)), numbers)
-
-
-def are_consecutive(places: list[int]) -> bool:
-    """Whether each place is that behind the one before."""
-    return places == [*range(places[0], places[0] + len(places))]
-
-
-def _looks_up(index: ast.expr) -> bool:
-    return any(isinstance(part, ast.Subscript) for part in ast.walk(index))

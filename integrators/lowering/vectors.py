@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
-from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
+from . import MOST_PERMUTED, WIDTH
 from .expressions import WHOLE, Value
 from .vector_expressions import (
     ALIGNMENT,
@@ -25,19 +25,16 @@ from .vector_expressions import (
     WORD,
     UnsuitedError,
     VectorExpressions,
-    are_consecutive,
     constant_vector,
 )
 
 if TYPE_CHECKING:
     from .statements import Statements
 
-WIDTH = 8
-"""Entries of a vector; a processor that has no such long ones takes several."""
 FEWEST, MOST = 8, 64
 """Entries of loops that are written so: shorter ones LLVM unrolls, longer ones it vectorises itself."""
-FEWEST_PERMUTED, MOST_PERMUTED = 4, 128
-"""The same where entries lie apart, or are looked up in a table."""
+FEWEST_PERMUTED = 4
+"""The fewest where entries lie apart, or are looked up in a table."""
 LONG = 80
 """Instructions for a vector from which on the vectors are made by a loop, however many they are."""
 LEAST = -(2**63)
@@ -56,7 +53,7 @@ class VectorLoop(VectorExpressions):
 
     def __init__(self, scalars: Statements, node: Any):
         super().__init__(scalars, node)
-        self.maxima: dict[str, dict[int, Any]] = {}  # by width: places in memory
+        self.maxima: dict[tuple[str, int], Any] = {}  # places in memory, by the variable and the width
 
     def write(self) -> bool:
         """Write the loop, if it is one over entries; otherwise nothing is written."""
@@ -69,7 +66,8 @@ class VectorLoop(VectorExpressions):
             self._vector(bounds[0], min(WIDTH, bounds[1] - bounds[0]))
             way = self._way(bounds[1] - bounds[0], len(written) - before)
             del written[before:]
-            self._begin_maxima()
+            for key in self.maxima:
+                self._begin_maximum(key)
             way(*bounds)
         except UnsuitedError:
             del written[before:]
@@ -83,7 +81,7 @@ class VectorLoop(VectorExpressions):
         if self.is_permuted:
             if count > MOST_PERMUTED:
                 raise UnsuitedError
-            return self._one_by_one
+            return self._permuted
         shifts = {(name, place - counter) for name, place, counter in self.written}
         for array, shift in {(name, place - counter) for name, place, counter in self.read} | shifts:
             if any(array == name and 0 < abs(shift - other) < count for name, other in shifts):
@@ -99,6 +97,10 @@ class VectorLoop(VectorExpressions):
         while first < end:
             self._vector(first, min(WIDTH, end - first))
             first += self.width
+
+    def _permuted(self, first: int, end: int) -> None:
+        """The vectors one behind the other, if no entry depends on another one."""
+        self._one_by_one(first, end)
         writers = {(name, place): counter for name, place, counter in self.written}
         if any(writers.get((name, place), counter) != counter for name, place, counter in self.read | self.written):
             raise UnsuitedError
@@ -123,10 +125,9 @@ class VectorLoop(VectorExpressions):
         for name, vector in self.vectors.items():
             last = self.builder.extract_element(vector, ir.Constant(INDEX, self.width - 1))
             self.scalars.assign(name, Value(WHOLE if last.type == WORD else types.float64, last))
-        for name, places in self.maxima.items():
+        for (name, _), place in self.maxima.items():
             now = self.scalars.visit(ast.Name(name)).llvm
-            largest = [self._across(self.builder.load(place)) for place in places.values()]
-            self.scalars.assign(name, Value(WHOLE, reduce(self.larger, largest, now)))
+            self.scalars.assign(name, Value(WHOLE, self.larger(now, self._across(self.builder.load(place)))))
 
     def visit_Assign(self, node: Any) -> None:
         target, *others = node.targets
@@ -136,7 +137,7 @@ class VectorLoop(VectorExpressions):
             self._store(target, self.visit(node.value))
         elif _is_maximum(node.value, target.id) and target.id not in self.vectors:
             self._take_maximum(target, node.value.args[1])
-        elif target.id in self.maxima:
+        elif any(name == target.id for name, _ in self.maxima):
             raise UnsuitedError
         else:
             self.vectors[target.id] = self.visit(node.value)
@@ -145,21 +146,16 @@ class VectorLoop(VectorExpressions):
         found = self.visit(values)
         if found.type.element != WORD or self.scalars.visit(name).type != WHOLE:
             raise UnsuitedError
-        places = self.maxima.setdefault(name.id, {})
-        if self.width not in places:
-            places[self.width] = cgutils.alloca_once(self.builder, found.type)
-            self._begin_maximum(self.width, places[self.width])
-        place = places[self.width]
+        key = name.id, self.width
+        if key not in self.maxima:
+            self.maxima[key] = cgutils.alloca_once(self.builder, found.type)
+            self._begin_maximum(key)
+        place = self.maxima[key]
         self.builder.store(self.larger(self.builder.load(place), found), place)
 
-    def _begin_maxima(self) -> None:
-        for places in self.maxima.values():
-            for width, place in places.items():
-                self._begin_maximum(width, place)
-
-    def _begin_maximum(self, width: int, place: Any) -> None:
-        """The maxima of nothing."""
-        self.builder.store(constant_vector(WORD, [ir.Constant(WORD, LEAST)] * width), place)
+    def _begin_maximum(self, key: tuple[str, int]) -> None:
+        """The maximum of nothing."""
+        self.builder.store(constant_vector(WORD, [ir.Constant(WORD, LEAST)] * key[1]), self.maxima[key])
 
     def _across(self, vector: Any) -> Any:
         """The largest entry of a vector."""
@@ -174,11 +170,10 @@ class VectorLoop(VectorExpressions):
     def _store(self, target: ast.expr, value: Any) -> None:
         if not isinstance(target, ast.Subscript) or value.type.element != NUMBER:
             raise UnsuitedError
-        start, places = self.noted(target, self.written)
-        if are_consecutive(places):
+        start, places, are_apart = self.noted(target, self.written)
+        if not are_apart:
             self.builder.store(value, self.vector_at(start, places[0]), align=ALIGNMENT)
             return
-        self.is_permuted = True
         for lane, place in enumerate(places):
             number = self.builder.extract_element(value, ir.Constant(INDEX, lane))
             self.builder.store(number, self.builder.gep(start, [ir.Constant(WORD, place)]))

@@ -136,6 +136,7 @@ def test_arrays_on_the_stack_and_nothing_returned():
 
 
 WEIGHTS = np.linspace(1.0, 2.0, 11)
+TURNED = np.array([0, 1, 2, 3, 4, 5, 6, 7, 16, 15, 14, 13, 12, 11, 10, 9, 8])
 ROUND = np.array([7, 3, 0, 10, 2, 9, 1, 5, 8, 6, 4])
 
 
@@ -295,6 +296,15 @@ def heavy(y, h):
     return value_of(largest) + s + z[20]
 
 
+def stored(y, h):
+    """The first places of the table lie one behind the other."""
+    z = stack(23)
+    for i in range(23):
+        z[i] = y[i]
+    for i in range(17):
+        y[TURNED[i]] = z[i] + h
+
+
 @pytest.mark.parametrize("long", [0, 1000], ids=["by a loop", "one by one"])
 def test_vectors_are_one_behind_the_other_or_made_by_a_loop(long, vector_loops, monkeypatch):
     monkeypatch.setattr(vectors, "LONG", long)
@@ -302,6 +312,13 @@ def test_vectors_are_one_behind_the_other_or_made_by_a_loop(long, vector_loops, 
     assert vector_loops == [True]
     assert value == pytest.approx(wanted, rel=1e-14)
     np.testing.assert_allclose(there, here, rtol=1e-14)
+
+
+def test_places_that_are_looked_up_are_not_those_of_the_first_vector(vector_loops, monkeypatch):
+    monkeypatch.setattr(vectors, "LONG", 0)
+    (_, there), (_, here) = results(stored, types.void, monkeypatch)
+    assert vector_loops == [True, True]
+    np.testing.assert_allclose(there, here, rtol=1e-15)
 
 
 def narrow_field(y, out):
