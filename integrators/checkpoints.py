@@ -5,19 +5,22 @@ from __future__ import annotations
 import io
 import json
 import os
-import zipfile
 from collections.abc import Mapping
+from hashlib import sha256
 from time import monotonic
 from typing import Any
 
 from .errors import IntegratorError
 from .expressions import shorten
 from .recordings import Counts
+from .steppers.run_input import MOST_STEPS
 from .steppers.states import State
-from .text_files import atomic_write
+from .stored_arrays import TEXT, Form, StoredArrays, read_json, reading
+from .text_files import atomic_write, remove_unfinished
 
 DIGESTS = ("start", "compiled steps")
 """What is compared without being shown."""
+VECTORS = ("values", "carry", "memory", "control")
 
 
 class Checkpoint:
@@ -51,8 +54,9 @@ class Checkpoint:
         import numpy as np
 
         arrays = {name: np.asarray(getattr(state, name)) for name in State.__slots__}
+        arrays |= {"counts": np.asarray(counts), "run": np.asarray(json.dumps(self._identity, ensure_ascii=False))}
         file = io.BytesIO()
-        np.savez(file, counts=counts, run=json.dumps(self._identity, ensure_ascii=False), **arrays)  # type: ignore[arg-type]
+        np.savez(file, digest=_digest(arrays), **arrays)  # type: ignore[arg-type]
         atomic_write(self.path, file.getvalue())
         self._last = monotonic()
 
@@ -73,18 +77,18 @@ class Checkpoint:
 
         if not os.path.exists(self.path):
             return None
-        try:
-            with np.load(self.path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in State.__slots__}
-                counts, known = Counts(*file["counts"].tolist()), dict(json.loads(str(file["run"])))
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            name, reason = shorten(self.path, 200), getattr(error, "strerror", None) or str(error)
-            raise IntegratorError(
-                f"checkpoint must be a file of a run, but {name} was not: {shorten(reason)}"
-            ) from None
-        self._check(known)
-        for name, array in arrays.items():
-            setattr(state, name, array if array.ndim else array.item())
+        sentence = f"checkpoint must be a file of a run, but {shorten(self.path, 200)} was not"
+        with reading(sentence):
+            arrays = StoredArrays(self.path, sentence)
+            run = arrays.read({"run": TEXT})
+            self._check(read_json(run["run"], dict, "run"))
+            sizes = {name: len(getattr(state, name)) for name in VECTORS}
+            found = arrays.read(_forms(state), sizes)
+            if found.pop("digest") != _digest(found | run) or found["solver"] not in (state.solver, "newton"):
+                raise ValueError("its content is not what a run has written")
+        counts = Counts(*found.pop("counts").tolist())
+        for name, value in found.items():
+            setattr(state, name, np.array(value, dtype=float) if name in VECTORS else np.asarray(value).item())
         if state.n > steps:
             raise IntegratorError(f"steps must be at least the {state.n} of the checkpoint, but was {steps}")
         return counts
@@ -97,8 +101,24 @@ class Checkpoint:
 
     def remove(self) -> None:
         """Take the file away, if there is one: the run has ended."""
+        remove_unfinished(self.path)
         if os.path.exists(self.path):
             os.unlink(self.path)
+
+
+def _forms(state: State) -> dict[str, Form]:
+    """What a checkpoint holds of the run that a state begins; each array is as long as that of the state."""
+    forms = {name: Form("f", (name,)) for name in VECTORS}
+    forms |= {name: Form("f", (), (value, value)) for name, value in (("step_size", state.h), ("t0", state.t0))}
+    forms |= {"n": Form("i", (), (0, MOST_STEPS)), "counts": Form("i", (2,), (0, MOST_STEPS)), "is_fresh": Form("b")}
+    return forms | {"solver": TEXT, "digest": TEXT}
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    """What tells that nothing in a checkpoint was changed."""
+    import numpy as np
+
+    return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()
 
 
 def _shown(value: Any) -> str:

@@ -261,6 +261,13 @@ def lost_block(members: Members, first: int, count: int) -> Block:
     )
 
 
+def block_sizes(members: Members, span: range) -> dict[str, int]:
+    """How long the arrays of the block of some members are, by what is along them."""
+    s = members.settings
+    sizes = {"times": len(members.step_numbers), "quantities": len(s.observers), "variables": s.scene.dimension}
+    return {**sizes, "kept": _kept(s, span.start, len(span)), "ends": len(span) if s.final else 0}
+
+
 def _kept(settings: Settings, first: int, count: int) -> int:
     """How many members of a block are among those whose series are kept."""
     return max(0, min(count, settings.keep - first))

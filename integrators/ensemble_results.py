@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
-import zipfile
+import sys
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,14 +15,25 @@ from .ensemble_statistics import Statistics
 from .errors import IntegratorError
 from .expressions import shorten
 from .optional_modules import optional_module
-from .text_files import atomic_write
+from .stored_arrays import TEXT, Form, StoredArrays, read_json, reading
+from .text_files import atomic_write, check_path, read_text
 
 if TYPE_CHECKING:
     import numpy as np
 
 KIND = "ensemble"
-DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
-"""What reading a file raises that is not a whole one."""
+NAMED = {"name": (None, str)}
+HEAD = {"kind": str, "names": [str], "meta": {"method": NAMED, "scene": NAMED, "members": int}}
+BLOCK = {
+    "count": Form("i", ("times",), (0, sys.maxsize)),
+    **dict.fromkeys(Statistics._fields[1:], Form("f", ("times", "quantities"), None)),
+    "series": Form("f", ("kept", "times", "quantities"), None),
+    "ends": Form("f", ("ends", "variables"), None),
+    "failures": TEXT,
+}
+NUMBER = int, float
+FAILURE = {"member": int, "step": (None, int), "t": (None, *NUMBER), "y": (None, [NUMBER]), "reason": str}
+"""What files hold of these."""
 
 
 class EnsembleResult:
@@ -166,17 +177,15 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         ...     load_ensemble(f"{folder}/out.npz")
         <EnsembleResult rk4 on pendulum: 2 members, 11 times>
     """
-    import numpy as np
-
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            head = json.loads(str(file["head"]))
-            if head["kind"] != KIND:
-                raise ValueError("it holds something else")
-            return EnsembleResult(file["t"], head["names"], _block(file), head["meta"])
-    except DAMAGE as error:
-        label = shorten(os.fspath(path), 200)
-        raise IntegratorError(f"{label} must be the file of an ensemble, but was not: {shorten(str(error))}") from None
+    sentence = f"{shorten(check_path(path, 'path'), 200)} must be the file of an ensemble, but was not"
+    with reading(sentence):
+        arrays = StoredArrays(os.fspath(path), sentence)
+        head = read_json(arrays.read({"head": TEXT})["head"], HEAD, "head")
+        if head["kind"] != KIND:
+            raise ValueError("it holds something else")
+        names = head["names"]
+        t = arrays.read({"t": Form("f", ("times",))})["t"]
+        return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
 
 
 def _arrays(block: Block) -> dict[str, np.ndarray]:
@@ -194,11 +203,14 @@ def _packed(arrays: Mapping[str, np.ndarray]) -> bytes:
     return buffer.getvalue()
 
 
-def _block(file: Mapping[str, np.ndarray]) -> Block:
-    records = json.loads(str(file["failures"]))
-    failures = (Failure(**{**r, "y": None if r["y"] is None else tuple(r["y"])}) for r in records)
-    statistics = Statistics(*(file[name] for name in Statistics._fields))
-    return Block(statistics, file["series"], file["ends"], tuple(failures))
+def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
+    """A block in a file, whose arrays have lengths as they are known."""
+    found = arrays.read(BLOCK, sizes)
+    records = read_json(found["failures"], [FAILURE], "failures")
+    rows = ([record.get(field) for field in Failure._fields] for record in records)
+    failures = (Failure(*(tuple(value) if isinstance(value, list) else value for value in row)) for row in rows)
+    statistics = Statistics(*(found[name] for name in Statistics._fields))
+    return Block(statistics, found["series"], found["ends"], tuple(failures))
 
 
 class BlockFolder:
@@ -223,15 +235,8 @@ class BlockFolder:
             ) from None
         if not os.path.exists(label):
             atomic_write(label, json.dumps(mine, indent=1) + "\n")
-        try:
-            with open(label, encoding="utf-8") as file:
-                found = json.load(file)
-            if not isinstance(found, dict):
-                raise ValueError
-        except (OSError, ValueError):
-            raise IntegratorError(
-                f"checkpoint must be the folder of an ensemble, but {shorten(label, 200)} is damaged"
-            ) from None
+        with reading(f"checkpoint must be the folder of an ensemble, but {shorten(label, 200)} is damaged"):
+            found = read_json(read_text(label)[0], dict, "content")
         for key in (*mine, *found):
             if found.get(key) != mine.get(key):
                 was, is_ = (shorten(json.dumps(x.get(key), ensure_ascii=False)) for x in (found, mine))
@@ -239,14 +244,12 @@ class BlockFolder:
                     f"checkpoint must be the folder of the same ensemble, but there {key} was {was}, here it is {is_}"
                 )
 
-    def load(self, number: int) -> Block | None:
-        """A block; None if it is not there, or not whole."""
-        import numpy as np
-
+    def load(self, number: int, sizes: Mapping[str, int]) -> Block | None:
+        """A block whose arrays have these lengths; None if it is not there, or not whole."""
         try:
-            with np.load(self._file(number), allow_pickle=False) as file:
-                return _block(file)
-        except DAMAGE:
+            with reading("a block must be whole"):
+                return _block(StoredArrays(self._file(number), ""), sizes)
+        except IntegratorError:
             return None
 
     def save(self, number: int, block: Block) -> None:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from .ensemble_members import Block, Members, Settings, lost_block, run_block
+from .ensemble_members import Block, Members, Settings, block_sizes, lost_block, run_block
 from .ensemble_results import BlockFolder, EnsembleResult
 from .ensemble_statistics import Gathering, Statistics
 from .errors import IntegratorError
@@ -261,7 +261,7 @@ def _blocks(
     """All blocks and their numbers, as they come."""
     tasks = []
     for number, span in enumerate(spans):
-        block = None if folder is None else folder.load(number)
+        block = None if folder is None else folder.load(number, block_sizes(work, span))
         if block is not None:
             yield number, block
         else:

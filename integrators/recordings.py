@@ -12,9 +12,10 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from .errors import IntegratorError
 from .expressions import shorten
 from .row_tables import FileTable, MemoryTable
-from .text_files import atomic_write, read_text
+from .stored_arrays import reading
+from .text_files import atomic_write, lock
 from .trajectory import Trajectory
-from .trajectory_files import RUN, load_trajectory
+from .trajectory_files import RUN, load_trajectory, read_run
 
 if TYPE_CHECKING:
     import numpy as np
@@ -179,10 +180,11 @@ class FolderRecording(Recording):
                 self._check_room()
                 if not os.path.isdir(folder):
                     os.mkdir(folder)
-            elif not os.path.isfile(path) or _lasting(json.loads(read_text(path)[0])) != _lasting(run):
-                raise IntegratorError(
-                    f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
-                )
+            else:
+                sentence = f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
+                with reading(sentence):
+                    if _lasting(read_run(folder)) != _lasting(run):
+                        raise ValueError(f"its {RUN} is of another run")
             self._lock = _locked(folder)
             try:
                 atomic_write(path, json.dumps(run, ensure_ascii=False))
@@ -253,15 +255,11 @@ def _locked(folder: str) -> IO[bytes]:
         IntegratorError: Another run is there.
     """
     file = open(os.path.join(folder, LOCK), "wb")  # noqa: SIM115  # it stays open
-    try:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except ImportError:  # not a POSIX system: runs there are not kept apart
-        pass
-    except OSError:
+    with suppress(OSError):  # runs are not kept apart where there are no locks
+        if lock(file):
+            return file
         file.close()
-        raise IntegratorError(f"{shorten(folder, 200)} must be of one run, but another one is writing there") from None
+        raise IntegratorError(f"{shorten(folder, 200)} must be of one run, but another one is writing there")
     return file
 
 

@@ -52,7 +52,7 @@ class Trajectory:
         self.meta = dict(meta or {})
 
     def __repr__(self) -> str:
-        names = (self.meta.get(key, {}).get("name") for key in ("method", "scene"))
+        names = ((self.meta.get(key) or {}).get("name") for key in ("method", "scene"))
         of = " on ".join(name for name in names if name) or f"{len(self.variables)} variables"
         span = f"{len(self.t):,} states from t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "no states"
         observed = f", {', '.join(self.observed)} observed" if self.observed else ""

@@ -10,27 +10,27 @@ import json
 import os
 import struct
 import zipfile
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from .errors import IntegratorError
 from .expressions import shorten
-from .text_files import check_path, replacing
+from .stored_arrays import LOCAL_HEADER, MOST_TEXT, TEXT, Form, StoredArrays, read_json, reading
+from .text_files import check_path, read_text, replacing
 from .trajectory import Trajectory
 
-if TYPE_CHECKING:
-    import numpy as np
-
-LARGE = 2**26
-"""Bytes from which on an array is mapped and not read."""
 ALIGNMENT = 64
 PADDING = 0xD935
 """The kind of a field in a ZIP archive that only fills up."""
-LOCAL_HEADER, ZIP64_FIELD = 30, 20
+ZIP64_FIELD = 20
 OBSERVED = "observed/"
 RUN = "run.json"
 """The file that says what else is in the folder of a run."""
 PART = ".part"
 """What is added to a path for the folder to which a run is written while it lasts."""
+REAL = "fiu"
+SERIES = Form(REAL, ("n",), None)
+META = {key: (None, {"name": (None, str)}) for key in ("method", "scene")} | {"save_every": (None, int)}
+CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times": bool, "meta": META}
+"""What `RUN` holds."""
 
 
 def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -81,67 +81,49 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         <Trajectory of 1 variables: 3 states from t = 0 to 2>
     """
     name = check_path(path, "path")
-    try:
+    sentence = f"{shorten(name, 200)} must be a trajectory file, but was not"
+    with reading(sentence):
         if os.path.isdir(name) or (not os.path.exists(name) and os.path.isdir(name + PART)):
-            return _from_arrays(folder_arrays(name if os.path.isdir(name) else name + PART))
-        with zipfile.ZipFile(name) as archive:
-            return _from_arrays({i.filename.removesuffix(".npy"): read_member(archive, i) for i in archive.infolist()})
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise IntegratorError(
-            f"{shorten(name, 200)} must be a trajectory file, but was not: {shorten(reason)}"
-        ) from None
+            return _of_folder(name if os.path.isdir(name) else name + PART, sentence)
+        arrays = StoredArrays(name, sentence)
+        times = "m" if "observed_t" in arrays else "n"
+        forms = {"variables": Form("U", ("variables",), None), "t": SERIES, "y": Form(REAL, ("variables", "n"), None)}
+        forms |= {"h": Form(REAL), "observed_t": Form(REAL, (times,), None)}
+        forms |= {name: Form(REAL, (times,), None) for name in arrays if name.startswith(OBSERVED)}
+        found = arrays.read({name: form for name, form in forms.items() if name != "observed_t" or name in arrays})
+        meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in arrays else {}
+    observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
+    labels = {"h": float(found["h"]), "variables": found["variables"], "meta": meta}
+    return Trajectory(found["t"], found["y"], observed=observed, observed_t=found.get("observed_t"), **labels)
 
 
-def folder_arrays(folder: str) -> dict[str, Any]:
-    """The arrays in the folder of a run, as far as all of them have been written, mapped into memory."""
-    import numpy as np
+def read_run(folder: str) -> dict[str, Any]:
+    """What the folder of a run says that its rows are.
 
-    with open(os.path.join(folder, RUN), encoding="utf-8") as file:
-        run = json.load(file)
-
-    def table(name: str) -> Any:
-        return np.load(os.path.join(folder, f"{name}.npy"), mmap_mode="r")
-
-    t = times = table("t")  # times come last: what belongs to them is there
-    arrays = {"t": t, "y": table("y")[:, : len(t)], "h": run["h"], "variables": run["variables"]}
-    if run["observed"]:
-        times, values = table("observed_t"), table("observed")
-        if run["same_times"]:
-            times = times[: len(t)]
-        else:
-            arrays["observed_t"] = times
-        observed = zip(run["observed"], values, strict=True)
-        arrays |= {OBSERVED + name: row[: len(times)] for name, row in observed}
-    return arrays | {"meta": json.dumps(run["meta"])}
+    Raises:
+        ValueError: It is no such folder.
+        IntegratorError: Its file cannot be read.
+    """
+    path = os.path.join(folder, RUN)
+    if not os.path.isfile(path):
+        raise ValueError(f"it has no {RUN}")
+    return read_json(read_text(path, MOST_TEXT)[0], CONTENT, RUN)
 
 
-def _from_arrays(arrays: dict[str, Any]) -> Trajectory:
-    t, y, variables = arrays["t"], arrays["y"], [str(name) for name in arrays["variables"]]
-    observed = {key.removeprefix(OBSERVED): value for key, value in arrays.items() if key.startswith(OBSERVED)}
-    times = arrays.get("observed_t", t)
-    if y.shape != (len(variables), len(t)) or any(value.shape != times.shape for value in observed.values()):
-        raise ValueError(f"t, y and variables have shapes {t.shape}, {y.shape} and {(len(variables),)}")
-    meta = json.loads(str(arrays.get("meta", "{}")))
-    h = float(arrays["h"])
-    return Trajectory(t, y, h=h, variables=variables, observed=observed, observed_t=times, meta=meta)
-
-
-def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    """An array in an archive, mapped if it is large and stored as it is."""
-    import numpy as np
-
-    with archive.open(member) as file:
-        if member.file_size < LARGE or member.compress_type != zipfile.ZIP_STORED:
-            return np.lib.format.read_array(file, allow_pickle=False)
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, is_fortran, kind = read(file)
-        header = file.tell()
-    assert archive.filename is not None
-    with open(archive.filename, "rb") as file:
-        file.seek(member.header_offset + LOCAL_HEADER - 4)
-        lengths = struct.unpack("<HH", file.read(4))
-    offset = member.header_offset + LOCAL_HEADER + sum(lengths) + header
-    order = "F" if is_fortran else "C"
-    return np.memmap(archive.filename, dtype=kind, mode="r", offset=offset, shape=shape, order=order)
+def _of_folder(folder: str, sentence: str) -> Trajectory:
+    """What the folder of a run has, as far as all of it has been written, mapped into memory."""
+    run = read_run(folder)
+    names, arrays = run["observed"], StoredArrays(folder, sentence)
+    forms = {"t": SERIES, "y": Form(REAL, (len(run["variables"]), "rows"), None)}
+    if names:
+        forms |= {"observed_t": Form(REAL, ("m",), None), "observed": Form(REAL, (len(names), "seen"), None)}
+    found = arrays.read(forms)  # times come first here and last in the run: what belongs to them is there
+    t = times = found["t"]
+    if names:
+        times = found["observed_t"][: len(t)] if run["same_times"] else found["observed_t"]
+    observed = {name: row[: len(times)] for name, row in zip(names, found.get("observed", ()), strict=True)}
+    y = found["y"][:, : len(t)]
+    if y.shape[1] < len(t) or any(len(row) < len(times) for row in observed.values()):
+        raise ValueError(f"it has {len(t)} times, but fewer states or observations")
+    labels = {"h": run["h"], "variables": run["variables"], "meta": run["meta"]}
+    return Trajectory(t, y, observed=observed, observed_t=None if run["same_times"] else times, **labels)

@@ -7,15 +7,14 @@ import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from integrators.trajectory_files import LARGE, PART, RUN, read_member
+from integrators.stored_arrays import StoredArrays
+from integrators.trajectory_files import PART, RUN
 
 from ..exceptions import SeriesError
 from .sources import Source, array_source
 from .text import text_source
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators import Trajectory
 
     from .scenes import SceneForces
@@ -61,7 +60,7 @@ def open_source(trajectory: Any, columns: Mapping[str, str] | None = None, force
         return text_source(path, label, columns, forces)
     if columns is None and _is_own(path):
         return _own(load_trajectory(path), label, forces)
-    return array_source(_arrays(path, label), label, columns, forces)
+    return array_source(StoredArrays(path, f"{label} must be an NPZ file, but was not"), label, columns, forces)
 
 
 def _is_own(path: str) -> bool:
@@ -91,7 +90,7 @@ def _own(run: Trajectory, label: str, forces: SceneForces | None) -> Source:
             rows = np.asarray(run.y[:, piece], dtype=float).T
             yield {"t": np.asarray(run.t[piece], dtype=float)} | {role: rows[:, x] for role, x in places.items()}
 
-    method = run.meta.get("method", {}).get("name")
+    method = (run.meta.get("method") or {}).get("name")
     every = run.meta.get("save_every", 1)
     dimension = len(forces.names[1])
     return Source(label, blocks, len(run.t), dimension, {}, h=run.h, every=every, method=method, forces=forces)
@@ -108,46 +107,15 @@ def _stored_forces(table: Any, label: str) -> SceneForces:
     """The forces of the scene that a trajectory was made with."""
     if not isinstance(table, Mapping) or "variables" not in table:
         raise SeriesError(f"scene must be given, since {label} does not tell what the forces are, but was not")
-    from io import BytesIO
-
-    import tomli_w
-
-    from integrators import load_scene
+    from integrators.scenes.files import scene_from_table
 
     from .scenes import SceneForces
 
-    effects = {
-        name: {key: x for key, x in effect.items() if key != "breaks"}
-        for name, effect in table.get("effects", {}).items()
-    }
     without = {key: x for key, x in table.items() if key != "invariants"}  # which would be checked again
-    return SceneForces(load_scene(BytesIO(tomli_w.dumps(without | {"effects": effects}).encode())))
-
-
-def _arrays(path: str, label: str) -> dict[str, Any]:
-    """The arrays of an NPZ file; large ones are mapped into memory."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return {i.filename.removesuffix(".npy"): _array(archive, i) for i in archive.infolist()}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise SeriesError(f"{label} must be an NPZ file, but was not: {reason:.60}") from None
-
-
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    """An array; one that is large and compressed is unpacked on the disk."""
-    import shutil
-    from tempfile import TemporaryFile
-
-    import numpy as np
-
-    if member.file_size < LARGE or member.compress_type == zipfile.ZIP_STORED:
-        return read_member(archive, member)
-    with archive.open(member) as packed, TemporaryFile() as file:
-        shutil.copyfileobj(packed, file)
-        file.seek(0)
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, is_fortran, kind = read(file)
-        order = "F" if is_fortran else "C"
-        return np.memmap(file, dtype=kind, mode="r", offset=file.tell(), shape=shape, order=order)
+    effects = table.get("effects")
+    if isinstance(effects, Mapping):
+        without["effects"] = {
+            name: {key: x for key, x in effect.items() if key != "breaks"} if isinstance(effect, Mapping) else effect
+            for name, effect in effects.items()
+        }
+    return SceneForces(scene_from_table(without, f"scene of {label}"))

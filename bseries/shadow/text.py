@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import chain, islice
 from typing import IO, TYPE_CHECKING, Any
 
+from integrators.text_files import read_lines
+
 from ..exceptions import SeriesError
 from .roundings import Rounding, written
 from .sources import ALIASES, VECTORS, Source, check_roles, choose, settled
@@ -85,8 +87,8 @@ def _lines(file: IO[Any], label: str) -> Iterator[str]:
     """The lines that are not empty; a heading may be a comment, later comments are left out."""
     is_first = True
     try:
-        for line in file:
-            text = (line.decode() if isinstance(line, bytes) else line).strip()
+        for line in read_lines(file, label):
+            text = line.strip()
             if text and (is_first or not text.startswith("#")):
                 is_first = False
                 yield text
@@ -149,7 +151,7 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return True
+    return text.isascii() and "_" not in text  # Python reads more than other programs
 
 
 def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str, start: int) -> Any:
@@ -168,6 +170,7 @@ def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str
                 raise SeriesError(f"{label} must have numbers in state {k}, but one was {bad.strip()!r:.60}")
             if len(cells) != width:
                 raise SeriesError(f"{label} must have {width} numbers for state {k}, but has {len(cells)}")
+        raise SeriesError(f"{label} must have plain numbers in states {start + 1} to {k}, but some were not")
     return table
 
 

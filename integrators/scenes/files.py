@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -83,14 +84,35 @@ def loads_scene(text: str, *, source: str = "text") -> Scene:
         >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
         (y**2,)
     """
-    try:
+    with _told(source):
         scene = _read_scene(parse_toml(text))
         check_invariants(scene)
+    return scene
+
+
+def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
+    """The scene that `scene_table` describes; whether its first integrals are some is not checked.
+
+    Args:
+        table: What a scene file holds.
+        source: What a message calls it.
+
+    Raises:
+        IntegratorError: It describes no scene.
+    """
+    with _told(source):
+        return _read_scene(table)
+
+
+@contextmanager
+def _told(source: str) -> Iterator[None]:
+    """Name the source in every error."""
+    try:
+        yield
     except RecursionError:
         raise IntegratorError(f"{shorten(source, 200)}: nesting must be flat, but was too deep") from None
     except IntegratorError as error:
         raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
-    return scene
 
 
 def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:

@@ -20,6 +20,7 @@ from bseries.shadow.measurement import formula_arrays
 from bseries.shadow.picture import check_picture
 from bseries.shadow.roundings import written
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
+from integrators import stored_arrays
 
 H = 0.1
 
@@ -349,7 +350,7 @@ def test_kernels_compiled_and_not_are_the_same(arrays):
 
 
 def test_large_arrays_that_are_packed_go_through_the_disk(arrays, report, tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "LARGE", 1000)
+    monkeypatch.setattr(stored_arrays, "LARGE", 1000)
     np.savez_compressed(tmp_path / "run.npz", **arrays)
     found = files.open_source(tmp_path / "run.npz")
     assert isinstance(next(found.blocks(10))["q"].base, np.ndarray)

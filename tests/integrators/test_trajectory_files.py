@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from integrators import IntegratorError, scene, trajectory_files
+from integrators import IntegratorError, scene, stored_arrays
 from integrators.loop import integrate
 from integrators.scenes.files import loads_scene
 from integrators.trajectory import Trajectory
@@ -38,7 +38,7 @@ def test_a_file_is_read_back(tmp_path, monkeypatch, observe_every, mapped):
     run = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=observe_every)
     run.save(tmp_path / "run.npz")
     if mapped:
-        monkeypatch.setattr(trajectory_files, "LARGE", 0)
+        monkeypatch.setattr(stored_arrays, "LARGE", 0)
     read = load_trajectory(str(tmp_path / "run.npz"))
     check_same(read, run)
     assert (read.observed_t is read.t) == (observe_every is None)
