@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
 from typing import Any, NoReturn
@@ -10,6 +11,16 @@ from .errors import IntegratorError
 from .expressions import shorten
 
 FORMATS = ("json", "toml")
+MOST_DIGITS = 4300
+"""Of an integer; Python takes a time that grows with their square."""
+MOST_PARTS = 100
+"""Of a dotted key; the parser takes memory that grows with their square."""
+PART = r"""(?:[\w-]++|"(?:[^"\\\n]++|\\[^\n])*+"?|'[^'\n]*+'?)"""
+TOKEN = (
+    r'''"""(?:[^"\\]++|\\.|"{1,2}+(?!"))*+(?:"{3,5}|\Z)|[']{3}.*?(?:[']{3,5}|\Z)|#[^\n]*+'''
+    rf"|(?P<key>{PART}(?:[ \t]*+\.[ \t]*+{PART})*+)"
+)
+"""Strings of several lines, comments, and keys or whatever looks like one."""
 
 
 def parse_json(text: str) -> Any:
@@ -17,7 +28,9 @@ def parse_json(text: str) -> Any:
     import json
 
     try:
-        return json.loads(text, parse_float=Decimal, parse_constant=_refuse, object_pairs_hook=_unique)
+        return json.loads(
+            text, parse_int=_integer, parse_float=Decimal, parse_constant=_refuse, object_pairs_hook=_unique
+        )
     except IntegratorError:
         raise
     except json.JSONDecodeError as error:
@@ -27,6 +40,12 @@ def parse_json(text: str) -> Any:
         raise IntegratorError(f"content must be JSON of reasonable size, but was not: {error}") from None
     except InvalidOperation:
         raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def _integer(text: str) -> int:
+    if len(text) > MOST_DIGITS:
+        raise ValueError(f"an integer has {len(text)} digits")
+    return int(text)
 
 
 def _refuse(name: str) -> NoReturn:
@@ -46,6 +65,11 @@ def parse_toml(text: str) -> Any:
     """The content of TOML text. Its parser names line and column itself."""
     import tomllib
 
+    if re.search(rf"(?<!\w)[\d_]{{{MOST_DIGITS + 1}}}", text):
+        raise IntegratorError(f"numbers must have at most {MOST_DIGITS} digits in a row, but one has more")
+    tokens = re.finditer(TOKEN, text, re.DOTALL)
+    if any(token["key"] and len(re.findall(PART, token["key"])) > MOST_PARTS for token in tokens):
+        raise IntegratorError(f"content must have keys of at most {MOST_PARTS} parts, but one has more")
     try:
         return tomllib.loads(text, parse_float=Decimal)
     except ValueError as error:

@@ -182,9 +182,10 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         array = self[name]
         with reading(self._sentence):
             if form.kinds == "U":
-                text = array.tolist()
-                "".join(text).encode()  # refuses halves of characters
-                return text
+                array.tobytes().decode(
+                    f"utf-32-{'be' if array.dtype.str.startswith('>') else 'le'}"
+                )  # no letters are refused
+                return array.tolist()
             if form.limits is not None:
                 least, most = form.limits
                 if not ((array >= least) & (array <= most)).all():
@@ -261,7 +262,7 @@ def read_header(file: IO[bytes], name: str) -> Header:
     text = file.read(length).decode("latin-1")
     found = DESCRIPTION.match(text)
     if found is None:
-        raise ValueError(f"{name} must be an array of numbers or text, but was {shorten(text.strip())}")
+        raise ValueError(f"{name} must be an array of numbers or text, but was {text.strip()!r:.60}")
     kind, is_fortran, lengths = found.groups()
     shape = tuple(map(int, re.findall(r"\d+", lengths)))
     try:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from io import StringIO
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
@@ -71,35 +71,47 @@ class Application(click.Group):
             code = INTERRUPTED
         sys.exit(code)
 
+    def make_context(self, *arguments: Any, **extra: Any) -> click.Context:
+        """Read the arguments; --help and --version print here."""
+        with _quiet_ends():
+            return super().make_context(*arguments, **extra)
+
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a verb; what a user can cause becomes a sentence or a quiet end."""
-        try:
-            prepare_stdout()
-            with _long_integers():
-                result = super().invoke(ctx)
+        """Run a verb."""
+        with _quiet_ends(), _long_integers():
+            result = super().invoke(ctx)
             sys.stdout.flush()
             return result
-        except KeyboardInterrupt:
-            ctx.exit(INTERRUPTED)
-        except BrokenPipeError:
-            discard_output()
-            ctx.exit(BROKEN_PIPE)
-        except OSError as error:  # the disk is full, for example; errors of input files are the library's
-            discard_output()
-            raise Refusal(f"output must be writable, but was not: {error.strerror}") from None
-        except MemoryError:
-            raise Refusal("there must be more memory for this request; a smaller --order needs less") from None
-        except ValueError as error:
-            from bseries import errors
 
-            if isinstance(error, errors):
-                raise Refusal(str(error)) from None
-            raise
+
+@contextmanager
+def _quiet_ends() -> Iterator[None]:
+    """Turn what a user can cause into a sentence or a quiet end."""
+    try:
+        prepare_stdout()
+        yield
+    except KeyboardInterrupt:
+        raise click.exceptions.Exit(INTERRUPTED) from None
+    except BrokenPipeError:
+        discard_output()
+        raise click.exceptions.Exit(BROKEN_PIPE) from None
+    except OSError as error:  # the disk is full, for example; errors of input files are the library's
+        discard_output()
+        raise Refusal(f"output must be writable, but was not: {error.strerror}") from None
+    except MemoryError:
+        raise Refusal("there must be more memory for this request; a smaller --order needs less") from None
+    except ValueError as error:
+        from bseries import errors
+
+        if isinstance(error, errors):
+            raise Refusal(str(error)) from None
+        raise
 
 
 def say(kind: str, sentence: str) -> None:
     """One line on stderr: ``bseries: error: …`` or ``bseries: warning: …``."""
-    click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
+    with suppress(OSError):  # nobody reads it; the exit code tells
+        click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
 
 
 def _sentence(error: click.ClickException) -> str:
@@ -119,6 +131,13 @@ def _long_integers() -> Iterator[None]:
         yield
     finally:
         sys.set_int_max_str_digits(limit)
+
+
+def standard_input() -> TextIO:
+    """Standard input, where a user gives - for a file."""
+    if sys.stdin is None:  # closed by the caller
+        raise Refusal("- must stand for what comes on standard input, but that was closed")
+    return sys.stdin
 
 
 def prepare_stdout() -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-import sys
 import warnings
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from .application import Refusal, say
+from .application import Refusal, say, standard_input
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -95,7 +94,7 @@ def is_tableau_file(source: str) -> bool:
 def _load(source: str) -> RungeKutta | PartitionedRungeKutta:
     from integrators import load_method
 
-    return load_method(sys.stdin.buffer if source == "-" else source)
+    return load_method(standard_input().buffer if source == "-" else source)
 
 
 def _inline_method(A: str = "", b: str = "", c: str | None = None, symbols: str = "") -> RungeKutta:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from .application import Refusal
+from .application import Refusal, standard_input
 from .method_argument import split_row
 
 if TYPE_CHECKING:
@@ -134,7 +133,7 @@ def load_file(source: str) -> Scene:
 
     if source == "-" and click.get_current_context().params.get("source") == "-":
         raise Refusal("METHOD and SCENE must not both be -, since there is one standard input, but were")
-    return load_scene(sys.stdin.buffer if source == "-" else source)
+    return load_scene(standard_input().buffer if source == "-" else source)
 
 
 def _load(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:

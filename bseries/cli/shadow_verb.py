@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import layout
-from .application import Refusal
+from .application import Refusal, standard_input
 from .layout import Column
 from .method_argument import split_row
 from .number_option import read_float
@@ -95,7 +94,7 @@ def shadow(
     )
     limit = None if bound is None else read_float(bound, "bound")
     report = shadow_energy(
-        sys.stdin if file == "-" else file,
+        standard_input() if file == "-" else file,
         scene,
         order=order,
         h=None if step is None else read_float(step, "step"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import chain, islice
 from typing import IO, TYPE_CHECKING, Any
@@ -44,7 +45,8 @@ def text_source(
     if not names or all(map(_is_number, names)):
         raise SeriesError(f"{label} must begin with the names of its columns, but began with {heading!r:.60}")
     found = _roles(names, columns, label, forces)
-    places = {role: [names.index(name) for name in chosen] for role, chosen in found.items()}
+    column = {name: k for k, name in enumerate(names)}
+    places = {role: [column[name] for name in chosen] for role, chosen in found.items()}
 
     def blocks(size: int) -> Iterator[Columns]:
         import numpy as np
@@ -112,7 +114,7 @@ def _roles(
 ) -> dict[str, list[str]]:
     """The columns of each role: as chosen, as a scene calls them, or by their names."""
     roles = tuple(role for role in ALIASES if role not in ("mass", "h"))
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
         raise SeriesError(f"{label} must have different names, but has {twice!r:.60} twice")
     if columns is None and forces is not None and {name for block in forces.names for name in block} <= set(names):
