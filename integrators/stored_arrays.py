@@ -182,9 +182,11 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         array = self[name]
         with reading(self._sentence):
             if form.kinds == "U":
-                array.tobytes().decode(
-                    f"utf-32-{'be' if array.dtype.str.startswith('>') else 'le'}"
-                )  # no letters are refused
+                code = "utf-32-be" if array.dtype.str.startswith(">") else "utf-32-le"
+                try:
+                    array.tobytes().decode(code)
+                except UnicodeDecodeError:
+                    raise ValueError(f"{name} must be text, but has numbers that are no letters") from None
                 return array.tolist()
             if form.limits is not None:
                 least, most = form.limits

@@ -142,7 +142,7 @@ def remove_unfinished(path: str) -> None:
     folder, start = _unfinished(path)
     with suppress(OSError):  # a folder that may not be listed
         for name in os.listdir(folder):
-            if name.startswith(start):
+            if name.startswith(start) and name.endswith(".tmp"):
                 with suppress(OSError), open(os.path.join(folder, name), "r+b") as file:
                     if lock(file):  # nobody is writing
                         os.unlink(file.name)

@@ -20,7 +20,7 @@ from bseries.shadow.measurement import formula_arrays
 from bseries.shadow.picture import check_picture
 from bseries.shadow.roundings import written
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
-from integrators import stored_arrays
+from integrators import stored_arrays, text_files
 
 H = 0.1
 
@@ -641,6 +641,8 @@ def test_own_runs_of_other_kinds_are_refused(tmp_path):
         (lambda text: text.replace("p2", "w2", 1), "must have a column p2 beside q2, but has none"),
         (lambda text: text[:4000] + "x" + text[4000:], r"must have numbers in state \d+, but one was '.*x"),
         (lambda text: text[:-30] + "\n", "must have 8 numbers for state 601, but has 7"),
+        (lambda text: text.replace(",1.", ",1_0.", 1), r"must have numbers in state \d+, but one was '1_0\."),
+        (lambda text: text.replace(",1.", ",\u0661.", 1), r"must have numbers in state \d+, but one was '\u0661\."),
         (lambda text: "", "must begin with the names of its columns, but began with ''"),
     ],
 )
@@ -649,6 +651,32 @@ def test_broken_text_is_refused_with_the_reason(change, reason, arrays, tmp_path
     path.write_text(change(table(arrays)))
     with pytest.raises(bs.SeriesError, match=reason):
         bs.shadow_energy(path, mass=[2, 3])
+
+
+def test_lines_without_end_are_not_read(monkeypatch):
+    monkeypatch.setattr(text_files, "MAX_BYTES", 1000)
+    with pytest.raises(bs.IntegratorError, match="standard input must have lines of at most 1000 bytes, but one has"):
+        bs.shadow_energy(io.StringIO("t,q,p\n" + "1" * 10**6))
+
+
+@pytest.mark.parametrize(
+    "meta", ['{"scene": {"variables": null}}', '{"scene": {"variables": {"q": 1}, "effects": [1]}}', '{"scene": null}']
+)
+def test_damaged_metadata_is_refused(meta, tmp_path):
+    arrays = {"t": np.arange(5.0), "y": np.ones((2, 5)), "h": 1.0, "variables": ["p", "q"], "meta": meta}
+    np.savez(tmp_path / "run.npz", **arrays)
+    with pytest.raises(bs.errors):
+        bs.shadow_energy(tmp_path / "run.npz")
+
+
+def test_arrays_of_other_programs_are_checked_first(arrays, tmp_path):
+    np.savez(tmp_path / "run.npz", **arrays, notes=np.array([{}]))
+    bs.shadow_energy(tmp_path / "run.npz")  # what is not needed is not looked at
+    np.savez(tmp_path / "run.npz", **{**arrays, "q": np.array([{}])})
+    with pytest.raises(
+        bs.IntegratorError, match=r"run\.npz must be an NPZ file, but was not: q must be an array of num"
+    ):
+        bs.shadow_energy(tmp_path / "run.npz")
 
 
 def test_binary_files_are_no_text(tmp_path):

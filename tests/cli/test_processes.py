@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -59,11 +60,31 @@ def test_exit_codes(arguments, code, err):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
-def test_full_disk():
+@pytest.mark.parametrize("arguments", [["modified", "rk4"], ["--help"], ["--version"], ["check", "--help"], []])
+def test_full_disk(arguments):
     with open("/dev/full", "wb") as full:
-        job = subprocess.run([*BSERIES, "modified", "rk4"], stdout=full, stderr=subprocess.PIPE, check=False)
+        job = subprocess.run([*BSERIES, *arguments], stdout=full, stderr=subprocess.PIPE, check=False)
     assert job.returncode == 2
     assert job.stderr == b"bseries: error: output must be writable, but was not: No space left on device\n"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell of POSIX")
+@pytest.mark.parametrize("arguments", ["modified -", "scenes -", "shadow -", "modified rk4 --help"])
+def test_standard_input_may_be_closed(arguments):
+    command = f'exec "$0" -c "from bseries.cli import main; main()" {arguments} <&-'
+    job = subprocess.run(["sh", "-c", command, sys.executable], capture_output=True, text=True, check=False)
+    needed = arguments.endswith("-")
+    sentence = "bseries: error: - must stand for what comes on standard input, but that was closed\n"
+    assert (job.returncode, job.stderr) == ((2, sentence) if needed else (0, ""))
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
+@pytest.mark.parametrize("verb", ["modified", "scenes", "shadow"])
+def test_input_without_end(verb):
+    with open("/dev/zero", "rb") as zero:
+        job = subprocess.run([*BSERIES, verb, "-"], stdin=zero, capture_output=True, text=True, check=False)
+    assert job.returncode == 2
+    assert re.fullmatch(r"bseries: error: .* at most 10000000 bytes, but (one )?has more\n", job.stderr)
 
 
 def test_output_is_utf8_whatever_the_locale():

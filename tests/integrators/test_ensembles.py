@@ -339,6 +339,24 @@ def test_damaged_blocks_run_again(tmp_path, reference):
 
 
 @pytest.mark.parametrize(
+    "change",
+    [
+        {"mean": np.zeros((1, 1))},
+        {"count": np.array("x")},
+        {"series": np.zeros((9, 9, 9))},
+        {"failures": np.array('[{"member": "a"}]')},
+        {"failures": np.array("null")},
+    ],
+)
+def test_blocks_that_do_not_fit_run_again(tmp_path, reference, change):
+    run(checkpoint=tmp_path)
+    with np.load(tmp_path / "block-000004.npz") as file:
+        arrays = dict(file) | change
+    np.savez(tmp_path / "block-000004.npz", **arrays)
+    assert content(run(checkpoint=tmp_path)) == reference
+
+
+@pytest.mark.parametrize(
     ("changed", "message"),
     [
         ({"h": 0.03}, "there h was 0.02, here it is 0.03"),
@@ -359,9 +377,10 @@ def test_folders_that_will_not_do(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(IntegratorError, match="checkpoint must be a folder that can be made"):
         run(checkpoint=tmp_path / "file")
-    (tmp_path / "ensemble.json").write_text("[]")
-    with pytest.raises(IntegratorError, match="checkpoint must be the folder of an ensemble"):
-        run(checkpoint=tmp_path)
+    for damage in ("[]", "[" * 100_000):
+        (tmp_path / "ensemble.json").write_text(damage)
+        with pytest.raises(IntegratorError, match="checkpoint must be the folder of an ensemble"):
+            run(checkpoint=tmp_path)
 
 
 # Files and tables

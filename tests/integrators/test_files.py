@@ -5,6 +5,8 @@ import json
 import math
 import os
 import stat
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from hypothesis import strategies as st
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
 from integrators import files as module
 from integrators.files import atomic_write, dumps_method, loads_method, save_method
-from integrators.text_files import MAX_BYTES
+from integrators.text_files import MAX_BYTES, replacing
 
 HEUN = RungeKutta([[0, 0], [1, 0]], ["1/2", "1/2"], name="heun2", reference="Heun 1900")
 GAUSS2 = RungeKutta([["1/4", "1/4 - sqrt(3)/6"], ["1/4 + sqrt(3)/6", "1/4"]], ["1/2", "1/2"])
@@ -220,8 +222,15 @@ def test_bad_json(tmp_path, text, message):
         ("A = [[1e9999999999999999999999]]\nb = [1]", "exponents of reasonable size"),
         ("", "content must have the key A, but had none"),
         ("A = " + "[" * 100_000, "nesting must be flat|content must be TOML"),
+        (".".join("a" * 100_000) + " = 1", "content must have keys of at most 100 parts, but one has more"),
+        ("[" + " . ".join("a" * 1000) + "]", "content must have keys of at most 100 parts, but one has more"),
+        (".".join(['"\\""', "'.'"] * 500) + " = 1", "content must have keys of at most 100 parts, but one has more"),
+        ('A = {x = """ " """, ' + ".".join("a" * 1000) + " = 1}", "content must have keys of at most 100 parts"),
+        ("A = " + "1" * 10**6, "numbers must have at most 4300 digits in a row, but one has more"),
+        (f"name = '''{'a.' * 1000}'''  # {'a.' * 1000}", "content must have the key A, but had name"),
+        (f'name = "{"0.1." * 1000}"', "content must have the key A, but had name"),
     ],
-    ids=range(7),
+    ids=range(14),
 )
 def test_bad_toml(text, message):
     with pytest.raises(IntegratorError, match=message):
@@ -301,6 +310,36 @@ def test_interrupted_writing_leaves_the_old_file_alone(tmp_path, monkeypatch, er
         save_method(HEUN, path)
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["method.json"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_what_a_killed_process_leaves_goes_with_the_next_write(tmp_path):
+    path = tmp_path / "file"
+    script = (
+        "import os, sys; from integrators.text_files import replacing\n"
+        "with replacing(sys.argv[1]) as file:\n"
+        "    file.write(b'half'); file.flush(); os.kill(os.getpid(), 9)\n"
+    )
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", script, path], check=False)
+        (left,) = os.listdir(tmp_path)  # that of the process before is gone
+    others = f"{left[:10]}.csv", "other.tmp"
+    for name in others:
+        (tmp_path / name).touch()
+    atomic_write(path, "whole")
+    assert sorted(os.listdir(tmp_path)) == sorted([*others, "file"])
+    assert path.read_text() == "whole"
+
+
+def test_two_processes_write_the_same_file(tmp_path):
+    path = tmp_path / "file"
+    with replacing(path) as first:
+        first.write(b"first")
+        atomic_write(path, "second")
+        assert path.read_text() == "second"
+        assert len(os.listdir(tmp_path)) == 2
+    assert path.read_text() == "first"
+    assert os.listdir(tmp_path) == ["file"]
 
 
 def test_unwritable_targets(tmp_path):

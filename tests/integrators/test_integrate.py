@@ -311,6 +311,44 @@ def test_lost_or_foreign_rows_are_noticed(stopped, tmp_path):
         integrate(KEPLER, "rk4", **stopped)
 
 
+DAMAGED = {
+    "no carry": ({"carry": np.zeros(0)}, r"carry must be doubles in the shape \(4\), but was float64 in \(0,\)"),
+    "negative counts": ({"counts": np.array([-1, 0])}, "counts must be from 0 to"),
+    "one count": ({"counts": np.array([1])}, r"counts must be whole numbers in the shape \(2\)"),
+    "another n": ({"n": np.array(7)}, "its content is not what a run has written"),
+    "negative n": ({"n": np.array(-7)}, "n must be from 0 to"),
+    "another time": ({"t0": np.array(0.5)}, "t0 must be from 0 to 0, but was not"),
+    "control": ({"control": np.zeros(1)}, r"control must be doubles in the shape \(0\), but was float64 in \(1,\)"),
+    "memory": ({"memory": np.zeros(9)}, r"memory must be doubles in the shape"),
+    "nan": ({"values": np.full(4, np.nan)}, "values must be from"),
+    "another state": ({"values": np.ones(4)}, "its content is not what a run has written"),
+    "text": ({"step_size": np.array("0.01")}, "step_size must be doubles in the shape"),
+    "solver": ({"solver": np.array("none")}, "its content is not what a run has written"),
+    "nothing": ({"is_fresh": None}, "it has no array is_fresh"),
+    "null": ({"run": np.array("null")}, "run must be a table, but was null"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_damaged_checkpoint_is_refused(stopped, case):
+    change, reason = DAMAGED[case]
+    with np.load(stopped["checkpoint"]) as file:
+        arrays = {name: array for name, array in (dict(file) | change).items() if array is not None}
+    with open(stopped["checkpoint"], "wb") as file:
+        np.savez(file, **arrays)
+    with pytest.raises(IntegratorError, match="checkpoint must be a file of a run, but .*check was not: " + reason):
+        integrate(KEPLER, "rk4", **stopped)
+
+
+@pytest.mark.parametrize("content", [b"null", b"[" * 100_000, b'{"meta": null}', b"\xff", b'{"variables": ["p", 1]}'])
+def test_a_damaged_description_is_refused(stopped, content):
+    (stopped["checkpoint"].with_name("check.part") / "run.json").write_bytes(content)
+    with pytest.raises(IntegratorError, match=r"check\.part"):
+        integrate(KEPLER, "rk4", **stopped)
+    with pytest.raises(IntegratorError, match=r"check\.part"):
+        load_trajectory(stopped["checkpoint"].with_name("check.part"))
+
+
 def test_memory_does_not_grow_with_steps():
     arguments = {"h": 0.1, "save_every": None, "observe": "energy", "observe_every": 100}
     integrate(PENDULUM, "stormer-verlet", **arguments, steps=1000)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import sys
 import zipfile
 
@@ -116,6 +118,87 @@ def test_other_files_are_refused(tmp_path):
     for name in ("text.npz", "empty.npz", "folder", "missing.npz"):
         with pytest.raises(IntegratorError, match=f"{name} must be a trajectory file, but was not: "):
             load_trajectory(tmp_path / name)
+
+
+def npy(header: str, content: bytes = b"") -> bytes:
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + content
+
+
+def described(shape: str, kind: str = "<f8") -> str:
+    return f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n"
+
+
+def text(value: str) -> bytes:
+    file = io.BytesIO()
+    np.save(file, np.array(value))
+    return file.getvalue()
+
+
+DAMAGE = {
+    "10^12 numbers": ("t", npy(described("(1000000000000,)")), "t must have 8000000000000 bytes of numbers, but has 0"),
+    "more than memory has addresses": ("t", npy(described(f"(0, {2**40}, {2**40})")), "must be an array that fits"),
+    "deep header": ("t", npy("(" * 9000), "t must be an array of numbers or text, but was"),
+    "nested header": ("t", npy("[" * 9000), "t must be an array of numbers or text, but was"),
+    "signs in the header": ("t", npy("-" * 9000 + "1"), "t must be an array of numbers or text, but was"),
+    "objects": ("t", npy(described("(11,)", "|O")), "t must be an array of numbers or text, but was"),
+    "no such kind": ("t", npy(described("(11,)", "<f3")), "but was of the kind <f3"),
+    "no letters": ("variables", npy(described("(2,)", "<U1"), b"\xff" * 8), "variables must be text, but has numbers"),
+    "null metadata": ("meta", text("null"), "meta must be a table, but was null"),
+    "list of metadata": ("meta", text("[]"), r"meta must be a table, but was \[\]"),
+    "nested metadata": ("meta", text('{"a":' * 100_000), "recursion"),
+    "method": ("meta", text('{"method": 3}'), "meta.method must be a table, but was 3"),
+    "name": ("meta", text('{"scene": {"name": [1]}}'), r"meta.scene.name must be text, but was \[1\]"),
+    "no step": ("h", npy(described("()"), np.array(np.nan).tobytes()), "h must be from .* to .*, but was not"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+@pytest.mark.parametrize("kind", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_damaged_arrays_are_refused_before_they_are_read(tmp_path, run, case, kind):
+    name, content, reason = DAMAGE[case]
+    run.save(tmp_path / "run.npz")
+    with zipfile.ZipFile(tmp_path / "run.npz") as old, zipfile.ZipFile(tmp_path / "bad.npz", "w", kind) as new:
+        for member in old.namelist():
+            new.writestr(member, content if member == f"{name}.npy" else old.read(member))
+    with pytest.raises(IntegratorError, match=rf"bad\.npz must be a trajectory file, but was not: .*{reason}"):
+        load_trajectory(tmp_path / "bad.npz")
+
+
+def test_archives_of_other_kinds_are_refused(tmp_path, run):
+    run.save(tmp_path / "run.npz")
+    data = bytearray((tmp_path / "run.npz").read_bytes())
+    for start, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        data[data.find(start) + place] |= 1
+    (tmp_path / "encrypted.npz").write_bytes(data)
+    with zipfile.ZipFile(tmp_path / "run.npz") as old, zipfile.ZipFile(tmp_path / "packed.npz", "w", 14) as new:
+        for member in old.namelist():
+            new.writestr(member, old.read(member))
+    for name in ("encrypted.npz", "packed.npz"):
+        with pytest.raises(IntegratorError, match=r"must be stored or deflated, but was encrypted or compressed in"):
+            load_trajectory(tmp_path / name)
+
+
+def test_what_is_compressed_takes_little_memory(tmp_path, monkeypatch):
+    """Beyond a number of bytes in all, arrays go through the disk, and text is refused."""
+    monkeypatch.setattr(stored_arrays, "LARGE", 10_000)
+    series = {f"observed/{k}": np.zeros(1000) for k in range(5)}
+    arrays = {"t": np.zeros(1000), "y": np.zeros((1, 1000)), "h": 1.0, "variables": ["a"], **series}
+    np.savez_compressed(tmp_path / "run.npz", **arrays)
+    read = load_trajectory(tmp_path / "run.npz")
+    mapped = [isinstance(array, np.memmap) for array in (read.t, read.y, *read.observed.values())]
+    assert mapped.count(False) == 1
+    assert not any(np.any(array) for array in read.observed.values())
+    np.savez_compressed(tmp_path / "text.npz", **arrays, meta="[" + "[]," * 10_000 + "[]]")
+    with pytest.raises(IntegratorError, match="meta must be shorter text, but would take"):
+        load_trajectory(tmp_path / "text.npz")
+
+
+def test_pipes_are_not_waited_for(tmp_path):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes with names")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(IntegratorError, match="must be a trajectory file, but was not: it is a pipe or a device"):
+        load_trajectory(tmp_path / "pipe")
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, run):
