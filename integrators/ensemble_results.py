@@ -207,8 +207,10 @@ def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
     """A block in a file, whose arrays have lengths as they are known."""
     found = arrays.read(BLOCK, sizes)
     records = read_json(found["failures"], [FAILURE], "failures")
-    rows = ([record.get(field) for field in Failure._fields] for record in records)
-    failures = (Failure(*(tuple(value) if isinstance(value, list) else value for value in row)) for row in rows)
+    failures = (
+        Failure(r["member"], r.get("step"), r.get("t"), None if r.get("y") is None else tuple(r["y"]), r["reason"])
+        for r in records
+    )
     statistics = Statistics(*(found[name] for name in Statistics._fields))
     return Block(statistics, found["series"], found["ends"], tuple(failures))
 

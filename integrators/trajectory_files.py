@@ -111,7 +111,7 @@ def read_run(folder: str) -> dict[str, Any]:
 
 
 def _of_folder(folder: str, sentence: str) -> Trajectory:
-    """What the folder of a run has, as far as all of it has been written, mapped into memory."""
+    """What the folder of a run has, as far as all of it has been written; large arrays are mapped into memory."""
     run = read_run(folder)
     names, arrays = run["observed"], StoredArrays(folder, sentence)
     forms = {"t": SERIES, "y": Form(REAL, (len(run["variables"]), "rows"), None)}

@@ -172,7 +172,9 @@ def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str
                 raise SeriesError(f"{label} must have numbers in state {k}, but one was {bad.strip()!r:.60}")
             if len(cells) != width:
                 raise SeriesError(f"{label} must have {width} numbers for state {k}, but has {len(cells)}")
-        raise SeriesError(f"{label} must have plain numbers in states {start + 1} to {k}, but some were not")
+        raise SeriesError(
+            f"{label} must have plain numbers in states {start + 1} to {start + len(lines)}, but some were not"
+        )
     return table
 
 
