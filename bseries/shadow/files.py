@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from integrators.stored_arrays import StoredArrays
@@ -56,19 +56,29 @@ def open_source(trajectory: Any, columns: Mapping[str, str] | None = None, force
         raise SeriesError(f"{label} must be a trajectory file, but there is none")
     if os.path.isdir(path) and not os.path.exists(os.path.join(path, RUN)):
         raise SeriesError(f"{label} must be a trajectory file, but was a folder")
-    if os.path.isfile(path) and not zipfile.is_zipfile(path) and not path.lower().endswith(".npz"):
+    if _is_text(path):
         return text_source(path, label, columns, forces)
     if columns is None and _is_own(path):
         return _own(load_trajectory(path), label, forces)
     return array_source(StoredArrays(path, f"{label} must be an NPZ file, but was not"), label, columns, forces)
 
 
+def _is_text(path: str) -> bool:
+    """Whether a path is that of a file and no archive."""
+    if not os.path.isfile(path) or path.lower().endswith(".npz"):
+        return False
+    with suppress(OSError), open(path, "rb") as file:
+        return file.read(4) not in (b"PK\3\4", b"PK\5\6")
+    return True
+
+
 def _is_own(path: str) -> bool:
     """Whether a file is one of `save_trajectory`, or the folder of a run that lasts; what is unreadable is, too."""
+    from integrators import IntegratorError
+
     try:
-        with zipfile.ZipFile(path) as archive:
-            return {"t.npy", "y.npy", "variables.npy"} <= set(archive.namelist())
-    except (OSError, zipfile.BadZipFile):
+        return not os.path.isfile(path) or {"t", "y", "variables"} <= set(StoredArrays(path, path))
+    except IntegratorError:
         return True
 
 

@@ -672,6 +672,11 @@ def test_damaged_metadata_is_refused(meta, tmp_path):
 def test_arrays_of_other_programs_are_checked_first(arrays, tmp_path):
     np.savez(tmp_path / "run.npz", **arrays, notes=np.array([{}]))
     bs.shadow_energy(tmp_path / "run.npz")  # what is not needed is not looked at
+    data = bytearray((tmp_path / "run.npz").read_bytes())
+    data[data.find(b"PK\1\2") + 6] = 255
+    (tmp_path / "new.npz").write_bytes(data)
+    with pytest.raises(bs.IntegratorError, match=r"new\.npz must be a trajectory file, but was not: zip file version"):
+        bs.shadow_energy(tmp_path / "new.npz")
     np.savez(tmp_path / "run.npz", **{**arrays, "q": np.array([{}])})
     with pytest.raises(
         bs.IntegratorError, match=r"run\.npz must be an NPZ file, but was not: q must be an array of num"
