@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 NUMBER = 5
 TITLE = "Pendulum: error of the total energy with explicit and symplectic Euler"
 CAPTION = (
-    "Lecture, figure 5. With explicit Euler the energy drifts, on average as its modified equation predicts: by "
-    "h ⟨∇H·f₂⟩ in each unit of time. With symplectic Euler (implicit in p) it stays, to first order in h, within "
-    "h/2 max|p sin q|, the size of the first term of the modified Hamiltonian."
+    "Lecture, figure 5. With explicit Euler the energy drifts, on average as its modified equation predicts: by h "
+    "⟨∇H·f₂⟩ in each unit of time. With symplectic Euler (implicit in p) it stays, to first order in h and from q = 0, "
+    "where this term is zero, within h/2 max|p sin q|, the size of the first term of the modified Hamiltonian."
 )
 SIZE = (12.0, 10.0)
 

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 NUMBER = 8
 TITLE = "Lennard-Jones cluster: random walk of the modified energy with the simplified Takahashi–Imada method"
 CAPTION = (
-    "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ + h⁴H₅ of "
-    "the symplectic Takahashi–Imada method along the simplified one: its mean over all trajectories stays zero, "
-    "and its standard deviation s grows like √t. The lecture's parameters are lost. Here 9 atoms in the plane, σ "
-    "= ε = m = 1, begin as a hexagonal cluster with random momenta of kinetic energy 2.4, so that all have the "
-    "same energy, and have 50 units of time to forget that. Without H₅ the oscillations of the energy would cover "
-    "the walk for long."
+    "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ + h⁴H₅ of the "
+    "symplectic Takahashi–Imada method along the simplified one: its mean over all trajectories stays zero within its "
+    "standard error, and its standard deviation s grows like √t, as where the rate has the mean zero and correlations "
+    "that decay. The lecture's parameters are lost. Here 9 atoms in the plane, σ = ε = m = 1, begin as a hexagonal "
+    "cluster with random momenta of kinetic energy 2.4, so that all have the same energy, and have 50 units of time to "
+    "forget that. Without H₅ the oscillations of the energy would cover the walk for long."
 )
 SIZE = (13.0, 12.0)
 

@@ -19,11 +19,11 @@ NUMBER = 10
 TITLE = "Two coupled rotors: linear growth of the global error, by the steps of the proof of theorem 7"
 CAPTION = (
     "Lecture, figure 10: its diagram as a computation. H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + q_i²)/2 is "
-    "integrable; ω₂/ω₁ is the golden ratio. The modified Hamiltonian of Störmer–Verlet, through h⁴ and in "
-    "action-angle variables, loses its angles by the series of Lindstedt and Poincaré with N terms; then b is "
-    "constant and φ = φ₀ + ω(b)t. (a) Errors so far: linear for Störmer–Verlet, quadratic for Kutta's method of "
-    "order 3, which is not symplectic; and how far the steps of Störmer–Verlet are from these solutions, taken "
-    "back. (b) How much actions change: a, and the new ones b."
+    "integrable; ω₂/ω₁ is the golden ratio. The modified Hamiltonian of Störmer–Verlet, through h⁴ and in action-angle "
+    "variables, loses its angles by the series of Lindstedt and Poincaré with N terms; then b is constant and φ = φ₀ + "
+    "ω(b)t. (a) Errors so far: linear for Störmer–Verlet, quadratic for Kutta's method of order 3, which is neither "
+    "symplectic nor symmetric; and how far the steps of Störmer–Verlet are from these solutions, taken back. (b) How "
+    "much actions change: a, and the new ones b."
 )
 SIZE = (17.0, 10.5)
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 NUMBER = 2
 TITLE = "Lotka–Volterra: explicit and symplectic Euler in the exact and in the modified flow"
 CAPTION = (
-    "Lecture, figure 2 (HLW, figure IX.1.2). Steps from the large dots leave the curves of the exact "
-    "flow (left); they stay on those of the modified equation truncated after h (right). For symplectic Euler, "
-    "implicit in p, these are closed again. The lecture's initial values are lost."
+    "Lecture, figure 2 (HLW, figure IX.1.2). Steps from the large dots leave the curves of the exact flow (left); they "
+    "stay close to those of the modified equation truncated after h (right). For symplectic Euler, implicit in p, "
+    "these are closed again. The lecture's initial values are lost."
 )
 SIZE = (13.0, 12.5)
 
@@ -107,11 +107,11 @@ def columns(numbers: LotkaVolterra) -> dict[str, np.ndarray]:
 def draw(numbers: LotkaVolterra, figure: Figure) -> None:
     """A row for each method: its steps in the exact flow and in the modified one."""
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    for row, (method, label), letter in zip(panels, METHODS.items(), "ab", strict=True):
+    for row, (method, label) in zip(panels, METHODS.items(), strict=True):
         flows = ("exact flow", numbers.exact), ("modified flow", numbers.modified[method])
         for axes, (flow, curves) in zip(row, flows, strict=True):
             _draw_panel(axes, curves, numbers.steps[method])
-            axes.set_title(f"({letter}) {label}, {flow}")
+            axes.set_title(f"{label}, {flow}")
             axes.label_outer()
     shown = panels[0, 0].lines[-3:]
     figure.legend(handles=shown, loc="outside lower center", ncols=len(shown))

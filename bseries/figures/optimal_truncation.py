@@ -22,9 +22,10 @@ TITLE = "Störmer–Verlet: the error of the modified equation after N terms, an
 CAPTION = (
     "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a step "
     "from the flow of the modified equation with N terms. It shrinks at first, then the series diverges. The best N is "
-    "proportional to 1/h, and the error there exponentially small: both are told by x = 2πδ/h, where δ is the distance "
-    "of the solution's singularities in complex time. The pendulum starts from (p, q) = (2.5, 0). For the quadrature, "
-    "H = p − ½ log(1 + q²) from (0, 0), steps are those of the trapezoidal rule, and there are terms enough."
+    "proportional to 1/h, and the error there exponentially small, as theory bounds it for analytic f and small h. "
+    "Here both are told by x = 2πδ/h, where δ is the distance of the solution's singularities in complex time. The "
+    "pendulum starts from (p, q) = (2.5, 0). For the quadrature, H = p − ½ log(1 + q²) from (0, 0), steps are those of "
+    "the trapezoidal rule, and there are terms enough."
 )
 SIZE = (17.0, 7.0)
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 NUMBER = 7
 TITLE = "Simplified Takahashi–Imada method on a pendulum, with and without a symmetric potential"
 CAPTION = (
-    "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ of the "
-    "symplectic Takahashi–Imada method along the simplified one, which is not symplectic: lines are means over 25 "
-    "units of time, bands how far it goes up and down in them; at t = 0 its error is 0. Where U is not symmetric, "
-    "every turn of the pendulum adds −h⁴/288 ∫U‴U′² dq = −πh⁴/240, or the opposite the other way round; for U = −cos q "
+    "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ of the symplectic "
+    "Takahashi–Imada method along the simplified one, which is not symplectic: lines are means over 25 units of time, "
+    "bands how far it goes up and down in them; at t = 0 its error is 0. Where U is not symmetric, every turn of the "
+    "pendulum adds −h⁴/288 ∫U‴U′² dq = −πh⁴/240 to leading order, or the opposite the other way round; for U = −cos q "
     "the integral is zero."
 )
 SIZE = (12.0, 11.0)

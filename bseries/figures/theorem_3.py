@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 NUMBER = None
 TITLE = "Pendulum: conservation of the modified Hamiltonian of symplectic Euler, truncated after 1 to 8 terms"
 CAPTION = (
-    "Beyond the lecture, on its theorem 3: H with N terms is conserved up to O(t hᴺ). (a) The largest errors for "
-    "t ≤ 100; their exponents of h are N. (b) How errors grow with time: not at all, since the further terms of "
-    "the series are as good as conserved too. Symplectic Euler implicit in p, from (p, q) = (2.5, 0), where the "
+    "Beyond the lecture, on its theorem 3: where H̃ is globally defined and the solution stays in a compact set, H̃ "
+    "truncated after N terms is conserved up to O(t hᴺ). (a) The largest errors for t ≤ 100; their exponents of h are "
+    "N. (b) How errors grow with time: not at all, since truncations with more terms are conserved better still, and "
+    "what they add, of size hᴺ, only oscillates. Symplectic Euler implicit in p, from (p, q) = (2.5, 0), where the "
     "pendulum turns over."
 )
 SIZE = (17.0, 9.0)

@@ -16,8 +16,8 @@ TITLE = "Toda lattice of three particles: errors of the eigenvalues and of the s
 CAPTION = (
     "Lecture, figure 9 (HLW, sections X.1.5 and X.3). Flaschka's matrix L(p, q) has eigenvalues that are first "
     "integrals. With Störmer–Verlet, which is symplectic, their error stays bounded and the global error grows "
-    "linearly; with RK4 the one grows linearly and the other quadratically. Exponents are those of the running maxima "
-    "for t from 10 on."
+    "linearly, as theorem 7 has it for frequencies that are not resonant; with RK4 the one grows linearly and the "
+    "other quadratically. Exponents are those of the running maxima for t from 10 on."
 )
 SIZE = (12.0, 12.0)
 

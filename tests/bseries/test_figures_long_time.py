@@ -7,6 +7,7 @@ from functools import cache
 from math import pi
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -48,6 +49,44 @@ def deviation_in(atoms, time):
     return np.sqrt(np.mean((atoms.single[:, lag:] - atoms.single[:, :-lag]) ** 2))
 
 
+def homoclinic_momentum(h):
+    """Where the separatrix of the steps crosses q = 0, by bisection: below it they turn back, above they turn over."""
+    low, high = 1.9, 2.4
+    for _ in range(55):
+        p = (low + high) / 2
+        q = bs.integrate(bs.scene("pendulum"), "implicit-midpoint", h=h, steps=round(60 / h), y0=[p, 0]).y[1]
+        leaves = np.flatnonzero((np.diff(q) < 0) | (q[1:] > pi))[0]
+        low, high = (p, high) if np.diff(q)[leaves] < 0 else (low, p)
+    return low
+
+
+def separatrix_slope(h):
+    """log of the saddle point's multiplier, and dp/dq of its unstable curve at q = 0, in many digits."""
+    with mpmath.workdps(50):
+        h = mpmath.mpf(h)
+        multiplier = (1 + h / 2) / (1 - h / 2)
+
+        def step(p, q):
+            moved = mpmath.findroot(lambda x: x - q - h * p + h**2 / 2 * mpmath.sin((q + x) / 2), q + h * p)
+            return p - h * mpmath.sin((q + moved) / 2), moved
+
+        def end(start, count=None):
+            p, q, made = start, start - mpmath.pi, 0
+            while made != count if count else q < 0:
+                (p, q), made = step(p, q), made + 1
+            return (p, q), made
+
+        first = mpmath.mpf(10) ** -16  # the unstable curve is odd about the saddle point: p = q + π up to cubes
+        count = end(first)[1]
+        log_start = mpmath.findroot(
+            lambda x: end(mpmath.exp(x), count)[0][1],
+            (mpmath.log(first / multiplier), mpmath.log(first)), solver="anderson", tol=1e-60, verify=False,
+        )  # fmt: skip
+        near = mpmath.mpf(10) ** -14
+        (p0, q0), (p1, q1) = (end(mpmath.exp(log_start + d), count)[0] for d in (-near, near))
+        return mpmath.log(multiplier), (p1 - p0) / (q1 - q0)
+
+
 class TestLargeSteps:
     ROWS = GIVEN["figure6"]["rows"]
 
@@ -87,19 +126,49 @@ class TestLargeSteps:
         starts = np.array(large_steps.STARTS[:2])
         assert chaos_onset.is_chaotic(starts, h, 20_000 * h).tolist() == [h in row for row in table]
 
-    def test_all_that_is_drawn_is_in_the_picture(self):
-        p = numbers_of("large-steps").states[:, :, 0, : large_steps.DRAWN]
+    def test_all_steps_are_drawn_and_in_the_picture(self):
+        found = numbers_of("large-steps")
+        assert found.states.shape[-1] == 20_001
+        panels = drawn(large_steps, found).axes
+        for axes, states in zip(panels, found.states, strict=True):
+            curves = [line.get_xydata().T[::-1] for line in axes.lines if line.get_marker() == "."]
+            np.testing.assert_array_equal(curves, states)
+        p = found.states[:, :, 0]
         assert large_steps.BOTTOM < p.min() < p.max() < large_steps.TOP
 
 
 class TestChaosOnset:
     def test_the_layer_is_exponentially_thin(self):
-        """ln(width) = −π²/2h + …, up to powers of h: the slope against 1/h, where the layer is thin."""
+        """ln(width) = −π²/2h + … at the saddle point: the slope against 1/h, where the layer is thin."""
         found = numbers_of("chaos-onset")
         thin = found.width < 0.1
         slope = np.polyfit(1 / found.h[thin], np.log(found.width[thin]), 1)[0]
         assert slope == pytest.approx(-(pi**2) / 2, rel=0.2)
         assert thin[found.h <= 0.8].all()
+
+    def test_the_power_of_h_in_the_width(self):
+        """The factor is constant only with h^(−3/2): what is left of it varies less than threefold."""
+        found = numbers_of("chaos-onset")
+        with_power, without = found.width / chaos_onset.layer_law(found.h), found.width * np.exp(pi**2 / 2 / found.h)
+        assert with_power.max() < 3 * with_power.min()
+        assert without.max() > 5 * without.min()
+
+    def test_the_width_at_the_bottom(self):
+        """At q = 0 the width in p goes like h⁻³ e^(−π²/h), the square of that at the saddle point."""
+        away = np.logspace(-8, -0.5, 46)
+        h, widths = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]), []
+        for size in h:
+            starts = np.column_stack([homoclinic_momentum(size) + away, 0 * away])
+            widths.append(10 ** (-8 + 7.5 * chaos_onset.is_chaotic(starts, size, 2000.0).mean()))
+        slope = np.polyfit(1 / h, np.log(widths * h**3), 1)[0]
+        assert slope == pytest.approx(-(pi**2), rel=0.1)
+
+    def test_the_angle_of_the_separatrices(self):
+        """At q = 0 they are each other's reflections, of slopes ±s there, with s like h⁻³ e^(−π²/h)."""
+        logs, slopes = zip(*(separatrix_slope(h) for h in ("0.2", "0.3")), strict=True)
+        scaled = [s * mpmath.exp(mpmath.pi**2 / log) for log, s in zip(logs, slopes, strict=True)]
+        power = mpmath.log(scaled[1] / scaled[0]) / mpmath.log(logs[1] / logs[0])
+        assert float(power) == pytest.approx(-3, abs=0.05)
 
     def test_chaos_lies_at_the_separatrix(self):
         found = numbers_of("chaos-onset")
@@ -272,6 +341,15 @@ class TestLinearErrorGrowth:
         for changes in (found.actions, *found.new_actions):
             assert exponent(changes) == pytest.approx(0, abs=0.01)
         assert exponent(found.other_actions) == pytest.approx(1, abs=0.02)
+
+    @pytest.mark.parametrize("method", ["lobatto-iiia3", "lobatto-iiia4"])
+    def test_symmetric_methods_on_reversible_systems(self, method, monkeypatch):
+        """They are not symplectic, but errors grow like t and not like t², and the actions do not drift."""
+        monkeypatch.setattr(linear_error_growth, "OTHER", method)
+        assert not bs.method(method).is_symplectic
+        found = linear_error_growth.numbers(h=0.05)
+        assert linear_error_growth.growth_exponent(found.t, found.other) == pytest.approx(1, abs=0.02)
+        assert found.other_actions[-1] < 1.01 * np.interp(30, found.t, found.other_actions) + 1e-12
 
     def test_each_term_gains_two_powers_of_h(self):
         coarse, fine = linear_error_growth.numbers(h=0.04), numbers_of("linear-error-growth")
