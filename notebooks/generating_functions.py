@@ -85,7 +85,7 @@ assert sympy.simplify(12 * energy.symbolic(2) - expected) == 0
 #
 # $$ S(P, q, h) = h\sum_i b_iH(P_i, Q_i) - h^2\sum_{ij} b_ia_{ij}\,H_q(P_i, Q_i)^{\mathsf T}H_p(P_j, Q_j). $$
 #
-# No path, no integral: H̃ is defined globally. Partitioned methods have the same formula, and other methods have
+# No path, no integral: H̃ is defined globally. Symplectic partitioned methods have a similar formula, and others have
 # functions of their own, such as variational integrators; the trapezoidal rule for the action is Störmer–Verlet.
 
 # %%
@@ -204,9 +204,10 @@ bs.divergence(bs.modified_field(methods["implicit midpoint"], abc, 3), 2)
 
 # %% [markdown]
 # The midpoint rule is symplectic and preserves area in the plane, but not volume in space. Indeed no Runge–Kutta method
-# preserves the volume of all divergence-free fields (P. Chartier, A. Murua 2007): `bs.volume_preservation` finds the
-# tree that breaks it. How far is a small volume off after n steps? Backward error analysis predicts the logarithm,
-# $h^k\int \mathrm{div}\,f_{k+1}\,dt$ (lines); the determinants of steps tell it too (dots).
+# preserves volume for all divergence-free fields of all dimensions (P. Chartier, A. Murua 2007):
+# `bs.volume_preservation` finds the tree that breaks it. How far is a small volume off after n steps? Backward error
+# analysis predicts the logarithm, $h^k\int \mathrm{div}\,f_{k+1}\,dt$ (lines); the determinants of steps tell it too
+# (dots).
 
 # %%
 abc, step = bs.scene("abc-flow"), 0.1

@@ -82,14 +82,15 @@ assert sympy.simplify((moved - there).subs(r, sympy.Symbol("r", positive=True)))
 central.hamiltonian
 
 # %% [markdown]
-# Solutions are the same in both coordinates. Numerical solutions are not: no method commutes with all changes that are
-# not linear.
+# Solutions are the same in both coordinates. Numerical solutions are not: a Runge–Kutta method commutes with affine
+# changes of coordinates, but not with all others.
 #
 # ## Example 8: motion in a central field
 #
 # **Theorem 6** (Arnold, Liouville) asks for d first integrals that are in involution, that is {F_i, F_j} = 0, and whose
-# gradients are linearly independent; where their level sets are compact, actions and angles exist. In a central field
-# there are two degrees of freedom, the energy, and the angular momentum L = p_φ.
+# gradients are linearly independent; where their level sets are compact (so that solutions exist for all times),
+# actions and angles exist near each component. In a central field there are two degrees of freedom, the energy, and the
+# angular momentum L = p_φ.
 
 
 # %%
@@ -165,8 +166,9 @@ right.set(aspect="equal", xlabel="$q_1$", ylabel="$q_2$", title=r"(b) with $\mu 
 pyplot.show()
 
 # %% [markdown]
-# The method has tori of its own, near these, with frequencies that are off by O(h²): so its error grows, but no faster
-# than linearly. That is the subject of `linear_error_growth.py`.
+# Near most of these tori, those whose frequencies are not resonant, the method has tori of its own, up to tiny errors,
+# with frequencies that are off by O(h²): so its error grows, but over long times no faster than linearly. That is the
+# subject of `linear_error_growth.py`.
 #
 # ## Example 9: the Toda lattice
 #

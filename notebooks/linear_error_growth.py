@@ -13,15 +13,17 @@
 # %% [markdown]
 # # Linear error growth: theorem 7, step by step
 #
-# On an integrable system the global error of a symplectic method grows like t, that of other methods like t². Why?
-# Section 7 of the lecture proves it in a few steps, which are those of a computation. Here they are carried out: first
-# with one degree of freedom, where everything has a formula, then with two, where small denominators come in
-# (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, sections X.2 and X.3).
+# On an integrable system the global error of a symplectic method grows like t. That of a method whose actions drift
+# grows like t², since frequencies drift with the actions. Why? Section 7 of the lecture proves the first in a few
+# steps, which are those of a computation. Here they are carried out: first with one degree of freedom, where everything
+# has a formula, then with two, where small denominators come in (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
+# Integration*, sections X.2 and X.3). Symplecticity is not the only way to such actions: symmetric methods on
+# reversible integrable systems have them too (ibid., section XI.3), as is seen below.
 #
 # **Theorem 7.** Let the system be integrable and real-analytic, the method symplectic of order r with a modified
 # Hamiltonian that is globally defined, the frequencies ω(a*) strongly non-resonant with exponent ν, and let the actions
-# of the start be within c |log h|^(−ν−1) of a*. Then, over times t ≤ h^(−r), the error of the solution is at most
-# C t h^r, and that of the actions at most C h^r.
+# of the start be within c |log h|^(−ν−1) of a*. Then, for h small enough and over times t ≤ h^(−r), the error of the
+# solution is at most C t h^r, and that of the actions at most C h^r.
 
 # %%
 # %matplotlib inline
@@ -108,8 +110,9 @@ assert varies["a"] > 5e-5 > 1e-10 > varies["b"]
 print(f"in 5000 steps a varies by {varies['a']:.1e}, b by {varies['b']:.1e}")
 
 # %% [markdown]
-# Kutta's method of order 3 is not symplectic, and the energy drifts with a slope that the modified equation predicts: a
-# changes by t·slope/ω, and the frequency with it. So the angle is off by an integral, t²·ω'(a)·slope/(2ω).
+# Kutta's method of order 3 is neither symplectic nor symmetric, and the energy drifts with a slope that the modified
+# equation predicts: a changes by t·slope/ω, and the frequency with it. So the angle is off by an integral,
+# t²·ω'(a)·slope/(2ω).
 
 # %%
 report = bs.energy_drift(bs.method("kutta3"), rotor, y0=change.to_old(START), h=H_STEP)
@@ -132,6 +135,20 @@ left.set(xlabel="time $t$", ylabel="global error")
 right.set(xlabel="time $t$", ylabel="largest change of the action so far")
 left.legend()
 pyplot.show()
+
+# %% [markdown]
+# Lobatto IIIA with three stages is not symplectic, but symmetric, and the rotor is reversible: p ↦ −p turns the motion
+# round and takes each circle a = const to itself. What the modified equation adds is reversible, too, so that a does
+# not drift, and the error grows like t:
+
+# %%
+assert not bs.symplecticity(bs.method("lobatto-iiia3"), 5).holds
+t, actions, errors = run("lobatto-iiia3", h=0.05)
+late = t > 10
+exponent = np.polyfit(np.log(t[late]), np.log(errors[late]), 1)[0]
+assert abs(exponent - 1) < 0.01
+assert abs(actions - START[0]).max() < 1e-12
+print(f"lobatto-iiia3: the error grows like t^{exponent:.2f}, a changes by {abs(actions - START[0]).max():.0e}")
 
 # %% [markdown]
 # ## Figure 10: two degrees of freedom
@@ -208,6 +225,7 @@ bs.figure("small-divisors")
 # same argument as in **theorem 3**: there the modified Hamiltonian after N terms has errors of at most O(t hᴺ). For
 # N = 1 … 8 they are measured on the pendulum, in `modified_hamiltonians.py`.
 #
-# **Try next.** Other methods in `run`: `"gauss2"`, which is symplectic of order 4; `"rk4"`, whose error grows like t²
-# with a small factor. A start on a resonance of the two rotors, a₂ = 1 + a₁ (k = (2, −2)). And `integrable_systems.py`,
-# where figure 9 shows both kinds of growth on the Toda lattice.
+# **Try next.** Other methods in `run`: `"gauss2"`, which is symplectic of order 4; `"rk4"`, whose frequency is off by
+# O(h⁴) and drifts by O(t h⁵), so that its error first grows like t h⁴ and in the end like t² h⁵. A start on a resonance
+# of the two rotors, a₂ = 1 + a₁ (k = (2, −2)). And `integrable_systems.py`, where figure 9 shows both kinds of growth
+# on the Toda lattice.

@@ -125,7 +125,8 @@ bs.figure("lotka-volterra")
 #
 # With $I = p - \ln p + q - 2\ln q$ the equations are $\dot q = pq\,I_p$, $\dot p = -pq\,I_q$: multiply, and
 # $\dot I = 0$. They are a *Poisson system*, Hamiltonian up to the factor pq. Method (b) preserves this structure, and
-# so its modified equation has the same form with $I + h I_2 + h^2 I_3 + \dots$. Each $I_k$ follows by integration.
+# so its modified equation has the same form with $I + h I_2 + h^2 I_3 + \dots$. Each $I_k$ follows by integration, and
+# is one function for all p, q > 0, since this quadrant is simply connected.
 
 # %%
 integral = bs.modified_invariant(fields[SYMPLECTIC])
@@ -147,8 +148,8 @@ for k, term in enumerate(integral.terms):
 
 # %% [markdown]
 # Explicit Euler has no such integral. With h the first one changes as
-# $\dot I = h\,\bigl((p-1)^2 + \tfrac12 (q-2)^2\bigr) + O(h^2)$: it grows everywhere but at the equilibrium (1, 2). That
-# is the spiral.
+# $\dot I = h\,\bigl((p-1)^2 + \tfrac12 (q-2)^2\bigr) + O(h^2)$: for small h it grows everywhere but at the equilibrium
+# (1, 2). That is the spiral.
 
 # %%
 growth = sum(INTEGRALS[0].diff(v) * term for v, term in zip((p, q), fields[EXPLICIT].symbolic(1), strict=True))
@@ -238,5 +239,5 @@ print("periods after 1, 2, … terms:", *(f"{value:.4f}" for value in periods), 
 # %% [markdown]
 # The term with h makes the period longer, the steps make it shorter, and only the term with h² tells so. Try other
 # steps (`bs.figure("truncation", h=0.05, terms=5)`), another method (has `bs.method("heun2")` an integral?), or an
-# equation of your own. What a modified integral is for Hamiltonian systems is the subject of
+# equation of your own. For Hamiltonian systems the modified integral is a modified Hamiltonian, the subject of
 # `modified_hamiltonians.py`.

@@ -13,11 +13,12 @@
 # %% [markdown]
 # # From a tableau to its modified equation
 #
-# A method with step h, applied to y' = f(y), follows exactly the flow of another differential equation,
-# y' = f(y) + h f₂(y) + h² f₃(y) + …, its *modified equation* (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
-# Integration*, chapter IX). Its terms are elementary differentials of f, one for each rooted tree. This is the first of
-# seven notebooks on a lecture by E. Hairer about backward error analysis: here are its examples 1 and 3, exercise 1,
-# theorem 1 and figure 1.
+# A method with step h, applied to y' = f(y), follows the flow of another differential equation, y' = f(y) + h f₂(y) +
+# h² f₃(y) + …, its *modified equation* (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, chapter
+# IX): exactly as a formal series, which in general diverges, and up to O(h^(N+1)) in each step if it is truncated after
+# N terms. Its terms are elementary differentials of f, one for each rooted tree. This is the first of seven notebooks
+# on a lecture by E. Hairer about backward error analysis: here are its examples 1 and 3, exercise 1, theorem 1 and
+# figure 1.
 
 # %%
 # %matplotlib inline
@@ -260,11 +261,13 @@ pyplot.show()
 # %% [markdown]
 # ## Where the series diverges: exponentially small errors
 #
-# A linear equation is the exception. In general the terms grow in the end like factorials, whatever h is, and there is
-# a best number of them. It can be seen where everything is known: Störmer–Verlet with H = p − ½ log(1 + q²) takes steps
-# of the trapezoidal rule for ∫ t/(1+t²) dt, and the terms of its modified equation are those of the Euler–Maclaurin
-# formula, $\frac{B_k}{k!} h^k g^{(k)}(t)$. The solution has its singularities at the distance δ = 1, t = ±i. Then the
-# best N is near 2πδ/h, and the error there below exp(−2πδ/h): smaller than any power of h.
+# A linear equation is the exception. In general the terms grow in the end like factorials, however small h is, and
+# there is a best number of them. If f is analytic, with a frequency scale ω, and h|ω| is small, the error of a step
+# after the best number is at most C h e^(−γ/(h|ω|)) (ibid., section IX.7). It can be seen where everything is known:
+# Störmer–Verlet with H = p − ½ log(1 + q²) takes steps of the trapezoidal rule for ∫ t/(1+t²) dt, and the terms of its
+# modified equation are those of the Euler–Maclaurin formula, $\frac{B_k}{k!} h^k g^{(k)}(t)$. The solution has its
+# singularities at the distance δ = 1, t = ±i. Then the best N is near 2πδ/h, and the error there below exp(−2πδ/h):
+# smaller than any power of h.
 
 # %%
 TERMS, verlet = 35, bs.method("stormer-verlet")

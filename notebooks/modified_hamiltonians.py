@@ -13,15 +13,18 @@
 # %% [markdown]
 # # Why symplectic methods keep the energy, and up to which step
 #
-# The numerical solution of a symplectic method follows, up to tiny errors, the motion of a *modified Hamiltonian*
-# H̃ = H + h H₂ + h² H₃ + … (**theorem 2** of the lecture; E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
-# Integration*, chapter IX). What it conserves is H̃, and so nearly H. Here it is for the implicit midpoint rule on the
-# pendulum; and RK4, which is not symplectic, has none.
+# **Theorem 2** of the lecture: the modified equation of a symplectic method on a Hamiltonian system is Hamiltonian,
+# locally, with a *modified Hamiltonian* H̃ = H + h H₂ + h² H₃ + … (E. Hairer, C. Lubich, G. Wanner, *Geometric
+# Numerical Integration*, chapter IX). That is a statement about formal series; how well steps follow the truncated
+# series is that of theorem 3, below. Where H̃ is one function on the whole domain, what steps nearly conserve is H̃,
+# and so H. Here it is for the implicit midpoint rule on the pendulum; RK4 is not symplectic, and the verdict says where
+# its H̃ ends.
 #
-# Why: let $f + hf_2 + h^2f_3 + \dots$ be the modified equation, with $hf_2, \dots$ up to $h^{r-1}f_r$ Hamiltonian. The
-# flow of the equation truncated there is symplectic, and a step differs from it by $h^{r+1}f_{r+1} + \dots$; the
-# derivatives of both are symplectic matrices, hence $Jf_{r+1}'$ is symmetric, and so $f_{r+1} = J^{-1}\nabla H_{r+1}$,
-# locally.
+# Why theorem 2 holds: let $f + hf_2 + h^2f_3 + \dots$ be the modified equation, with $hf_2, \dots$ up to $h^{r-1}f_r$
+# Hamiltonian. The flow of the equation truncated there is symplectic, and a step differs from it by
+# $h^{r+1}f_{r+1} + \dots$; the derivatives of both are symplectic matrices, hence $Jf_{r+1}'$ is symmetric, and so
+# $f_{r+1} = J^{-1}\nabla H_{r+1}$, locally, and globally on a domain that is simply connected. The cylinder of the
+# pendulum is not; why H̃ is global there all the same is told by `generating_functions.py`.
 
 # %%
 # %matplotlib inline
@@ -42,7 +45,7 @@ print(bs.hamiltonian_verdict(bs.method("rk4"), pendulum, 6))
 # ## Example 4: the pendulum on the cylinder
 #
 # $H = p^2/2 - \cos q$, and q is an angle: states lie on a cylinder. **Figure 4.** Explicit Euler spirals outwards;
-# symplectic Euler and Störmer–Verlet go round on closed curves, which are near those of H even for large steps.
+# symplectic Euler and Störmer–Verlet go round on what look like closed curves, near those of H even for large steps.
 
 # %%
 bs.figure("pendulum-portraits")
@@ -66,8 +69,9 @@ assert abs(errors["symplectic-euler-p"]).max() < 0.0053  # h/2 max|p sin q| = 0.
 print(f"explicit Euler: slope {slope:.5f}; symplectic Euler: up to {abs(errors['symplectic-euler-p']).max():.5f}")
 
 # %% [markdown]
-# Estimate (12) says that a method of order r drifts by no more than t h^r. RK4 does better on the pendulum: halving the
-# step divides its drift by about 2⁵, not 2⁴. The verdict above tells why: there the term with h⁴ has a Hamiltonian too.
+# Estimate (12) says that a method of order r drifts by no more than C t h^r. RK4 does better on the pendulum: halving
+# the step divides its drift by about 2⁵, not 2⁴. The verdict above tells why: there the term with h⁴ has a Hamiltonian
+# too.
 
 # %%
 drifts = []
@@ -82,9 +86,9 @@ print("up to t = 100, h = 0.2, 0.1, 0.05:", *(f"{drift:.3e}" for drift in drifts
 # ## Example 5: large steps
 #
 # Twenty thousand steps of the midpoint rule from four starts that swing or turn over. **Figure 6.** Up to h = 0.7 the
-# dots follow the level curves of $H^{[3]} = \frac{p^2}2 - \cos q + \frac{h^2}{48}(\cos 2q - 2p^2\cos q)$. (That is the
-# term with h² printed above, up to a constant: $-\frac1{24}\sin^2 q = \frac1{48}\cos 2q - \frac1{48}$.) Large dots are
-# the starts, grey are level curves through them; for h = 1 the third orbit jumps between islands.
+# dots stay near the level curves of $H^{[3]} = \frac{p^2}2 - \cos q + \frac{h^2}{48}(\cos 2q - 2p^2\cos q)$. (That is
+# the term with h² printed above, up to a constant: $-\frac1{24}\sin^2 q = \frac1{48}\cos 2q - \frac1{48}$.) Large dots
+# are the starts, grey are level curves through them; for h = 1 the third orbit jumps between islands.
 
 # %%
 bs.figure("large-steps")
@@ -114,10 +118,12 @@ for h, expected in EXPECTED.items():
     print(f"h = {h}: ", *(f"{value:10.2e}" for value in found))
 
 # %% [markdown]
-# **Theorem 3.** H̃ truncated after N terms, $H^{[N]}$, is conserved up to O(t hᴺ) while the solution stays in a compact
-# set, and H itself up to O(hʳ), for times t ≤ C h^(r−N). Here is symplectic Euler, from (p, q) = (2.5, 0), with
-# N = 1 … 8: (a) the exponents of h are N; (b) nothing grows with t, since the omitted terms of the series are nearly
-# conserved as well.
+# **Theorem 3.** Let the method be symplectic of order r and its H̃ globally defined. While the numerical solution stays
+# in a compact set, H̃ truncated after N terms, $H^{[N]}$, is conserved up to O(t hᴺ) and H itself up to O(hʳ), for
+# times t ≤ C h^(r−N). (If H and the method are analytic and h is small, the best N, of size 1/h, makes hᴺ exponentially
+# small and times exponentially long.) Here is symplectic Euler, from (p, q) = (2.5, 0), with N = 1 … 8: (a) the
+# exponents of h are N; (b) nothing grows with t, since truncations with more terms are conserved better still, and what
+# they add to $H^{[N]}$, of size hᴺ, only oscillates.
 
 # %%
 bs.figure("theorem-3")
@@ -162,10 +168,13 @@ for h in (0.7, 1.0, 1.29, 1.3):
     print(f"h = {h}: ", *(f"{value:8.0e}" for value in found))
 
 # %% [markdown]
-# A map of all starts shows why. There is a chaotic layer at the separatrix for every h, but its width is like
-# $e^{-\pi^2/2h}$: below h = 0.7 it is hardly ever met, and only from h ≈ 1 on is it a part of the picture. Blue: orbits
-# that begin a relative 10⁻¹⁰ apart are more than 0.01 apart at t = 700; (b) is the neighbourhood of the saddle point,
-# and 19 is fitted.
+# A map of all starts shows why. There is a chaotic layer at the separatrix for every h, but it is exponentially thin as
+# h → 0. The solution on the separatrix has its singularities at the times ±iπ/2, and so, up to a factor, the width of
+# the layer in energy is $h^{-3}e^{-\pi^2/h}$, its width in p at q = 0 as well, and that at the saddle point, where the
+# energy is p²/2, is $h^{-3/2}e^{-\pi^2/2h}$ (Lazutkin's exponent; the powers of h are measured for this method). Below
+# h = 0.7 the layer is hardly ever met, and only from h ≈ 1 on is it a part of the picture. Blue: orbits that begin a
+# relative 10⁻¹⁰ apart are more than 0.01 apart at t = 700; (b) is the neighbourhood of the saddle point, where the
+# factor of the dashed line is fitted.
 
 # %%
 bs.figure("chaos-onset")
@@ -217,10 +226,11 @@ assert all(sympy.expand(term - terms["trees"]) == 0 for term in terms.values())
 # %% [markdown]
 # ## What can still go wrong
 #
-# The simplified method of Takahashi and Imada is not symplectic, but on every pendulum it has an H̃, as it preserves
-# area. On an asymmetric one this H̃ is conserved, but not periodic in q: from q to q + 2π it grows by
-# $\frac12h^4\alpha^2\int U'''U'^2\,dq$. Without that part, which is the periodic H̃ of the true method, it loses as
-# much with every turn forwards, and so does H.
+# The simplified method of Takahashi and Imada is not symplectic, but on every pendulum it has an H̃ locally, as it
+# preserves area. On an asymmetric one this H̃ is no function on the cylinder: as a function of p and q it grows by
+# $\frac12h^4\alpha^2\int U'''U'^2\,dq$, to leading order, from q to q + 2π. Along solutions it is constant if turns are
+# counted. So what is left without the part that grows, which is periodic, loses as much with every turn forwards, and
+# so does H: the energy drifts beside a modified Hamiltonian that is conserved, but has many values.
 
 # %%
 simplified, asymmetric = bs.method("simplified-takahashi-imada"), bs.scene("pendulum", effects=["asymmetry"])

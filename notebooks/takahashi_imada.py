@@ -13,9 +13,10 @@
 # %% [markdown]
 # # The counter-example: the method of Takahashi and Imada, simplified
 #
-# Symplectic methods keep a modified energy. Does a method that is nearly symplectic nearly keep it? This is section 4
-# of the lecture of E. Hairer, with its figures 7 and 8; the whole story is in E. Hairer, R. I. McLachlan, R. D. Skeel,
-# *On energy conservation of the simplified Takahashi–Imada method*, ESAIM: M2AN 43 (2009) 631–644.
+# Symplectic methods nearly keep a modified energy, where that is globally defined. Does a method that is nearly
+# symplectic nearly keep it? This is section 4 of the lecture of E. Hairer, with its figures 7 and 8; the whole story is
+# in E. Hairer, R. I. McLachlan, R. D. Skeel, *On energy conservation of the simplified Takahashi–Imada method*, ESAIM:
+# M2AN 43 (2009) 631–644.
 #
 # For $\ddot q = f(q) = -\nabla U(q)$ a step is half a kick $p \mathrel{+}= \frac h2F(q)$, a drift
 # $q \mathrel{+}= hp$, and half a kick again. With F = f it is Störmer–Verlet, which becomes much more accurate with
@@ -140,8 +141,8 @@ print(verdict)
 # Along the solution the modified energy of (13) changes with the rate (18),
 # $\dot{\tilde H} = -\frac12 h^4\alpha^2\, p\,U'''U'^2 + O(h^6)$. With $p = \dot q + O(h^2)$ that is the derivative of
 # $-\frac12h^4\alpha^2 \int U'''U'^2 dq$. If the integral over a period is zero, as for $U = -\cos q$, no energy is lost
-# or gained. If not, every turn adds the same amount: for the perturbed pendulum $U = -\cos q + 0.2 \sin 2q$ the
-# integral is $6\pi/5 \approx 3.77$.
+# or gained to this order. If not, every turn forwards adds $-\frac12h^4\alpha^2$ times the integral, and every turn
+# backwards the opposite: for the perturbed pendulum $U = -\cos q + 0.2 \sin 2q$ the integral is $6\pi/5 \approx 3.77$.
 
 # %%
 report: Any = bs.energy_drift(simplified, asymmetric, y0=[2.5, 0], h=0.2)
@@ -209,13 +210,16 @@ for momentum, expected, close in ((2.5, -6.568936359e-6, 1e-13), (-2.5, -report.
 # %% [markdown]
 # ## Figure 8
 #
-# With many degrees of freedom the rate (18) looks random. If orbits fill their energy surface, its mean over time is a
-# mean in space (19). (18) is odd in p, and an energy surface is symmetric under p → −p, so that this mean is zero and
-# the energy walks at random: its standard deviation s grows like $h^4\sqrt t$. The figure has 400 trajectories of nine
-# atoms up to t = 20,000 and takes minutes (`bseries figure lennard-jones-drift`); its parameters are our choice, since
-# those of the lecture are lost. What it shows is H + h²H₃ + h⁴H₅; the lecture has the formula of figure 7, but without
-# H₅ oscillations would cover the walk. **Here it is reduced** to 12 trajectories up to t = 500 with twice the step, for
-# a few seconds: that shows the walk, but mean and deviation of so few, for so short a time, are rough.
+# With many degrees of freedom the rate (18) looks random. If the motion is ergodic on the states that have the same
+# energy and momenta, the mean over time is a mean in space (19). (18) is odd in p, and these states are symmetric under
+# p → −p (together with a mirror image, where angular momentum is not zero), so that this mean is zero: there is no
+# drift like t. That alone does not make a random walk; an oscillation has the mean zero as well. If moreover the
+# correlations of the rate decay fast enough for a finite integral, as they seem to do in this chaos, the standard
+# deviation s of the energy grows like $h^4\sqrt t$. The figure has 400 trajectories of nine atoms up to t = 20,000 and
+# takes minutes (`bseries figure lennard-jones-drift`); its parameters are our choice, since those of the lecture are
+# lost. What it shows is H + h²H₃ + h⁴H₅; the lecture has the formula of figure 7, but without H₅ oscillations would
+# cover the walk. **Here it is reduced** to 12 trajectories up to t = 500 with twice the step, for a few seconds: that
+# shows the walk, but mean and deviation of so few, for so short a time, are rough.
 
 # %%
 STEP, SPAN = 0.02, 500
@@ -254,8 +258,9 @@ assert 150 < diffusion[simplified] < 1000
 assert abs(diffusion[true]) < 1
 
 # %% [markdown]
-# So three cases: no drift, where the integral of (18) vanishes on every orbit; a linear one of size th⁴; and one like
-# $\sqrt t\,h^4$. `bs.energy_drift` tells which, for any method. Try `bs.method("rk4")` on the pendulum, or another
-# asymmetry (`bs.scene("pendulum", effects=["asymmetry"], epsilon="1/2")`). Why symplectic methods with a
-# global modified Hamiltonian do not drift is told in `modified_hamiltonians.py`, and where they are global, in
+# So three cases: no drift, where (18) is the derivative of a bounded function; a linear one of size th⁴, where its mean
+# is not zero; and one like $\sqrt t\,h^4$, where its mean is zero and its correlations decay. `bs.energy_drift` tells
+# which, for any method. Try `bs.method("rk4")` on the pendulum, or another asymmetry
+# (`bs.scene("pendulum", effects=["asymmetry"], epsilon="1/2")`). Why symplectic methods with a global modified
+# Hamiltonian do not drift is told in `modified_hamiltonians.py`, and where they are global, in
 # `generating_functions.py`.

@@ -13,9 +13,9 @@
 # %% [markdown]
 # # Long runs: energy, rounding, variable steps, many starts
 #
-# What a method does over long times is what its modified equation says (E. Hairer, C. Lubich, G. Wanner, *Geometric
-# Numerical Integration*, chapter IX). Here it is seen in runs of millions of steps, on Kepler's problem and on a
-# cluster of atoms.
+# For small steps, what a method does over long times is what its modified equation says (E. Hairer, C. Lubich, G.
+# Wanner, *Geometric Numerical Integration*, chapter IX). Here it is seen in runs of millions of steps, on Kepler's
+# problem and on a cluster of atoms.
 
 # %%
 from itertools import pairwise
@@ -89,8 +89,8 @@ pyplot.title("Energy error at equal cost, Kepler's problem with e = 0.6")
 pyplot.show()
 
 # %% [markdown]
-# The error of Runge–Kutta's method grows linearly; the other two preserve a modified energy, and their error only
-# oscillates.
+# The energy error of the Runge–Kutta method grows linearly; the other two are symplectic and nearly preserve a modified
+# energy, so that their error only oscillates.
 
 # %%
 last = {name: relative_change(run.observed["energy"])[-1000:].max() for name, run in runs.items()}
@@ -173,9 +173,9 @@ state.t, state.y - comet.y0
 # %% [markdown]
 # ## An ensemble
 #
-# Nine atoms in the plane with the Lennard-Jones potential, 200 starts with momenta of the temperature 0.1. All start
-# at the minimum of the potential, where the modified energy of Störmer–Verlet is off by another amount than on
-# average: so the mean is not zero. Neither mean nor spread grow. Members run on all cores, and numbers do not depend
+# Nine atoms in the plane with the Lennard-Jones potential, 200 starts with momenta of the temperature 0.1. All start at
+# the minimum of the potential, where the modified energy of Störmer–Verlet is off by another amount than on average: so
+# the mean is not zero. Neither mean nor spread grow in this time. Members run on all cores, and numbers do not depend
 # on how many there are.
 
 # %%
