@@ -96,7 +96,7 @@ def drift(
 
 def _facts(report: DriftReport) -> Iterator[Fact]:
     """What was found: text, or formulas."""
-    from ..drift.report import shown_number
+    from ..drift.report import LEADING_DIGITS, shown_number
 
     r = report.perturbation
     yield "verdict", report.verdict
@@ -115,11 +115,12 @@ def _facts(report: DriftReport) -> Iterator[Fact]:
             f"mean of dH~/dt at h^{k}",
             f"{found.mean:.4g} ± {found.error:.2g} over t = {found.time:.6g}: {found.kind}",
         )
-    slope = _slope(report)
+    slope = _slope(report, LEADING_DIGITS)
     if slope is not None:
-        yield f"slope of the energy at h = {report.h:g}", slope
+        yield f"leading slope of the energy at h = {report.h:g}", slope
     if report.h is not None and report.spread is not None:
-        yield f"deviation of the energy after t, h = {report.h:g}", f"{report.deviation(1.0):.4g}*sqrt(t)"
+        coefficient = shown_number(report.deviation(1.0), LEADING_DIGITS)
+        yield f"deviation of the energy after t, h = {report.h:g}", f"{coefficient}*sqrt(t)"
 
 
 def _break_facts(report: DriftReport) -> Iterator[Fact]:
@@ -132,14 +133,14 @@ def _break_facts(report: DriftReport) -> Iterator[Fact]:
         yield f"dH~/dt at h^{report.power}", report.rate
     for turn in report.turns:
         how = "" if turn.digits is None else f", by quadrature to {turn.digits} digits"
-        yield f"gain at h^{report.power} in a turn of {turn.variable} by {turn.period}{how}", turn.gain
+        yield f"gain of the energy at h^{report.power} in a turn of {turn.variable} by {turn.period}{how}", turn.gain
 
 
-def _slope(report: DriftReport) -> str | sympy.Expr | None:
-    """The predicted slope of the energy; None where there is none."""
+def _slope(report: DriftReport, digits: int = 10) -> str | sympy.Expr | None:
+    """The predicted slope of the energy, to leading order; None where there is none."""
     if report.h is None or report.drift is None:
         return None
     from ..drift.report import shown_number
 
     power, mean = report.drift
-    return shown_number(mean * report.h**power)
+    return shown_number(mean * report.h**power, digits)

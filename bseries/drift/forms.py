@@ -1,8 +1,9 @@
 """Where a field stops being Hamiltonian: the one-form B^(−1) r is not closed, or it is and has periods.
 
 On a space of states where some variables are angles a closed form need not be the differential of a function: its
-integral once round an angle must vanish as well. That integral does not depend on the way, and it is, up to its sign,
-what H̃ gains with every turn.
+integral once round an angle must vanish as well. That integral does not depend on the way. It is the difference of two
+values that the modified Hamiltonian, which is constant along solutions, then has at one state; what is left of it when
+a function on the space of states is wanted, and with it the energy, changes by minus the integral in every turn.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Turn(NamedTuple):
-    """What a modified Hamiltonian gains in a turn of an angle.
+    """What the energy gains in a turn of an angle forwards, to leading order; backwards it loses as much.
 
     Attributes:
         variable: The angle.

@@ -47,15 +47,16 @@ def energy_drift(
 ) -> DriftReport:
     """Whether the energy error of a method on a scene stays bounded, drifts linearly, or like a random walk.
 
-    The method follows y' = B ∇H̃ + r, and r begins with the first power h^K at which the modified field is not the field
-    of a function that is globally defined. To leading order H̃ changes at the rate ∇H · r, and what counts is its mean.
+    Formally the method follows y' = B ∇H̃ + r, and r begins with the first power h^K at which the modified field is not
+    the field of a function that is globally defined. To leading order H̃ changes at the rate ∇H · r, and what counts is
+    its mean. "Bounded" means that no drift shows through the powers of h that are looked at.
 
     With one degree of freedom there are three cases. If the one-form B^(−1) r is closed, it is the differential of a
-    function, unless variables are angles: then the gain per turn, its integral over a period, decides for all orbits
-    (for the simplified Takahashi–Imada method it is −h⁴α²/2 ∫U‴U′² dq). If it is not closed, the mean is taken along
-    the orbit of y' = f(y) through `y0`, power by power. With several degrees of freedom it is taken along `steps` steps
-    of the method, and compared with its standard error; the variance of the integral tells a random walk from bounded
-    oscillations.
+    function, unless variables are angles: then the gain of energy per turn, minus its integral over a period, decides
+    for all orbits (for the simplified Takahashi–Imada method it is −h⁴α²/2 ∫U‴U′² dq). If it is not closed, the mean is
+    taken along the orbit of y' = f(y) through `y0`, power by power. With several degrees of freedom it is taken along
+    `steps` steps of the method, and compared with its standard error. A mean of zero alone does not make a random walk:
+    the variance of the integral tells one, which needs correlations that decay, from bounded oscillations.
 
     Args:
         method: A method, or a modified field.
@@ -151,12 +152,13 @@ def _state(scene: Scene, y0: Any) -> list[float]:
 
 def _on_all_orbits(report: DriftReport, broken: Break) -> DriftReport:
     """The verdict with one degree of freedom if the form is closed: every turn of an angle has the same gain."""
-    reason = f"H~ gains {_gains(broken)}, and nothing before h^{broken.order} on orbits that do not go round"
+    reason = f"the energy gains {_gains(broken)}, and nothing before h^{broken.order} on orbits that do not go round"
     return report._replace(verdict=LINEAR, reason=reason)
 
 
 def _gains(broken: Break) -> str:
-    return " and ".join(f"{turn.gain} h^{broken.power} with every turn of {turn.variable}" for turn in broken.turns)
+    gains = (f"{turn.gain} h^{broken.power} with every forward turn of {turn.variable}" for turn in broken.turns)
+    return " and ".join(gains)
 
 
 def _on_one_orbit(report: DriftReport, found: Iterable[Break], accuracy: int, y0: Any) -> DriftReport:
@@ -172,11 +174,11 @@ def _on_one_orbit(report: DriftReport, found: Iterable[Break], accuracy: int, y0
             means.append((k, mean))
             if mean:
                 size = f"the mean of dH~/dt along the orbit is of order h^{k}"
-                reason = f"H~ gains {_gains(broken)}" if broken.is_closed else size
+                reason = f"the energy gains {_gains(broken)}" if broken.is_closed else size
                 return report._replace(verdict=LINEAR, reason=reason, orbit=orbit, means=tuple(means))
     reason = f"the mean of dH~/dt along the orbit vanishes through h^{last}"
     if report.broken is not None and report.turns:
-        reason += f"; H~ gains {_gains(report.broken)}, but the orbit makes no such turn"
+        reason += f"; the energy gains {_gains(report.broken)}, but the orbit makes no such turn"
     return report._replace(reason=reason, orbit=orbit, means=tuple(means))
 
 

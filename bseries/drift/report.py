@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from .statistics import RateStatistics
 
 LONGEST_FORMULA = 300
+LEADING_DIGITS = 2
+"""Digits of what is known to leading order in h only."""
 
 
 class DriftReport(NamedTuple):
-    """Whether the modified Hamiltonian H̃ of a method on a scene drifts, and how fast.
+    """Whether the energy, or a modified Hamiltonian H̃ that is a function on the space of states, drifts, and how fast.
 
     Attributes:
         perturbation: What is not Hamiltonian in the modified field, with its formulas `terms(k)` and `rate(k)`.
@@ -60,7 +62,7 @@ class DriftReport(NamedTuple):
 
     @property
     def turns(self) -> tuple[Turn, ...]:
-        """What H̃ gains in a turn of an angle, at h^power."""
+        """What the energy gains in a turn of an angle, at h^power."""
         return () if self.broken is None else self.broken.turns
 
     @property
@@ -90,7 +92,7 @@ class DriftReport(NamedTuple):
         return next(found, None)
 
     def slope(self, h: float | None = None) -> float:
-        """The predicted slope of the energy error, by default for the step size that was given.
+        """The predicted slope of the energy error to leading order in h, by default for the step size that was given.
 
         Raises:
             SeriesError: There is no step size, or nothing to predict it from.
@@ -139,7 +141,7 @@ class DriftReport(NamedTuple):
                 yield f"  dH~/dt = h^{self.power} * {_short(self.rate)} + ..."
         for turn in self.turns:
             how = "" if turn.digits is None else f" (by quadrature, {turn.digits} digits)"
-            yield f"  gain in a turn of {turn.variable} by {turn.period}: {turn.gain} h^{self.power}{how}"
+            yield f"  gain of the energy in a turn of {turn.variable} by {turn.period}: {turn.gain} h^{self.power}{how}"
         if self.orbit is not None:
             yield f"  orbit through {list(self.orbit.y0)}: {self.orbit.kind}, period {float(self.orbit.period):.10g}"
         for k, mean in self.means:
@@ -148,7 +150,8 @@ class DriftReport(NamedTuple):
             yield f"  mean of dH~/dt at h^{k}, over t = {s.time:.6g}: {s.mean:.4g} ± {s.error:.2g}: {s.kind}"
             yield f"  variance of its integral: 2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
         if self.h is not None and self.drift is not None:
-            yield f"  predicted slope at h = {self.h:g}: {shown_number(self.drift[1] * self.h ** self.drift[0])}"
+            slope = shown_number(self.drift[1] * self.h ** self.drift[0], LEADING_DIGITS)
+            yield f"  predicted slope at h = {self.h:g}, to leading order: {slope}"
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data."""
@@ -188,6 +191,6 @@ def _short(formula: Any) -> str:
     return text if len(text) <= LONGEST_FORMULA else f"{text[:LONGEST_FORMULA]}..."
 
 
-def shown_number(value: Any) -> str | sympy.Expr:
-    """A number to ten digits; formulas of parameters as they are."""
-    return value if getattr(value, "free_symbols", None) else f"{float(value):.10g}"
+def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
+    """A number to some digits; formulas of parameters as they are."""
+    return value if getattr(value, "free_symbols", None) else f"{float(value):.{digits}g}"

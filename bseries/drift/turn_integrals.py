@@ -18,8 +18,8 @@ def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
     """∫ U‴ U′² dq over a period of the potential U of a scene H = T(p) + U(q) with one degree of freedom.
 
     With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′²,
-    so that with every turn the modified Hamiltonian gains −h⁴α²/2 times this integral. Where it is not zero, energy
-    drifts on rotating orbits.
+    so that with every forward turn the modified Hamiltonian of the symplectic method, and the energy, gain −h⁴α²/2
+    times this integral to leading order. Where it is not zero, energy drifts on rotating orbits.
 
     Args:
         scene: The scene; parameters may be symbols (a period 2π/k is followed as if k were positive).

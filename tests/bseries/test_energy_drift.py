@@ -492,6 +492,29 @@ def test_the_field_of_rk4_on_kepler_is_hamiltonian_at_h4():
         assert bool(abs(J @ slopes - (J @ slopes).T).max() < 1e-6 * abs(slopes).max()) == is_closed
 
 
+def test_the_energy_gains_what_the_modified_hamiltonian_with_many_values_loses():
+    """H̃ as a function of (p, q) grows by πh⁴/240 from q to q + 2π; it is constant along steps, and H pays for it."""
+    q = sympy.Symbol("q")
+    report = energy_drift(SIMPLIFIED, ASYMMETRIC, y0=[2.5, 0], h=0.2)
+    many_valued = bs.modified_hamiltonian(SIMPLIFIED, ASYMMETRIC, 5)
+    term = many_valued.symbolic(4)
+    assert sympy.expand(term.subs(q, q + 2 * sympy.pi) - term) == sympy.pi / 240 == -report.turns[0].gain
+    for momentum, sign in ((2.5, 1), (-2.5, -1)):
+        run = bs.integrate(ASYMMETRIC, SIMPLIFIED, h=0.2, steps=10_000, y0=[momentum, 0], observe="energy")
+        turns = run.y[1] / (2 * np.pi)
+        assert np.polyfit(run.t, turns, 1)[0] * sign > 0.2
+        gains = [np.polyfit(turns, values, 1)[0] for values in (run.observed["energy"], many_valued(run.y, 0.2))]
+        assert gains[0] == pytest.approx(float(report.turns[0].gain) * 0.2**4, rel=0.05)
+        assert abs(gains[1]) < 1e-3 * abs(gains[0])
+
+
+def test_a_mean_of_zero_is_no_random_walk():
+    """Two uncoupled pendulums that swing: the rate has the mean zero, as in chaos, but it is quasi-periodic."""
+    pair = bs.parse_hamiltonian("(p1^2 + p2^2)/2 - cos(q1) - cos(q2) + (sin(2*q1) + sin(2*q2))/5")
+    report = energy_drift(SIMPLIFIED, pair, y0=[0.5, 0.7, 0, 0], h=0.1, steps=40_000)
+    assert report.verdict == "bounded"
+
+
 # Reports and refusals.
 
 
@@ -500,8 +523,8 @@ def test_reports_in_text_and_as_data():
     text = str(report)
     title = "the modified equation of simplified-takahashi-imada on pendulum with asymmetry, to h^6: linear drift"
     assert text.startswith(title)
-    assert "gain in a turn of q by 2*pi: -pi/240 h^4" in text
-    assert "predicted slope at h = 0.2: -6.542905263e-06" in text
+    assert "gain of the energy in a turn of q by 2*pi: -pi/240 h^4" in text
+    assert "predicted slope at h = 0.2, to leading order: -6.5e-06\n" in text + "\n"
     data = json.loads(json.dumps(report.to_dict()))
     assert (data["schema"], data["kind"], data["verdict"], data["power"]) == (1, "drift", "linear drift", 4)
     assert data["turns"] == [{"variable": "q", "period": "2*pi", "gain": "-pi/240", "digits": None}]
