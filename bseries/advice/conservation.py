@@ -2,9 +2,9 @@
 
 They do not if its modified equation is Hamiltonian as the scene is, by a function that is the same after each turn of
 an angle; or if both are reversible by a reflection ρ, f(ρ y) = −ρ f(y), that maps the orbit's torus to itself, since
-reversible perturbations of integrable systems leave actions as they are. A reflection that maps it to another one, as
-p ↦ −p does to a pendulum that turns round and round, proves nothing: so the simplified Takahashi–Imada method lets
-energies drift.
+reversible perturbations of integrable systems let actions oscillate only, where frequencies are not resonant. A
+reflection that maps it to another one, as p ↦ −p does to a pendulum that turns round and round, proves nothing: so the
+simplified Takahashi–Imada method lets energies drift.
 
 References:
     HLW, theorems IX.8.1 and XI.3.1; E. Hairer, R. I. McLachlan, R. D. Skeel, On energy conservation of the simplified

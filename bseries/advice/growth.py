@@ -1,13 +1,15 @@
 """How errors grow: means over smooth windows of time, and the law that they follow.
 
-Along regular motions an error is a sum of quasi-periodic functions times powers of t: up to t for the solution of a
-method that has a modified Hamiltonian, up to t² for others, whose energy and hence frequencies change: they drift.
+Along regular motions, near integrable systems and away from resonances, an error is a sum of quasi-periodic functions
+times powers of t: up to t for the solution of a method that has a modified Hamiltonian, or is symmetric on a reversible
+system; up to t² for others, whose energy and hence frequencies drift. Of chaotic motions none of this holds.
 Means over windows that fade smoothly at both ends see nothing of the oscillations, faster than any power of their
 length, and are polynomials of the time. So are those of variables that go on and on, as angles do, and like t at most.
 
 References:
-    HLW, section X.3 (linear growth of errors of symplectic methods); S. Das, Y. Saiki, E. Sander, J. A. Yorke,
-    Quantitative quasiperiodicity, Nonlinearity 30 (2017) 4111–4140, doi:10.1088/1361-6544/aa84c2.
+    HLW, sections X.3 and XI.3 (linear growth of errors of symplectic and symmetric methods); S. Das, Y. Saiki,
+    E. Sander, J. A. Yorke, Quantitative quasiperiodicity, Nonlinearity 30 (2017) 4111–4140,
+    doi:10.1088/1361-6544/aa84c2.
 """
 
 from __future__ import annotations
@@ -84,7 +86,7 @@ def parts_of(points: int, times: float) -> list[tuple[int, float]]:
 
 
 def power(drifts: bool) -> int:
-    """The power of t that errors of the solution grow with at most."""
+    """The power of t that errors of the solution grow with at most in regular motion."""
     return 2 if drifts else 1
 
 

@@ -86,7 +86,7 @@ class Outlook(NamedTuple):
         if measure != SOLUTION:
             return f"the energy {'drifts' if self.drifts else 'does not drift'}"
         larger = "" if self.growth in (None, 1.0) else f", and states get {self.growth:.3g} times as large"
-        return f"errors grow like {'t^2' if self.drifts else 't'} at most{larger}"
+        return f"errors of regular motion grow like {'t^2' if self.drifts else 't'} at most{larger}"
 
 
 def best_outlook(judge: Judge, curve: Curve, length: float, error: float, measure: str) -> Outlook:

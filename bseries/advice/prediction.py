@@ -102,8 +102,8 @@ def predict_run(
     The time is that of a part of the run, made by the same code. Errors come from the modified equation
     y' = f(y) + h^p f_{p+1}(y) + …, whose first terms are taken as a small perturbation along the exact flow: over the
     whole run, or over a pilot of it and then by the law that they follow. Methods whose terms are Hamiltonian, or
-    reversible by a reflection of the orbit to itself, have energy errors that do not grow, and solution errors that
-    grow linearly.
+    reversible by a reflection of the orbit to itself, have energy errors that do not grow and, in regular motion,
+    solution errors that grow linearly.
 
     Where errors are given they should be within a factor of 3 (`docs/prediction.md` names motions where they have been
     found not to be). Where they cannot be known the prediction says so: if terms of

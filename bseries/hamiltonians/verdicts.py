@@ -97,8 +97,8 @@ def hamiltonian_verdict(
     """How far the modified equation of a method is Hamiltonian, for all H and on one scene.
 
     On a scene it may be Hamiltonian although the method is not symplectic: with one degree of freedom every
-    divergence-free field is. Then H̃ need not have the periods of H: the simplified Takahashi–Imada method has one on
-    any pendulum, but only with ∫ U'''U'² dq = 0 over a period is it a function on the cylinder.
+    divergence-free field is, locally. Then H̃ need not have the periods of H: the simplified Takahashi–Imada method has
+    one on any pendulum, but only with ∫ U'''U'² dq = 0 over a period is it, to h^4, a function on the cylinder.
 
     Args:
         method: A method, or a field series.

@@ -267,7 +267,7 @@ def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
             assert 1 / 2 < actual / step.error < 2
     assert known  # three turns tell little
     chosen = pendulum.best(1e-3, span=80)
-    assert "extrapolated, as errors grow like t" in chosen.basis
+    assert "extrapolated, as errors of regular motion grow like t" in chosen.basis
     assert chosen.steps == math.ceil(80 / chosen.h * (1 - 1e-12))
     assert pendulum.best(1e-3).basis == "measured over 20"
 
@@ -317,7 +317,7 @@ def test_solutions_of_longer_spans_by_laws(scene, method, span, finest, longer, 
     """Where angles grow, errors are relative to the angles at the end."""
     found = bs.work_precision(scene, method, span=span, errors=(1e-2, finest), measure="solution", budget=BUDGET)
     chosen = found.best(error, span=longer)
-    assert chosen.basis.endswith(f"errors grow like {law}")
+    assert chosen.basis.endswith(f"errors of regular motion grow like {law}")
     assert chosen.error == pytest.approx(real_error(scene, method, chosen.h, chosen.steps, 8), rel=0.2)
 
 
