@@ -63,7 +63,7 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
 def modified_equation(
     method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
 ) -> BSeries:
-    """The modified equation: the field whose exact flow the numerical method follows.
+    """The modified equation: the field whose exact flow the numerical method follows, as a formal series.
 
     With b the result, the method's numerical solution is formally the exact solution of
     y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y).

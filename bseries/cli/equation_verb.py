@@ -47,8 +47,8 @@ def equation(
 ) -> Iterable[str]:
     """The modified equation of a method on a scene, written out by powers of h.
 
-    It is y' = f_h(y), which the numerical solution follows; with --modifying, the equation to which the method is
-    applied to follow y' = f(y). --order N means powers h^0 to h^(N-1). Only trees are computed whose elementary
+    It is y' = f_h(y), which the numerical solution follows formally; with --modifying, the equation to which the method
+    is applied to follow y' = f(y). --order N means powers h^0 to h^(N-1). Only trees are computed whose elementary
     differentials need not vanish on the scene; the first line says how many of how many these are.
 
     \b
@@ -106,5 +106,5 @@ def _record(k: int, field: Sequence[sympy.Expr]) -> dict[str, Any]:
 
 def _meaning(modifying: bool) -> str:
     if modifying:
-        return "The method applied to y' = Σ h^k · (coefficient of h^k) follows the exact flow of the scene."
-    return "The numerical solution follows y' = Σ h^k · (coefficient of h^k)."
+        return "As a formal series: applied to y' = Σ h^k · (coefficient of h^k), the method follows the exact flow."
+    return "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k)."
