@@ -111,7 +111,7 @@ def compile_time(*, cached: bool) -> Callable[[], Sampler]:
     def sample() -> Sample:
         command = [sys.executable, "-m", "benchmarks.fresh_field"]
         with tempfile.TemporaryDirectory() as folder:
-            variables = {"PYTHONPATH": str(ROOT), "BSERIES_CACHE": folder, "NUMBA_CACHE_DIR": folder}
+            variables = {"PYTHONPATH": str(ROOT), "BSERIES_CACHE": folder}
             if cached:
                 run(command, variables)
             return Sample(float(run(command, variables)[1]))

@@ -23,11 +23,12 @@ FORMULAS = '''\
 
 from math import *
 
-from numba import njit, types
+from machine_code import njit
+from numba import types
 
 from integrators.lowering.units import lowered
 
-compiled_with = njit(cache=True, nogil=True, error_model="numpy", fastmath={{"contract"}})
+compiled_with = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 
 
 @lowered(types.UniTuple(types.float64, {size})(*[types.float64] * {numbers}))

@@ -143,7 +143,7 @@ class CompiledSeries:
         """The compiled functions."""
         from integrators.modules import load_module
 
-        return load_module(self.source, keep=self.route == "symbolic")  # numba keeps no code that calls pointers
+        return load_module(self.source, keep=self.route == "symbolic")  # no code that calls pointers is kept on disk
 
     @property
     def compiled(self) -> Callable[..., None]:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from .scenes.system import System
 
 MAX_KEPT_DATA = 100_000
-"""Numbers in one constant array above which numba does not keep machine code on disk (a megabyte)."""
-KEPT = "njit(cache=True"
+"""Numbers in one constant array above which machine code cannot be kept on disk (a megabyte)."""
+KEPT, COMPILED = "from machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
 
 DOUBLE = '''\
@@ -39,7 +39,7 @@ DOUBLE = '''\
 
 {imports}
 
-compiled = njit(cache={cache}, nogil=True, error_model="numpy", fastmath={{"contract"}})
+compiled = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 {constants}
 '''
 
@@ -59,7 +59,7 @@ def number(p, q):
 
 
 def compiled_scene(scene: System) -> ModuleType:
-    """The compiled functions of a scene, from numba's cache on disk if they are known.
+    """The compiled functions of a scene, from the cache on disk if they are known.
 
     Args:
         scene: The scene; its parameters must be numbers.
@@ -192,13 +192,13 @@ class ModuleText:
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
         if self.number is None:
             imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-            imports += ["from numba import njit"] * (template is None)
+            if template is None:
+                imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
         else:
             imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
         head = (template or (DOUBLE if self.number is None else EXACT)).format(
             state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
             imports="\n".join(imports),
-            cache=all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays),
             constants="\n".join(self._definitions("np.array([", "])")),
         )
         return f"{head.rstrip()}\n\n\n{bodies}\n"

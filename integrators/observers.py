@@ -28,7 +28,8 @@ FORMULAS = '''\
 """
 
 {imports}
-from numba import cfunc, types
+from machine_code import cfunc
+from numba import types
 from integrators.lowering.units import lowered
 from integrators.steppers.machine import DOUBLES, NO_ARRAYS, OPTIONS, stack
 
@@ -205,7 +206,7 @@ def _with_energy(scene: Scene) -> Scene | None:
 
 @lru_cache(maxsize=64)
 def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> Any:
-    """The C function; numba keeps that of formulas on disk."""
+    """The C function; that of formulas is kept on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
     functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
     module: Any = _formulas(scene, formulas) if formulas else None
@@ -242,7 +243,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
         "observe(t, y, out)",
         "The same in C.",
         ["formulas(t, y, out)"],
-        "@cfunc(OBSERVER, cache=True, **OPTIONS, **NO_ARRAYS)",
+        "@cfunc(OBSERVER, **OPTIONS, **NO_ARRAYS)",
     )
     return load_module(writer.source(scene, FORMULAS), helpers=[machine, *SOURCES])
 

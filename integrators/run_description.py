@@ -6,9 +6,10 @@ import json
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
+from machine_code import PACKAGE, package_version
+
 from .errors import IntegratorError
 from .files import dumps_method
-from .modules import PACKAGE, package_version
 from .program_text import program_text
 
 if TYPE_CHECKING:

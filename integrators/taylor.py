@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
 from math import ceil, copysign, frexp, ldexp, log
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import numpy as np
 
     from .taylor_program import TaylorProgram
@@ -40,7 +36,8 @@ def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int,
     """
     import numpy as np
 
-    kernels = _kernels()
+    from . import taylor_kernels as kernels
+
     order = order_for(digits)
     registers = program.dimension + 1 + len(program.operations)
     series = np.zeros((registers, order + 1, 2))
@@ -61,13 +58,3 @@ def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int,
 def order_for(digits: int) -> int:
     """The order at which a step of radius/e² leaves an error of 10^−digits (Jorba and Zou, 2005, section 3.2)."""
     return ceil(1 + digits * log(10) / 2)
-
-
-@cache
-def _kernels() -> ModuleType:
-    from . import double_double, double_double_functions, expressions, taylor_operations, taylor_program
-    from .modules import load_module
-
-    source = Path(__file__).with_name("taylor_kernels.py").read_text(encoding="utf-8")
-    helpers = [double_double, double_double_functions, expressions, taylor_operations, taylor_program]
-    return load_module(source, helpers=helpers)

@@ -1,8 +1,5 @@
 """Compiled Taylor series: a list of operations is run order by order, and the series summed at the end of each step.
 
-`taylor.py` loads this file as a generated module, so that its machine code is kept where it can be written, and made
-again when a helper changes; hence the absolute imports.
-
 Series are in powers of s = (t − t_n)/unit, where the unit is a signed power of two near the step: coefficients in t
 itself may leave the range of doubles.
 """
@@ -14,10 +11,12 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from integrators import double_double_functions as functions
-from integrators.double_double import (
+from machine_code import njit
+
+from . import double_double, expressions, taylor_operations, taylor_program
+from . import double_double_functions as functions
+from .double_double import (
     DoubleDouble,
     add,
     divide,
@@ -33,10 +32,13 @@ from integrators.double_double import (
     two_product,
     two_sum,
 )
-from integrators.expressions import ELEMENTARY
-from integrators.steppers.machine import fma
-from integrators.taylor_operations import FUNCTION, LINEAR, POWER, PRODUCT
-from integrators.taylor_program import TaylorProgram
+from .expressions import ELEMENTARY
+from .steppers import machine
+from .steppers.machine import fma
+from .taylor_operations import FUNCTION, LINEAR, POWER, PRODUCT
+from .taylor_program import TaylorProgram
+
+SOURCES = (double_double, functions, expressions, machine, taylor_operations, taylor_program)
 
 RUNNING, DONE, STUCK = range(3)
 LARGEST_STEP = 16.0
@@ -226,7 +228,7 @@ def evaluate(
     return first
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=False)
+@njit(sources=SOURCES, nogil=True, error_model="numpy", fastmath=False)
 def advance(
     program: TaylorProgram, series: Any, state: Any, order: int, steps: int, times: Any, first: int, values: Any
 ) -> tuple[int, int]:

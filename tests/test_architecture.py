@@ -12,7 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("trees", "integrators", "bseries")
-SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+SHARED = ROOT / "machine_code.py"  # what all packages share
+SOURCES = [SHARED, *(path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))]
 HEAVY = {"numpy", "sympy", "numba", "networkx", "matplotlib", "scipy", "rich", "click"}
 
 
@@ -60,6 +61,10 @@ def test_arrows_between_packages_go_one_way(package, others):
             assert not found & set(others), name_of(path)
 
 
+def test_what_all_share_knows_none():
+    assert not set(imported_packages(ast.parse(SHARED.read_text(encoding="utf-8")))) & set(PACKAGES)
+
+
 def test_forbidden_imports_and_calls_would_be_found():
     module = ast.parse(
         "def f(text):\n    from bseries.modified import series\n    return sympy.sympify(text), eval(text)"
@@ -74,6 +79,11 @@ def test_no_text_is_evaluated_and_files_stay_short(path):
     text = path.read_text(encoding="utf-8")
     assert not list(evaluations(ast.parse(text)))
     assert len(text.splitlines()) < 400
+
+
+def test_machine_code_is_kept_in_one_way():
+    """Numba's own cache needs a place to write, and trusts what it finds there."""
+    assert [name_of(path) for path in SOURCES if "cache=True" in path.read_text(encoding="utf-8")] == []
 
 
 @pytest.mark.parametrize(("package", "name"), PUBLIC)
@@ -129,7 +139,8 @@ def test_lower_bounds_are_those_that_are_tested():
 
 
 def test_every_package_is_distributed():
-    packages = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
-    assert sorted(packages) == sorted(
+    distributed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    assert distributed["py-modules"] == [SHARED.stem]
+    assert sorted(distributed["packages"]) == sorted(
         ".".join(path.parent.relative_to(ROOT).parts) for path in SOURCES if path.name == "__init__.py"
     )

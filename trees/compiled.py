@@ -11,7 +11,6 @@ import sys
 import types
 from collections.abc import Callable, Iterable
 from functools import cached_property, update_wrapper
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,15 @@ class Kernel:
     """A pure function of arrays with two executions: ``py_func`` (any sequences, any numbers) and ``compiled``.
 
     Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
-    live in the same file, because numba's cache on disk notices edits of that file only; modules whose constants go
-    into machine code are named as `sources`, or their files are, and their text becomes part of the cache's key.
+    live in the same file, because the cache on disk notices edits of that file only; modules whose constants go
+    into machine code are named as `sources`, or their files are (see `machine_code`).
     """
 
     def __init__(
         self, function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = (), **options: Any
     ):
         self._options = options
-        self._sources = [Path(str(getattr(source, "__file__", source))) for source in sources]
+        self._sources = tuple(sources)
         self._c_functions: dict[Any, Any] = {}
         self.__name__ = function.__name__
         self.__doc__ = function.__doc__
@@ -47,13 +46,9 @@ class Kernel:
     @cached_property
     def compiled(self) -> Callable[..., Any]:
         """The kernel compiled by numba (machine code is kept on disk; the GIL is released while it runs)."""
-        import numba
+        from machine_code import njit
 
-        function = self._keyed(self._bind(lambda kernel: kernel.compiled))
-        try:
-            return numba.njit(cache=True, nogil=True, **self._options)(function)
-        except RuntimeError:  # no writable place for the cache: compile in memory
-            return numba.njit(nogil=True, **self._options)(function)
+        return njit(sources=self._sources, nogil=True, **self._options)(self._bind(lambda kernel: kernel.compiled))
 
     def c_function(self, signature: Any) -> Any:
         """The kernel as a C function, a ctypes object that compiled code can call.
@@ -61,24 +56,12 @@ class Kernel:
         A callee that numba links is compiled again with each of its callers; a C function is compiled once.
         """
         if signature not in self._c_functions:
-            import numba
+            from machine_code import cfunc
 
-            function = self._keyed(self._bind(lambda kernel: kernel.compiled))
-            try:
-                made = numba.cfunc(signature, cache=True, **self._options)(function)
-            except RuntimeError:  # no writable place for the cache: compile in memory
-                made = numba.cfunc(signature, **self._options)(function)
-            self._c_functions[signature] = made  # holds the code that ctypes only points to
+            function = self._bind(lambda kernel: kernel.compiled)
+            # Holds the code that ctypes only points to.
+            self._c_functions[signature] = cfunc(signature, sources=self._sources, **self._options)(function)
         return self._c_functions[signature].ctypes
-
-    def _keyed(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function under a name that tells its sources, since numba's cache goes by names."""
-        if not self._sources:
-            return function
-        text = b"".join(source.read_bytes() for source in self._sources)
-        keyed = types.FunctionType(function.__code__, function.__globals__, function.__name__)
-        keyed.__qualname__ = f"{function.__name__}_{sha256(text).hexdigest()[:16]}"
-        return keyed
 
     def interpreted(self, **names: Any) -> Callable[..., Any]:
         """The kernel run by the interpreter, here and in its callees with other things behind some global names.

@@ -101,7 +101,7 @@ def compile_times(
     pairs = [f"{scene}:{method}" for scene in scenes for method in methods]
     shared = [["loaded", *pairs]] if loaded else [["fresh", pair] for pair in pairs]
     with tempfile.TemporaryDirectory() as folder:
-        variables = {"BSERIES_CACHE": folder, "NUMBA_CACHE_DIR": folder}
+        variables = {"BSERIES_CACHE": folder}
         first, cached = ([t for task in shared for t in _child(*task, **variables)] for _ in range(2))
     names = [pair.partition(":") for pair in pairs]
     return [CompileTime(name[0], name[2], *times) for name, *times in zip(names, first, cached, strict=True)]

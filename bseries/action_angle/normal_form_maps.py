@@ -37,7 +37,8 @@ MODULE = '''\
 from math import *
 
 import numpy as np
-from numba import cfunc, njit, types
+from machine_code import cfunc
+from numba import njit, types
 
 from bseries.action_angle.normal_form_kernels import mapping
 from integrators.steppers.machine import DOUBLES, OPTIONS
@@ -46,7 +47,7 @@ ints = np.array({ints}, np.int64)
 numbers = np.array({numbers}, np.float64)
 
 
-@cfunc(types.void(types.float64, DOUBLES, DOUBLES), cache=True, **OPTIONS)
+@cfunc(types.void(types.float64, DOUBLES, DOUBLES), **OPTIONS)
 def generators(eps, b, out):
     """What the coefficients are polynomials in."""
 {lines}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import cfunc, types
+from numba import types
 
 from integrators.steppers.machine import DOUBLE, DOUBLES, OPTIONS
+from machine_code import cfunc
 
 
 def _kick(t, y, row):
@@ -23,4 +24,4 @@ def _kick(t, y, row):
         y[i] = row[i + 1] + kick
 
 
-kick: Any = cfunc(types.void(DOUBLE, DOUBLES, DOUBLES), cache=True, **OPTIONS)(_kick)
+kick: Any = cfunc(types.void(DOUBLE, DOUBLES, DOUBLES), **OPTIONS)(_kick)

@@ -6,12 +6,15 @@ Functions that take pointers are inlined, or called, without the seven words tha
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
-from numba import cfunc, njit, types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic as numba_intrinsic
+
+import machine_code
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite; sums are not reordered."""
@@ -22,7 +25,7 @@ intrinsic: Any = numba_intrinsic  # its functions are called without the typing 
 
 compiled = njit(**OPTIONS)
 inlined = njit(forceinline=True, **OPTIONS)
-kept = njit(cache=True, **OPTIONS)
+kept = machine_code.njit(sources=[Path(__file__)], **OPTIONS)
 
 
 def inlined_as(*signature: Any) -> Any:
@@ -32,13 +35,13 @@ def inlined_as(*signature: Any) -> Any:
         *signature: The types of the result and of the arguments.
     """
     result, *arguments = signature
-    return njit(result(*arguments), forceinline=True, cache=True, **OPTIONS)
+    return machine_code.njit(result(*arguments), sources=[Path(__file__)], forceinline=True, **OPTIONS)
 
 
 DOUBLES = types.CPointer(types.float64)
 DOUBLE, WHOLE, TRUTH = types.float64, types.int64, types.boolean
 STEPS = WHOLE(*[DOUBLES] * 6, DOUBLE, WHOLE, WHOLE)
-steps_in_c = cfunc(STEPS, cache=True, **OPTIONS, **NO_ARRAYS)
+steps_in_c = machine_code.cfunc(STEPS, **OPTIONS, **NO_ARRAYS)
 """Makes int64_t advance(double *state, *carry, *memory, *control, *numbers, *work, double h, int64_t steps, fresh)."""
 
 

@@ -15,7 +15,6 @@ import taylor_oracle
 from integrators import IntegratorError, Scene, reference, taylor, taylor_operations, taylor_program
 from integrators.codegen import compiled_scene, precise_scene
 from integrators.expressions import ELEMENTARY
-from integrators.modules import cache_directory
 from integrators.reference import reference_solution
 from integrators.scenes.registry import scene
 
@@ -214,10 +213,6 @@ def test_calls_of_compiled_code_have_no_influence(monkeypatch):
     whole = reference_solution(PENDULUM, [3, 10], full=True)
     monkeypatch.setattr(taylor, "WORK", 0)  # one step in each
     assert reference_solution(PENDULUM, [3, 10], full=True).numbers().tolist() == whole.numbers().tolist()
-
-
-def test_machine_code_is_kept_with_generated_modules():
-    assert str(taylor._kernels().__file__).startswith(str(cache_directory()))
 
 
 def test_time_that_formulas_name():

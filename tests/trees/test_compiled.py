@@ -30,7 +30,7 @@ def test_edits_of_sources_are_noticed(tmp_path):
         variables = {
             **os.environ,
             "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}",
-            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+            "BSERIES_CACHE": str(tmp_path / "cache"),
         }
         ended = subprocess.run(
             [sys.executable, "-c", program], env=variables, capture_output=True, text=True, check=True

@@ -1,0 +1,248 @@
+"""Numba's decorators, with machine code kept on disk for the next process where that is safe.
+
+Numba's own cache raises where nothing can be written, believes damaged files, and runs what others have put there. Here
+the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum, and what numba needs to go on.
+The key covers what the code depends on: the text of the module and of further `sources` (numba does not notice edits of
+callees elsewhere), options, types, the processor, and versions. The cache is
+
+- the folder that the environment variable ``BSERIES_CACHE`` names, else
+- the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
+  on macOS, ``%LOCALAPPDATA%\\bseries-engine`` on Windows.
+
+It may be deleted at any time; what is missing or damaged is made again. Nothing removes old files from it. Where
+nothing can be written, code stays in memory; likewise, with a warning, where others can write, or the disk is full.
+"""
+
+from __future__ import annotations
+
+import errno
+import linecache
+import os
+import pickle
+import stat
+import sys
+import warnings
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+PACKAGE = "bseries-engine"
+UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
+"""Errors where there is no place for files, or another process has just written the same file."""
+CHECKSUM = 32
+"""Bytes of SHA-256."""
+
+
+def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
+    """As `numba.njit`, with machine code kept.
+
+    Args:
+        signature: The types of the result and of the arguments; without, those of each call.
+        sources: Modules or files, besides that of the function, on which the code depends.
+        **options: What numba is told.
+
+    Returns:
+        A decorator.
+
+    Example:
+        >>> @njit(error_model="numpy")
+        ... def inverse(x):
+        ...     return 1 / x
+        >>> inverse(0.0)
+        inf
+    """
+
+    def decorate(function: Any) -> Any:
+        import numba
+
+        dispatcher: Any = numba.njit(**options)(function)
+        dispatcher._cache = _Cache(function, sources, "njit", options)
+        if signature is not None:
+            dispatcher.compile(signature)
+            dispatcher.disable_compile()
+        return dispatcher
+
+    return decorate
+
+
+def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
+    """As `numba.cfunc`, with machine code kept.
+
+    Args:
+        signature: The types of the result and of the arguments.
+        sources: Modules or files, besides that of the function, on which the code depends.
+        **options: What numba is told.
+
+    Returns:
+        A decorator.
+
+    Example:
+        >>> @cfunc("float64(float64)")
+        ... def half(x):
+        ...     return x / 2
+        >>> half.ctypes(3.0)
+        1.5
+    """
+
+    def decorate(function: Any) -> Any:
+        from numba.core.ccallback import CFunc
+        from numba.core.sigutils import normalize_signature
+
+        made: Any = CFunc(function, normalize_signature(signature), {}, options)
+        made._cache = _Cache(function, sources, "cfunc", options)
+        made.compile()
+        return made
+
+    return decorate
+
+
+def cache_directory() -> Path | None:
+    """Where machine code is kept, if that is safe.
+
+    Returns:
+        The directory; it need not exist. None for a user without a home.
+    """
+    chosen = os.environ.get("BSERIES_CACHE")
+    if sys.platform == "win32":
+        parent = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        parent = "~/Library/Caches"
+    else:
+        parent = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    with suppress(RuntimeError):  # there is no home
+        return Path(chosen or f"{parent}/{PACKAGE}").expanduser().absolute()
+
+
+@cache
+def package_version() -> str:
+    """The version of this package, empty where it is not installed."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(PACKAGE)
+    except PackageNotFoundError:  # a checkout that is not installed
+        return ""
+
+
+class _Cache:
+    """What numba asks for the code of one function, and gives what it has compiled."""
+
+    def __init__(self, function: Any, sources: Iterable[ModuleType | Path], *options: Any):
+        self._function, self._options = function, options
+        self._sources = [Path(str(getattr(source, "__file__", source))) for source in sources]
+
+    @property
+    def cache_path(self) -> str:
+        """What numba's statistics name."""
+        return str(cache_directory())
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The code for a signature, or None: it must be compiled."""
+        from numba.core.compiler import CompileResult
+
+        target.refresh()
+        path = self._path(signature, target.codegen())
+        if path is None or not _is_private(path.parent):
+            return None
+        try:
+            with open(path, "rb") as file:
+                if not _is_own(os.fstat(file.fileno())):
+                    return None
+                checksum, content = file.read(CHECKSUM), file.read()
+            if sha256(content).digest() != checksum:
+                return None
+            found, code = pickle.loads(content)
+            return CompileResult._rebuild(target, *code) if found == signature else None
+        except Exception:  # what cannot be read is made anew
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what has been compiled, unless it holds addresses of this process."""
+        from numba.core.serialize import dumps
+
+        path = self._path(signature, result.codegen)
+        if path is None or result.library.has_dynamic_globals:
+            return
+        content = dumps((signature, result._reduce()))
+        try:
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(path.parent):
+                _write(path, sha256(content).digest() + content)
+        except OSError as error:
+            if error.errno not in UNWRITABLE:
+                _warn(f"the cache {path.parent} cannot be written ({error.strerror})")
+
+    def _path(self, signature: Any, codegen: Any) -> Path | None:
+        """The file; None without a home, or without a text that tells whether the function has changed."""
+        import numba
+        from numba.core.serialize import dumps
+
+        function, code = self._function, self._function.__code__
+        directory, text = cache_directory(), "".join(linecache.getlines(code.co_filename, function.__globals__))
+        if directory is None or not text:
+            return None
+        versions = package_version(), numba.__version__, sys.implementation.cache_tag, codegen.magic_tuple()
+        name = function.__module__, function.__qualname__, code.co_filename, code.co_firstlineno
+        parts = [repr((versions, name, self._options, str(signature))).encode(), text.encode()]
+        parts += [source.read_bytes() for source in self._sources]
+        parts += [dumps(cell.cell_contents) for cell in function.__closure__ or ()]
+        key = sha256(b"".join(sha256(part).digest() for part in parts)).hexdigest()
+        return directory / f"{key}.code"
+
+
+def _write(path: Path, content: bytes) -> None:
+    """A new file that belongs to nobody else; if it is cut short, its checksum tells."""
+    path.unlink(missing_ok=True)
+    try:
+        with open(path, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+            file.write(content)
+    except FileExistsError:  # by another process
+        pass
+    except OSError:
+        with suppress(OSError):
+            path.unlink()
+        raise
+
+
+def _is_private(directory: Path) -> bool:
+    """Whether nobody else can write to a directory; where someone can, a warning says so.
+
+    Who can write to a directory above may put another in its place, but none that belongs to this user, let alone
+    files. So of these only such are refused as everybody can write to, and where names are not kept (as in /tmp).
+    """
+    try:
+        real = directory.resolve()
+        state = {place: place.stat() for place in (real, *real.parents)}
+    except OSError:
+        return True  # there is nothing yet
+    open_to_others = [
+        place for place in state if not (_is_own(state[place]) if place == real else _keeps_names(state[place]))
+    ]
+    for place in open_to_others:
+        owner, mode = state[place].st_uid, stat.S_IMODE(state[place].st_mode)
+        _warn(f"others may write to the cache {directory} ({place} has owner {owner} and mode {mode:o})")
+    return not open_to_others
+
+
+def _is_own(state: os.stat_result) -> bool:
+    """Whether only this user and root can write."""
+    return os.name != "posix" or (state.st_uid in (0, os.geteuid()) and not state.st_mode & 0o022)
+
+
+def _keeps_names(state: os.stat_result) -> bool:
+    """Whether what lies in a directory cannot be replaced by everybody."""
+    return os.name != "posix" or not state.st_mode & stat.S_IWOTH or bool(state.st_mode & stat.S_ISVTX)
+
+
+@cache
+def _warn(reason: str) -> None:
+    """Say once why nothing is kept."""
+    warnings.warn(
+        f"machine code is compiled in memory and not kept: {reason}; BSERIES_CACHE may name a folder of your own",
+        RuntimeWarning,
+        stacklevel=2,
+    )
