@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -78,7 +79,8 @@ class Application(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb."""
-        with _quiet_ends(), _long_integers():
+        with _quiet_ends(), _long_integers(), warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: say("warning", str(message))
             result = super().invoke(ctx)
             sys.stdout.flush()
             return result

@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 BSERIES = [sys.executable, "-c", "from bseries.cli import main; main()"]
+RUN = ["simulate", "pendulum", "--method", "rk4", "--step", "1/10", "--steps", "3"]
 
 
 def process(*arguments: str, **options) -> subprocess.Popen:
@@ -38,6 +39,18 @@ def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
     job.send_signal(signal.SIGINT)
     out, err = job.communicate()
     assert (job.returncode, out, err) == (130, b"", b"")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes of POSIX")
+def test_a_cache_that_others_can_write_is_told_in_one_line(tmp_path):
+    tmp_path.chmod(0o777)
+    job = process(*RUN, env={**os.environ, "BSERIES_CACHE": str(tmp_path)})
+    out, err = job.communicate()
+    assert job.returncode == 0
+    assert out
+    (line,) = err.decode().splitlines()
+    assert line.startswith("bseries: warning: machine code is compiled in memory and not kept: ")
     assert list(tmp_path.iterdir()) == []
 
 
