@@ -216,16 +216,15 @@ def _is_private(directory: Path) -> bool:
     """
     try:
         real = directory.resolve()
-        state = {place: place.stat() for place in (real, *real.parents)}
-    except OSError:
-        return True  # there is nothing yet
-    open_to_others = [
-        place for place in state if not (_is_own(state[place]) if place == real else _keeps_names(state[place]))
-    ]
-    for place in open_to_others:
-        owner, mode = state[place].st_uid, stat.S_IMODE(state[place].st_mode)
-        _warn(f"others may write to the cache {directory} ({place} has owner {owner} and mode {mode:o})")
-    return not open_to_others
+        for place in (real, *real.parents):
+            state = place.stat()
+            if not (_is_own(state) if place == real else _keeps_names(state)):
+                what = f"{place} has owner {state.st_uid} and mode {stat.S_IMODE(state.st_mode):o}"
+                _warn(f"others may write to the cache {directory} ({what})")
+                return False
+    except OSError:  # there is nothing yet
+        pass
+    return True
 
 
 def _is_own(state: os.stat_result) -> bool:
