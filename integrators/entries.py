@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from math import fsum, isfinite
+from math import fsum, inf, isfinite
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
@@ -84,8 +84,18 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
 
 
 def round_entry(value: Any) -> float:
-    """The double nearest to a number."""
-    return float(value.evalf(30)) if is_sympy(value) else float(value)
+    """The double nearest to a number.
+
+    Raises:
+        IntegratorError: The number is beyond the range of doubles.
+    """
+    try:
+        number = float(value.evalf(30)) if is_sympy(value) else float(value)
+    except OverflowError:
+        number = inf
+    if not isfinite(number):
+        raise IntegratorError(f"numbers must be in the range of doubles to be rounded, but one was {shorten(str(value))}")
+    return number
 
 
 def sum_entries(values: Iterable[Entry]) -> Entry:

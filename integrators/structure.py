@@ -10,7 +10,7 @@ from operator import mul
 from typing import TYPE_CHECKING
 
 from . import polynomials
-from .entries import cancels, round_entry
+from .entries import cancels, is_sympy, round_entry
 from .expressions import format_number, shorten
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def is_symmetric(parts: Sequence[RungeKutta]) -> bool:
     stages = list(range(parts[0].stages))
     orders = [stages]
     if not any(part.parameters for part in parts):
-        sums = [tuple(map(round_entry, part.row_sums)) for part in parts]
+        sums = [[round_entry(x) if is_sympy(x) else x for x in part.row_sums] for part in parts]
         orders.append(sorted(stages, key=lambda i: [row[i] for row in sums]))
     return any(all(_is_reversible(part, order) for part in parts) for order in orders)
 

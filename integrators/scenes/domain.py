@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ..errors import IntegratorError
 from ..expressions import shorten
 from .blocks import ROLES, TIME, component_places
-from .expansion import as_float, filled, is_local
+from .expansion import as_float, at_row, filled, is_local
 from .terms import Sites
 
 if TYPE_CHECKING:
@@ -130,7 +130,9 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
     sources = [_source(symbol.name, sites.count, scene) for symbol in symbols]
     known = [source for source in sources if source is not None]
-    if len(known) < len(symbols):
+    if len(known) < len(symbols):  # then only a site that a row names twice can make a difference vanish
+        for row in {row for row in sites.rows() if len(set(row)) < len(row)}:
+            _check_row(guard, at_row(formula, row, scene), row)
         return
     rows = _rows(sites, [source.doubles for source in known if source.varies])
     arguments = [source.doubles[rows[:, source.role]] for source in known]
@@ -140,9 +142,12 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     suspects = np.flatnonzero(~(size > SMALL))
     for row in rows[suspects[np.argsort(size[suspects])][:MAX_SUSPECTS]]:
         exact = {symbol: source.exact[row[source.role]] for symbol, source in zip(symbols, known, strict=True)}
-        value = cast("sympy.Expr", formula.xreplace(exact))
-        if not guard.holds(value):
-            _refuse(guard, value, f" for the sites {', '.join(str(site + 1) for site in row)}")
+        _check_row(guard, cast("sympy.Expr", formula.xreplace(exact)), row)
+
+
+def _check_row(guard: Guard, value: sympy.Expr, row: Iterable[int]) -> None:
+    if not guard.holds(value):
+        _refuse(guard, value, f" for the sites {', '.join(str(site + 1) for site in row)}")
 
 
 class _Source(NamedTuple):

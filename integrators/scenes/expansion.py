@@ -37,10 +37,14 @@ def written_out(summand: Summand, scene: System) -> Iterator[tuple[str | None, s
     if summand.sites.kind == "single":
         yield summand.target, formula
         return
-    symbols = [symbol for symbol in formula.free_symbols if is_local(str(symbol), scene)]
     for row in summand.sites.rows():
-        here = formula.xreplace({symbol: _at_row(str(symbol), row, scene) for symbol in symbols})
-        yield summand.target and str(_at_row(summand.target, row, scene)), cast("sympy.Expr", here)
+        yield summand.target and str(_at_row(summand.target, row, scene)), at_row(formula, row, scene)
+
+
+def at_row(formula: sympy.Expr, row: tuple[int, ...], scene: System) -> sympy.Expr:
+    """A formula of a term over sites at a row of them, in flat names."""
+    symbols = [symbol for symbol in formula.free_symbols if is_local(str(symbol), scene)]
+    return cast("sympy.Expr", formula.xreplace({symbol: _at_row(str(symbol), row, scene) for symbol in symbols}))
 
 
 def is_local(name: str, scene: System) -> bool:

@@ -51,9 +51,14 @@ def defects(scene: System) -> dict[str, float]:
         derivatives = {name: _derivative(name, scene) for name in scene.invariants}
         for _ in range(POINTS):
             y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
-            f = field(y)
-            for name, derivative in derivatives.items():
-                terms = derivative(y, f)
+            try:
+                f = field(y)
+                rates = {name: derivative(y, f) for name, derivative in derivatives.items()}
+            except (ArithmeticError, ValueError):
+                raise IntegratorError(
+                    f"field and invariants of {scene.name} must be defined near the start, but at a point there are not"
+                ) from None
+            for name, terms in rates.items():
                 size = mpmath.fsum(terms, absolute=True)
                 if abs(mpmath.fsum(terms)) > NOISE * size:
                     found[name] = max(found.get(name, 0.0), float(abs(mpmath.fsum(terms)) / size))

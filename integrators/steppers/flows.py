@@ -6,6 +6,7 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
+from ..entries import round_entry
 from .linear_flows import MOST_VARIABLES, LinearFlow, constant_system, is_diagonal
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepperSour
 def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepperSource) -> list[str]:
     """Statements for (x(1) − x(0))/h = (time · F(x) + forcing/h) φ_1(time · h a); a is F' times ones."""
     forms, functions, dimension = writer.forms, writer.functions, writer.structure.scene.dimension
-    start, piece, time = call.node.points[0], call.node.piece, float(call.node.detail)
+    start, piece, time = call.node.points[0], call.node.piece, round_entry(call.node.detail)
     lines, array = forms.point(start, writer.array("growing", 2 * dimension), copied=True)
     made, vectors = _forcing_lines(call, writer)
     lines += made
@@ -152,7 +153,7 @@ def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepperSource
         f"            flow_point({n}, {index}, h, m == 0, origin, slopes, before, now, start)",
         f"            {writer.functions.field(piece, moving)}(start, value)",
         "            θ = (position + m/steps)*width",
-        f"            midpoint_step({n}, {index}, {powers}, m == 0, θ, width/steps, {float(time)!r}, drive, value, "
+        f"            midpoint_step({n}, {index}, {powers}, m == 0, θ, width/steps, {round_entry(time)!r}, drive, value, "
         "before, now)",
         f"        change, size = extrapolate({n}, column, h, origin, slopes, now, table)",
         "        if has_settled(column, change, size):",

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from ..entries import round_entry
 from ..site_loops import indented
 from .nodes import Form, Key, Point
 
@@ -211,7 +212,7 @@ def _head(x: Fraction) -> Fraction:
 
 def scaled(text: str, x: Fraction) -> str:
     """A number times something."""
-    return text if x == 1 else f"-{text}" if x == -1 else f"{float(x)!r}*{text}"
+    return text if x == 1 else f"-{text}" if x == -1 else f"{round_entry(x)!r}*{text}"
 
 
 def grouped(text: str) -> str:

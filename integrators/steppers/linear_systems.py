@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..entries import round_entry
+
 if TYPE_CHECKING:
     from .plan import Call
     from .source import StepperSource
@@ -26,7 +28,7 @@ def resolvent_lines(call: Call, target: str, writer: StepperSource) -> list[str]
         lines, point = writer.forms.point(at, "z")
         jacobian = writer.functions.jacobian(piece, writer.structure.writes(piece))
         lines.append(f"{jacobian}({point}, {matrix})")
-        lines.append(f"subtract_from_identity({matrix}, {n}, h*{float(own)!r})")
+        lines.append(f"subtract_from_identity({matrix}, {n}, h*{round_entry(own)!r})")
         lines.append(f"factorize({matrix}, {pivots}, {n})")
     for cell, form in right:
         lines += writer.forms.loop(cell, [f"{target}[i] = {writer.forms.sum(cell, form.terms) or '0.0'}"])

@@ -56,6 +56,10 @@ MISTAKES = {
     "colours": ("trees --colors 0", "colors must be 1 or more"),
     "misspelt option": ("modified rk4 --ordre 3", "No such option.*see `bseries modified --help`"),
     "missing file": ("modified ./missing.json", "must be a readable file"),
+    "entries of steps beyond doubles": (
+        "simulate pendulum --A 1e309 --b 1 --step 0.1 --steps 2",
+        "numbers must be in the range of doubles to be rounded, but one was 1000",
+    ),
     "missing argument": ("completion", "Missing argument"),
     "unknown shell": ("completion csh", "shell must be one of bash, zsh, fish"),
 }

@@ -151,6 +151,10 @@ BAD = {
     "size": ("variables = {y = 1.5}\nfield = {y = 1}", "variables.y must be a number, a pair"),
     "active": ('variables = {y = 1}\nfield = {y = 1}\nactive = ["a"]', "effects must be of none, but one was 'a'"),
     "label": ("variables = {y = 1}\nfield = {y = 1}\nname = 3", "name must be text, but was 3"),
+    "integral where the field is singular": (
+        'variables = {y = 1}\nfield = {y = "1/(sin(y)^2 + cos(y)^2 - 1)"}\ninvariants = {c = "y"}',
+        "field and invariants of scene must be defined near the start, but at a point there are not$",
+    ),
     "integral": ('variables = {y = 1}\nfield = {y = "y"}\ninvariants = {c = "y"}', "along the field, but c is not$"),
 }
 

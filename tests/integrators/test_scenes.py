@@ -530,6 +530,7 @@ def lattice(formula, q, over="pairs", **arguments):
         (lambda: lattice("sqrt(q_i - q_j)", [3, 2, 5], "chain"), "positive, but it was -3 for the sites 2, 3"),
         (lambda: lattice("1/q_i", [3, 0, 5], "each"), "make q_i other than zero, but it was 0 for the sites 2"),
         (lambda: lattice("q_j/m_i", [3, 0, 5], [(1, 2), (3, 3)], parameters={"m": [1, 1, 0]}), "for the sites 3, 3"),
+        (lambda: Scene(LATTICE, terms=[Term(over=[(1, 1)], hamiltonian="1/(q_i - q_j)")]), "zero, but .* sites 1, 1"),
         (lambda: Scene(PQ, hamiltonian="p", start={"p": 10**400, "q": 0}).y0, "must be in the range of doubles"),
         (lambda: Scene(PQ, hamiltonian="p").y0, "start must be given for scene, but was not"),
     ],

@@ -296,6 +296,14 @@ def test_structure(tableau, explicit, dirk, symplectic, symmetric):
     assert (method.is_symplectic, method.is_symmetric) == (symplectic, symmetric)
 
 
+def test_entries_beyond_doubles_stay_exact_until_they_are_rounded():
+    large = RungeKutta([["1e309"]], [1], ["1e309"])
+    assert (large.domain, large.is_symmetric, large.is_symplectic) == ("QQ", False, False)
+    assert RungeKutta([["1e309", 0], [0, "1-1e309"]], [1, 0], warn=False).is_symmetric is False
+    with pytest.raises(IntegratorError, match="numbers must be in the range of doubles to be rounded, but one was 1000"):
+        large.to_float()
+
+
 def test_structure_within_digits():
     digits = ([["0.25", "-0.0386751346"], ["0.5386751346", "0.25"]], ["0.5", "0.5"])
     assert RungeKutta(*digits, digits=9).is_symplectic
