@@ -22,10 +22,17 @@ MAX_DIGITS = 31
 LARGEST = 10**300
 CERTAIN = 2.0**-50
 """Relative errors that doubles need not show."""
-NOISE = 2.0**-90
+NOISE = 2.0**-84
 """What a variable may be off in parts of the largest in its block: one that vanishes by symmetry is all rounding."""
 FIRST_UNITS = 2.0**-10, 2.0**-16
 """With what parts of the time the two solutions begin that are compared."""
+
+
+CHECKS = 16
+"""At how many times before the first one wanted, at least, the two solutions are compared."""
+KICK = 2.0**-104
+"""By what part of itself each variable of the first solution is changed after each step; rounding changes it by less."""
+SAFETY = 4.0
 
 
 class ReferenceSolution(NamedTuple):
@@ -34,7 +41,7 @@ class ReferenceSolution(NamedTuple):
     Attributes:
         high: The solution as doubles, an array (variables, times).
         low: What is missing in them.
-        error: How far two solutions of different orders and steps are apart.
+        error: A bound on the error, from a second solution that is disturbed in each step by more than rounding.
 
     Example:
         >>> from integrators import scene
@@ -83,7 +90,11 @@ def reference_solution(
 
     The Taylor coefficients come from the scene's formulas, in numbers of some 31 digits. Steps are chosen from the
     last coefficients, and the times wanted are inserted in the series, so that they have no influence on the steps.
-    The problem is solved twice, with other orders and steps; the difference shows the error.
+    The problem is solved twice, with other orders and steps. Rounding errors of both are of one size, and may agree or
+    cancel, and roundings of the start, of parameters and of 1/n are even the same; so the difference alone can be below
+    the error. Therefore one of the two is disturbed by more than rounding errors in each step, and the largest relative
+    difference so far, at times between the start and t as well, bounds the error at t. Where errors shrink again, as on
+    the way to an equilibrium, the bound is too large.
 
     Args:
         scene: The scene; its parameters must be numbers.
@@ -121,28 +132,56 @@ def reference_solution(
     import numpy as np
 
     from .double_double import split
-    from .taylor import Stuck, solve
+    from .taylor import Stuck, TooManySteps, solve
     from .taylor_program import taylor_program
 
     program = taylor_program(scene)
     start, origin = _read_start(scene, y0, t0)
     times = _read_times(t, origin)
-    y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in times])
+    checked, wanted = _with_checks(times, origin)
+    y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
-        first = solve(program, y, elapsed, digits, FIRST_UNITS[0])
-        second = solve(program, y, elapsed, digits + 2, FIRST_UNITS[1])
+        first = solve(program, y, elapsed, digits, FIRST_UNITS[0], KICK)
+        second = solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0)
     except Stuck as stuck:
         end = float(origin) + stuck.args[0]
         raise IntegratorError(
             f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
             f"but reached to {float(times[-1]):.10g}"
         ) from None
-    error = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
-    solution = ReferenceSolution(second[..., 0], second[..., 1], error)
+    except TooManySteps as refused:
+        needed, most = refused.args
+        raise IntegratorError(
+            f"t must end sooner, as the steps of {scene.name} are so short that some {needed:.1e} would lead to "
+            f"{float(times[-1]):.10g}, and at most {most:.1e} are made"
+        ) from None
+    apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
+    relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
+    error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), KICK) * second[..., 2]
+    solution = ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
     if full:
         return solution
     _check_certain(solution, scene, y[:, :1], [float(x) for x in times], digits)
     return solution.high
+
+
+def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
+    """The first step that `reference_solution` takes, at most the span; all of it where no step is possible.
+
+    Example:
+        >>> from integrators import Scene
+        >>> fast = Scene({"y": 1}, field={"y": "1 + y^2"})
+        >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
+        0.176
+    """
+    import numpy as np
+
+    from . import taylor
+    from .double_double import split
+    from .taylor_program import taylor_program
+
+    start, _ = _read_start(scene, y0, None)
+    return taylor.first_step(taylor_program(scene), np.array([split(x) for x in start]), span, digits)
 
 
 def _read_number(value: Any, argument: str) -> Fraction:
@@ -199,6 +238,16 @@ def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
                 f"t must go in one direction from t0, but t[{k}] is {float(after)} and comes after {float(before)}"
             )
     return times
+
+
+def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
+    """The times with others before and between them, and the places of those wanted."""
+    checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
+    for before, after in pairwise([origin, *times]):
+        parts = later if checked else CHECKS
+        checked += (before + (after - before) * k / parts for k in range(1, parts + 1))
+        wanted.append(len(checked) - 1)
+    return checked, wanted
 
 
 def _check_certain(

@@ -14,11 +14,23 @@ WORK = 3e8
 """Operations on coefficients in one call of compiled code, so that Python can be interrupted every second."""
 
 
+MOST_WORK = 3e11
+"""Operations on coefficients in all, about a quarter of an hour."""
+LEAST_STEPS = 1000
+"""So many steps show how long the others will be: towards a singularity they shrink by a constant factor."""
+
+
 class Stuck(Exception):
     """No step is possible; the argument is the time since the start."""
 
 
-def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float) -> np.ndarray:
+class TooManySteps(Exception):
+    """Steps are too short; the arguments are about how many there would be, and how many are allowed."""
+
+
+def solve(
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, kick: float
+) -> np.ndarray:
     """The solution at some times.
 
     Args:
@@ -27,32 +39,61 @@ def solve(program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int,
         times: Times since the start (n, 2), double-double numbers of one sign that grow in size.
         digits: The error of a step is below 10^−digits of each variable, but for rounding.
         first_unit: What the first step is tried with, in parts of the last time.
+        kick: By what part of itself each variable is changed after each step, up or down, and each step made longer, to
+            show what errors do that are random, and what those do that are always the same.
 
     Returns:
-        An array (variables, n, 2).
+        An array (variables, n, 3): double-double numbers, and the size of the variable in the step around each time,
+        the sum of the absolute terms of its series.
 
     Raises:
         Stuck: The solution could not be continued.
+        TooManySteps: At the pace of the steps made so far, the work would be more than `MOST_WORK`.
     """
     import numpy as np
 
     from . import taylor_kernels as kernels
 
     order = order_for(digits)
-    registers = program.dimension + 1 + len(program.operations)
-    series = np.zeros((registers, order + 1, 2))
-    series[: program.dimension, 0] = y
-    values = np.empty((program.dimension, len(times), 2))
-    span = float(times[-1, 0])
-    unit = ldexp(first_unit, frexp(span)[1])
-    state = np.array([0.0, 0.0, copysign(unit, span)])
-    steps = max(1, int(WORK / (registers * order**2)))
-    index, status = 0, kernels.RUNNING
+    series, state = _begun(program, y, times, order, first_unit)
+    values = np.empty((program.dimension, len(times), 3))
+    work = len(series) * order**2
+    steps, most = max(1, int(WORK / work)), MOST_WORK / work
+    index, status, done = 0, kernels.RUNNING, 0
     while status == kernels.RUNNING:
-        index, status = kernels.advance(program, series, state, order, steps, times, index, values)
+        index, status = kernels.advance(program, series, state, order, kick, steps, times, index, values)
+        done += steps
+        needed = done * (times[-1, 0] / state[0]) if status == kernels.RUNNING and done >= LEAST_STEPS else 0.0
+        if needed > most:
+            raise TooManySteps(needed, most)
     if status == kernels.STUCK:
         raise Stuck(float(state[0]))
     return values
+
+
+def first_step(program: TaylorProgram, y: np.ndarray, span: float, digits: int) -> float:
+    """The first step of the solution, at most the span, which is positive; all of it where no step is possible."""
+    import numpy as np
+
+    kernels = _kernels()
+    order, times = order_for(digits), np.array([[span, 0.0]])
+    series, state = _begun(program, y, times, order, 1.0)
+    status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))
+    while status == kernels.RUNNING and not state[0]:
+        _, status = kernels.advance(program, series, state, order, 0.0, 1, times, 0, values)
+    return float(state[0]) or span
+
+
+def _begun(
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, order: int, first_unit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The series with the start in its first coefficients, and the state before the first step."""
+    import numpy as np
+
+    series = np.zeros((program.dimension + 1 + len(program.operations), order + 1, 2))
+    series[: program.dimension, 0] = y
+    span = float(times[-1, 0])
+    return series, np.array([0.0, 0.0, copysign(ldexp(first_unit, frexp(span)[1]), span)])
 
 
 def order_for(digits: int) -> int:

@@ -47,6 +47,8 @@ SMALLEST_STEP = 2.0**-64
 """Of the whole interval; near a pole, steps shrink by a constant factor."""
 STEP_BITS = 24
 """Steps have so few bits that the time after any number of them is exact."""
+BIAS = 2.0**-6
+"""What kicks have in common besides longer steps: amplitudes grow by 2^-110 a step, as 1/n is always rounded alike."""
 INVERSES = np.array([split(Fraction(1, max(n, 1))) for n in range(64)])
 
 SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG = range(
@@ -217,21 +219,26 @@ def at(series: Any, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
 def evaluate(
     series: Any, dimension: int, order: int, step: float, unit: float, state: Any, times: Any, first: int, values: Any
 ) -> int:
-    """Evaluate the solution at the times that a step passes; returns the first of those beyond."""
+    """Evaluate the solution at the times that a step passes, and its size Σ |c_k step^k|; the first time beyond."""
     while first < len(times):
         s = scale(subtract((times[first, 0], times[first, 1]), (state[0], state[1])), 1 / unit)
         if s[0] > step:
             break
         for i in range(dimension):
             values[i, first, 0], values[i, first, 1] = at(series, i, order, s)
+            size = 0.0
+            for k in range(order, -1, -1):
+                size = size * step + abs(series[i, k, 0])
+            values[i, first, 2] = size
         first += 1
     return first
 
 
 @njit(sources=SOURCES, nogil=True, error_model="numpy", fastmath=False)
 def advance(
-    program: TaylorProgram, series: Any, state: Any, order: int, steps: int, times: Any, first: int, values: Any
-) -> tuple[int, int]:
+    program: TaylorProgram, series: Any, state: Any, order: int, kick: float, steps: int, times: Any, first: int,
+    values: Any,
+) -> tuple[int, int]:  # fmt: skip
     """Take some steps from where `state` is, and evaluate the solution at the times that they pass.
 
     Args:
@@ -239,10 +246,11 @@ def advance(
         series: An array (registers, order + 1, 2) with the state in its first coefficients; it is changed.
         state: The time since the start as a double-double number, and the unit; it is changed.
         order: The order of the series.
+        kick: By what part of itself each variable is changed after each step, up or down, and each step made longer.
         steps: The largest number of expansions.
         times: Times since the start as double-double numbers (n, 2), all of one sign, growing in size.
         first: The first of them that is still wanted.
-        values: An array (variables, n, 2) for the solution at these times.
+        values: An array (variables, n, 3) for the solution at these times, and its size within the step.
 
     Returns:
         The first time that is still wanted, and whether there are more to come: RUNNING, DONE, STUCK (no step is
@@ -267,7 +275,9 @@ def advance(
             if first == len(times):
                 return first, DONE
             for i in range(dimension):
-                series[i, 0, 0], series[i, 0, 1] = at(series, i, order, (step, 0.0))
+                value = at(series, i, order, (step, kick * step))
+                sign = math.copysign(1.0, value[0]) * math.copysign(1.0, value[1])  # the next bits are random
+                series[i, 0, 0], series[i, 0, 1] = multiply(value, (1.0, (sign + BIAS) * kick))
             state[0], state[1] = add((state[0], state[1]), (step * unit, 0.0))
         state[2] = math.ldexp(unit, exponent - 1 if exponent > 0 else exponent)
     return first, RUNNING

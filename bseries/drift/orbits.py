@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 GRID = 256
 """At how many times a return is looked for: in the last window a period has at least half as many."""
 FIRST_WINDOW, MOST_DOUBLINGS = 1 / 64, 16
-"""The first window, in units of the shortest period there can be, and how often it is doubled."""
+"""The first window, at most so much of the shortest period there can be, and how often it is doubled."""
+STEP_DIGITS = 15
+"""A step of a Taylor series with so many digits is no longer than the first window, either."""
 CORRECTIONS, CLOSED, CERTAIN, AT_REST = 7, 1e-20, 1e-15, 1e-13
 
 
@@ -73,7 +75,8 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
     """The orbit of a scene of two variables through a point, followed by Taylor series until it closes.
 
     No period is shorter than 2π/L, L being the Lipschitz constant of the field. Windows of time begin with a part of
-    that, L taken at the start, and are doubled until there is a return in one.
+    that, L taken at the start, or with a step of the Taylor series where L is much larger elsewhere on the orbit. They
+    are doubled until there is a return in one.
 
     Args:
         scene: The scene.
@@ -131,6 +134,8 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     import numpy as np
     import sympy
 
+    from integrators.reference import first_step
+
     at_start = dict(zip(scene.symbols, start.tolist(), strict=True))
     formulas = sympy.Matrix(scene.field)
     field, slopes = (np.array(m.subs(at_start).tolist()) for m in (formulas, formulas.jacobian(scene.symbols)))
@@ -139,7 +144,8 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     except TypeError:
         raise SeriesError(f"scene must have numbers for its parameters, but {scene.name} has symbols") from None
     at_rest = np.linalg.norm(field) <= AT_REST * steepest * (1 + np.linalg.norm(start))
-    return field * (not at_rest), FIRST_WINDOW * 2 * np.pi / steepest if steepest else 1.0
+    longest = FIRST_WINDOW * 2 * np.pi / steepest if steepest else 1.0
+    return field * (not at_rest), first_step(scene, longest, y0=start, digits=STEP_DIGITS)
 
 
 def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, lengths: Mapping[int, Any]) -> Iterator[float]:
