@@ -94,7 +94,9 @@ def round_entry(value: Any) -> float:
     except OverflowError:
         number = inf
     if not isfinite(number):
-        raise IntegratorError(f"numbers must be in the range of doubles to be rounded, but one was {shorten(str(value))}")
+        raise IntegratorError(
+            f"numbers must be in the range of doubles to be rounded, but one was {shorten(str(value))}"
+        )
     return number
 
 

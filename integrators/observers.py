@@ -122,8 +122,8 @@ def observers(scene: Scene, observe: Any) -> Observers:
         scene: The scene.
         observe: One of these, a list of them, or a mapping of names to them: ``"energy"``, the Hamiltonian, or where an
             effect has taken it that of the base system; the name of a first integral, even one that an effect breaks;
-            a function of (t, y), with y (variables,), that numba can compile. A list may have ``"invariants"``, all
-            first integrals that hold. None: nothing.
+            a function of (t, y), with y (variables,), that numba can compile. A list may have ``"invariants"``, the
+            energy and all other first integrals that hold. None: nothing.
 
     Returns:
         The observers.
@@ -160,7 +160,8 @@ def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
     pairs: list[tuple[Any, Any]] = []
     for item in given:
         if item == INVARIANTS and item not in _base(scene).invariants:
-            pairs += ((name, name) for name in scene.invariants)
+            names = dict.fromkeys([*[ENERGY] * scene.is_hamiltonian, *scene.invariants])
+            pairs += ((name, name) for name in names if name not in given)
         elif isinstance(item, str):
             pairs.append((item, item))
         elif isinstance(item, Mapping):

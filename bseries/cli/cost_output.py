@@ -33,9 +33,9 @@ def written(
     measure = found.measures[0]
     decades = _decades(found.errors)
     columns = [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)]
-    times = {curve.candidate.name: [curve.seconds(error, measure) for error in decades] for curve in found.curves}
-    least = [min((t for t in column if t is not None), default=None) for column in zip(*times.values(), strict=True)]
-    rows = [[name, *map(_cell, row, least)] for name, row in times.items()]
+    times = [_times(found, error, measure, choices.get(error)) for error in decades]
+    names = [curve.candidate.name for curve in found.curves]
+    rows = [[name, *(_cell(name, *column) for column in times)] for name in names]
     title = f"{found.scene.title}, t = 0 to {found.span:g}: CPU time against the error of the {_spoken(measure)}"
     notes = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
     left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
@@ -49,11 +49,24 @@ def _spoken(measure: str) -> str:
 def _decades(errors: tuple[float, float]) -> list[float]:
     """The powers of ten among the errors of interest; the errors themselves if there are none."""
     first, last = (math.log10(error) for error in errors)
-    return [10.0**k for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
+    return [float(f"1e{k}") for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
 
 
-def _cell(seconds: float | None, least: float | None) -> str:
-    return "" if seconds is None else duration(seconds) + ("*" if seconds == least else "")
+def _times(
+    found: WorkPrecision, error: float, measure: str, choice: Recommendation | str | None
+) -> tuple[dict[str, float], str | None]:
+    """CPU seconds for an error by method, and the cheapest: where there is a recommendation, by the times behind it."""
+    interpolated = {curve.candidate.name: curve.seconds(error, measure) for curve in found.curves}
+    times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
+    if isinstance(choice, str):
+        return times, None
+    if choice is not None and choice.span == found.span:
+        return {**times, **choice.examined, choice.method: choice.seconds}, choice.method
+    return times, min(times, key=times.__getitem__, default=None)
+
+
+def _cell(name: str, times: dict[str, float], cheapest: str | None) -> str:
+    return duration(times[name]) + "*" * (name == cheapest) if name in times else ""
 
 
 def _advice(error: float, choice: Recommendation | str, prediction: Prediction | None) -> Iterator[str]:

@@ -83,7 +83,7 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
 @click.option("--save-every", type=WholeNumber(), metavar="K", help="Keep every K-th state in FILE; by default, all.")
 @click.option(
     "--observe", "observe", metavar="NAME", multiple=True,
-    help="energy, a first integral, or invariants for all of these; repeatable.",
+    help="energy, a first integral, or invariants for all of these that hold; repeatable.",
 )  # fmt: skip
 @click.option("--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state, not those kept.")
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")

@@ -121,6 +121,11 @@ def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Re
         inverse = inverse_masses(source.mass if mass is None else mass, source.dimension)
     elif mass is None:
         inverse = source.forces.inverse_masses
+        if len(inverse) != source.dimension:
+            raise SeriesError(
+                f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
+                f"{source.dimension} numbers for each state"
+            )
     else:
         raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
     return Reader(Masses(inverse), h, source, layout, edges)

@@ -540,6 +540,12 @@ REFUSED = [
         {},
         r"p must have 601 states along its first axis, but has the shape \(600, 2\)",
     ),
+    (
+        "turned round",
+        lambda a: {"q": np.zeros((2, 100)), "p": np.zeros((2, 100))},
+        {"scene": bs.scene("henon-heiles"), "h": 0.1},
+        r"q must have the shape \(states, 2\), as the scene has 2 positions, but has 100 numbers for each state",
+    ),
     ("widths", lambda a: broken(a, p=a["p"][:, :1]), {}, "p must have as many coordinates as q, 2, but has 1"),
     (
         "masses",

@@ -5,10 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
+from types import SimpleNamespace
 
 import pytest
 
 import bseries as bs
+from bseries.advice.recommendation import Recommendation
+from bseries.cli import cost_output
 from bseries.cli.cost_verb import PICTURES
 from bseries.figures.saving import FORMATS
 
@@ -23,10 +27,29 @@ def test_the_table_and_the_recommendation(answer):
     assert set(table) == {"stormer-verlet", "rk4"}
     assert sum(line.count("*") for line in table.values()) == 3
     advice = next(line for line in lines if line.startswith("Error 1e-03: "))
+    assert re.split(r" {2,}", table[advice.split()[2]].strip())[2].endswith("*")
     assert "with h = " in advice
     assert "(measured over 10)" in advice
     assert any("expected of the modified equation: error" in line for line in lines)
     assert any(line.startswith("Measured ") for line in lines)
+
+
+def test_the_star_is_at_the_method_that_is_recommended():
+    class Curve:
+        def __init__(self, name, seconds):
+            self.candidate, self._seconds = bs.method(name), seconds
+
+        def seconds(self, error, measure):
+            return self._seconds
+
+    found = SimpleNamespace(curves=[Curve("rk4", 2e-5), Curve("gauss2", 1e-5), Curve("midpoint", 3e-5)], span=10.0)
+    choice = Recommendation("rk4", 0.1, 100, 3e-6, 1e-4, "solution", 10.0, "measured over 10", {"gauss2": 4e-6})
+    recommended = {"rk4": 3e-6, "gauss2": 4e-6, "midpoint": 3e-5}
+    interpolated = {"rk4": 2e-5, "gauss2": 1e-5, "midpoint": 3e-5}
+    assert cost_output._times(found, 1e-3, "solution", choice) == (recommended, "rk4")
+    assert cost_output._times(found, 1e-3, "solution", None) == (interpolated, "gauss2")
+    assert cost_output._times(found, 1e-3, "solution", choice._replace(span=20.0)) == (interpolated, "gauss2")
+    assert cost_output._times(found, 1e-3, "solution", "no method reaches it") == (interpolated, None)
 
 
 def test_json_and_csv_have_all_runs(answer):

@@ -131,6 +131,7 @@ def test_a_first_integral_is_seen_even_if_an_effect_breaks_it():
     run = integrate(scene("kepler", effects=["drag"]), "rk4", h=0.01, steps=100, observe="angular_momentum")
     p1, p2, q1, q2 = run.y
     np.testing.assert_allclose(run.observed["angular_momentum"], q1 * p2 - q2 * p1, atol=1e-14)
+    assert list(integrate(scene("henon-heiles"), "rk4", h=0.01, steps=1, observe="invariants").observed) == ["energy"]
     none = integrate(scene("kepler", effects=["drag"]), "rk4", h=0.01, steps=1, observe="invariants")
     assert none.observed == {}
 

@@ -85,7 +85,9 @@ def test_stated_errors_are_not_below_the_true_ones(system, start, exact, times):
 
 def test_work_that_would_not_end_is_refused():
     decay = Scene({"y": 1}, field={"y": "-10^12*y"}, start={"y": [1]})
-    with pytest.raises(IntegratorError, match=r"t must end sooner, as .* some 4\.\de\+11 would lead to 1, and at most 1"):
+    with pytest.raises(
+        IntegratorError, match=r"t must end sooner, as .* some 4\.\de\+11 would lead to 1, and at most 1"
+    ):
         reference_solution(decay, 1)
     assert abs(reference_solution(decay, [1e-12])[0, 0] - np.exp(-1)) < 1e-16
 

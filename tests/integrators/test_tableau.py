@@ -300,7 +300,9 @@ def test_entries_beyond_doubles_stay_exact_until_they_are_rounded():
     large = RungeKutta([["1e309"]], [1], ["1e309"])
     assert (large.domain, large.is_symmetric, large.is_symplectic) == ("QQ", False, False)
     assert RungeKutta([["1e309", 0], [0, "1-1e309"]], [1, 0], warn=False).is_symmetric is False
-    with pytest.raises(IntegratorError, match="numbers must be in the range of doubles to be rounded, but one was 1000"):
+    with pytest.raises(
+        IntegratorError, match="numbers must be in the range of doubles to be rounded, but one was 1000"
+    ):
         large.to_float()
 
 
