@@ -153,8 +153,8 @@ def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepperSource
         f"            flow_point({n}, {index}, h, m == 0, origin, slopes, before, now, start)",
         f"            {writer.functions.field(piece, moving)}(start, value)",
         "            θ = (position + m/steps)*width",
-        f"            midpoint_step({n}, {index}, {powers}, m == 0, θ, width/steps, {round_entry(time)!r}, drive, value, "
-        "before, now)",
+        f"            midpoint_step({n}, {index}, {powers}, m == 0, θ, width/steps, {round_entry(time)!r}, drive, "
+        "value, before, now)",
         f"        change, size = extrapolate({n}, column, h, origin, slopes, now, table)",
         "        if has_settled(column, change, size):",
         "            break",
