@@ -10,7 +10,7 @@ from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
-from trees.counting import memory_estimate, refuse_beyond_memory
+from trees.counting import memory_estimate, refuse_table_beyond_memory
 
 from . import kernels
 from .arithmetic import Exact, factorial_weights
@@ -155,4 +155,4 @@ def refuse_beyond_memory_of_recursions(sizes: Sequence[int], colors: int) -> Non
     """Refuse series on so many trees of each order, before their table is made, if memory would not do."""
     rows = (len(sizes) + 3) * sum(sizes[:-1])
     needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
-    refuse_beyond_memory(needed, f"a series of {sum(sizes)} trees")
+    refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from trees.counting import normal_limits, refuse_beyond_memory
+from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
 
 from . import substitution_recursions as recursions
@@ -281,7 +281,7 @@ def _check_memory(table: TreeTable, method: Method) -> None:
     """Refuse before any work what would not fit: two rows for each tree and stage."""
     trees = table.offsets[-2]
     rows = 2 * (table.max_order + 3) * trees * max(1, getattr(method, "stages", 1))
-    refuse_beyond_memory(8 * (rows + 4 * len(table)), f"substitution into {method.name} on {len(table)} trees")
+    refuse_table_beyond_memory(8 * (rows + 4 * len(table)), f"substitution into {method.name} on {len(table)} trees")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -13,6 +13,8 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from foundation.memory import refuse_beyond_memory
+
 from .ensemble_members import Block, Members, Settings, block_sizes, lost_block, run_block
 from .ensemble_results import BlockFolder, EnsembleResult
 from .ensemble_statistics import Gathering, Statistics
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
 BLOCKS = 64
 """About how many blocks there are: enough that workers end together, few enough that their statistics weigh little."""
+BOOKKEEPING = 2
+"""Entries of lists for each member: its start among the tasks, and with the one who works on it."""
 TIMES = 1000
 """About how often members are observed unless something else is said."""
 CHANGES = (None, "absolute", "relative")
@@ -205,18 +209,14 @@ def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:
 
 
 def _check_memory(s: Settings, count: int) -> None:
-    """Refuse what would not fit in memory: series, last states, and statistics that wait for their neighbours."""
-    import psutil
-
+    """Refuse what would not fit: series, last states, statistics that wait for neighbours, and lists of starts."""
     cells = Grid(s.observe_every).count(s.steps) * len(s.observers)
     waiting = len(Statistics._fields) * min(count, 2 * BLOCKS.bit_length())
-    needed = 8 * (cells * (waiting + 2 * min(s.keep, count)) + s.final * count * s.scene.dimension)
-    available = psutil.virtual_memory().available
-    if needed > available:
-        raise IntegratorError(
-            f"observe_every must be larger, or keep and final less: results would take {needed / 1e9:.1f} GB of "
-            f"memory, but {available / 1e9:.1f} GB are available"
-        )
+    rows = 2 * (cells * min(s.keep, count) + s.final * count * s.scene.dimension)  # of the blocks, and gathered
+    refuse_beyond_memory(
+        8 * (cells * waiting + rows + BOOKKEEPING * count), IntegratorError,
+        "observe_every must be larger, or members, keep and final less: an ensemble",
+    )  # fmt: skip
 
 
 def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:

@@ -10,6 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from foundation.extras import how_to_install
+
 from .errors import IntegratorError
 from .expressions import shorten
 
@@ -198,7 +200,7 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         from distributed import Client, LocalCluster
     except ImportError:
         raise IntegratorError(
-            "distributed must be installed to use a cluster (pip install 'bseries-engine[cluster]'), but was not"
+            f"distributed must be installed to use a cluster ({how_to_install('cluster')}), but was not"
         ) from None
     _check_workers(workers)
     if address is not None:

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from foundation.memory import refuse_beyond_memory
+
 from .errors import IntegratorError
 from .expressions import shorten
 from .row_tables import FileTable, MemoryTable
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
 
 LOCK = "lock"
 """The file that a run holds locked in its folder."""
-SMALL = 2**28
-"""Bytes that are always there."""
 
 
 class Counts(NamedTuple):
@@ -265,14 +265,9 @@ def _locked(folder: str) -> IO[bytes]:
 
 def _check_memory(contents: Contents) -> None:
     """Refuse before the first step what would not fit in the end."""
-    import psutil
-
-    available = psutil.virtual_memory().available
-    if contents.size > max(available, SMALL):
-        raise IntegratorError(
-            f"save_every must be larger, or `to` a file, since {contents.size / 1e9:.1f} GB of memory would be "
-            f"needed, but {available / 1e9:.1f} GB are available"
-        )
+    refuse_beyond_memory(
+        contents.size, IntegratorError, "save_every must be larger, or `to` a file, since what is kept"
+    )
 
 
 def _lasting(run: Mapping[str, Any]) -> Any:

@@ -31,7 +31,7 @@ FIRST_UNITS = 2.0**-10, 2.0**-16
 CHECKS = 16
 """At how many times before the first one wanted, at least, the two solutions are compared."""
 KICK = 2.0**-104
-"""By what part of itself each variable of the first solution is changed after each step; rounding changes it by less."""
+"""By what part of itself each variable of the first solution is changed after each step; rounding does less."""
 SAFETY = 4.0
 
 

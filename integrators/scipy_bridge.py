@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from foundation.extras import how_to_install
+
 from .errors import IntegratorError
 from .expressions import shorten
 from .runge_kutta import RungeKutta
@@ -52,7 +54,7 @@ def scipy_solver(method: RungeKutta) -> type[PairSolver]:
     try:
         from .pair_solver import solver_class
     except ImportError as missing:
-        raise ImportError("scipy_solver needs SciPy: pip install 'bseries-engine[scipy]'") from missing
+        raise ImportError(f"scipy_solver needs SciPy: {how_to_install('scipy')}") from missing
     if not isinstance(method, RungeKutta):
         raise IntegratorError(f"method must be a RungeKutta, but was {shorten(repr(method))}")
     return solver_class(method, method.name)

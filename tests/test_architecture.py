@@ -12,8 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("trees", "integrators", "bseries")
-SHARED = ROOT / "machine_code.py"  # what all packages share
-SOURCES = [SHARED, *(path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))]
+SOURCES = [path for package in ("foundation", *PACKAGES) for path in sorted((ROOT / package).rglob("*.py"))]
 HEAVY = {"numpy", "sympy", "numba", "networkx", "matplotlib", "scipy", "rich", "click"}
 
 
@@ -53,7 +52,10 @@ PUBLIC = [(package, name) for package in PACKAGES for name in public_names(packa
 PUBLIC_OBJECTS = [pair for pair in PUBLIC if pair != ("bseries", "errors")]
 
 
-@pytest.mark.parametrize(("package", "others"), [("trees", PACKAGES[1:]), ("integrators", ("trees", "bseries"))])
+@pytest.mark.parametrize(
+    ("package", "others"),
+    [("foundation", PACKAGES), ("trees", PACKAGES[1:]), ("integrators", ("trees", "bseries"))],
+)
 def test_arrows_between_packages_go_one_way(package, others):
     for path in (ROOT / package).rglob("*.py*"):
         if path.suffix in (".py", ".pyi"):

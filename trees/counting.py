@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from numbers import Real
 
+from foundation.memory import refuse_beyond_memory
+
 from .errors import TreeError
 
 MOST_NODES = 60
@@ -161,15 +163,6 @@ def memory_estimate(counts: Sequence[int], colors: int) -> int:
     return columns + bases + splits
 
 
-def refuse_beyond_memory(needed: int, what: str) -> None:
-    """Raise a TreeError before work is started that would not fit in the memory of this machine."""
-    if needed < 2**28:
-        return
-    import psutil
-
-    available = psutil.virtual_memory().available
-    if needed > available:
-        raise TreeError(
-            f"order must be smaller: {what} would take {needed / 1e9:.1f} GB of memory, "
-            f"but {available / 1e9:.1f} GB are available"
-        )
+def refuse_table_beyond_memory(needed: int, what: str) -> None:
+    """Raise a TreeError before work is started that would not fit in the memory of this process."""
+    refuse_beyond_memory(needed, TreeError, f"order must be smaller: {what}")

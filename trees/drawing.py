@@ -5,6 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
+from foundation.extras import how_to_install
+
 from .layout import FONT, LINE, RADIUS, arrange
 
 if TYPE_CHECKING:
@@ -99,7 +101,7 @@ def draw(
     try:
         from matplotlib.collections import EllipseCollection, LineCollection
     except ImportError as missing:
-        raise ImportError("draw needs matplotlib: pip install 'bseries-engine[plot]'") from missing
+        raise ImportError(f"draw needs matplotlib: {how_to_install('plot')}") from missing
     if ax is None:
         from matplotlib import pyplot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from .counting import normal_limits, refuse_beyond_memory
+from .counting import normal_limits, refuse_table_beyond_memory
 from .errors import TreeError
 from .table import TreeTable
 
@@ -49,7 +49,7 @@ def partitions_of(table: TreeTable) -> Partitions:
         raise TreeError(f"table must hold all trees, since skeletons have any number of children, but was {table!r}")
     sizes = table.sizes
     total = sum(size << n for n, size in enumerate(sizes))
-    refuse_beyond_memory(24 * total, f"a list of {total} partitions")
+    refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
     start, begin = [0], 0
     for n in range(1, table.max_order + 1):
         start.append(begin - (table.ids(n).start << (n - 1)))

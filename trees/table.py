@@ -16,7 +16,7 @@ from .counting import (
     count_by_color,
     memory_estimate,
     normal_limits,
-    refuse_beyond_memory,
+    refuse_table_beyond_memory,
 )
 from .errors import TreeError
 from .tree import Tree
@@ -353,7 +353,7 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
         sizes = [sum(row) for row in counts[1:]]
         if sum(sizes) >= 2**31:
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
-        refuse_beyond_memory(memory_estimate(sizes, len(limits)), what)
+        refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
     return count_by_color(order, limits)
 
 

@@ -7,6 +7,8 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from foundation.memory import refuse_beyond_memory
+
 from ..errors import IntegratorError
 from ..site_loops import indented
 from .nodes import Key, Node, Point
@@ -162,14 +164,10 @@ class SlopeMatrix:
 
 def check_matrix(size: int, scene: str) -> None:
     """Refuse dense matrices that would not fit in memory: one of slopes, and about as much of Jacobians."""
-    import psutil
-
-    needed, available = 16 * size**2, psutil.virtual_memory().available
-    if needed > available / 2:
-        raise IntegratorError(
-            f"scene must be smaller for Newton's method, whose matrices would need {needed / 1e9:.1f} GB, but {scene} "
-            f"has {size} unknown slopes in a step, and {available / 1e9:.1f} GB are available"
-        )
+    refuse_beyond_memory(
+        16 * size**2, IntegratorError,
+        f"scene must be smaller for Newton's method: {size} unknown slopes in a step of {scene}",
+    )  # fmt: skip
 
 
 def _arguments(node: Node) -> Iterator[tuple[Fraction, Point]]:

@@ -7,6 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foundation.memory import refuse_beyond_memory
+
 from ..errors import IntegratorError
 from ..expressions import shorten
 from ..lowering import SOURCES
@@ -205,8 +207,6 @@ class Stepper:
             >>> state.n
             0
         """
-        import numpy as np
-
         from .repeating import repeated
 
         steps, to = self._checked(state, steps), state.copy()
@@ -214,7 +214,7 @@ class Stepper:
         made = repeated(
             self._address(state.solver), state.values, state.carry, state.memory, state.control,
             to.values, to.carry, to.memory, to.control, self._numbers(state),
-            np.empty(self._text(state.solver).work), state.h, steps, int(state.is_fresh), times,
+            self._work(state), state.h, steps, int(state.is_fresh), times,
         )  # fmt: skip
         if made < times:
             raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
@@ -231,15 +231,22 @@ class Stepper:
 
         from .recording import recorded
 
-        work = np.empty(self._text(state.solver).work)
         made = recorded(
             self._address(state.solver), state.values, state.carry, state.memory, state.control, self._numbers(state),
-            work, state.h, state.t0, state.n, steps, int(state.is_fresh),
+            self._work(state), state.h, state.t0, state.n, steps, int(state.is_fresh),
             *stored or (*rows_from(0, None, None, 0, 0), 0, *rows_from(0, None, None, 0, 0)),
         )  # fmt: skip
         state.n += made
         state.is_fresh = False
         return made == steps and bool(np.isfinite(state.y).all())
+
+    def _work(self, state: State) -> np.ndarray:
+        """The work arrays of a step, as one."""
+        import numpy as np
+
+        size = self._text(state.solver).work
+        refuse_beyond_memory(8 * size, IntegratorError, f"scene must be smaller: a step on {self.scene.name}")
+        return np.empty(size)
 
     def _checked(self, state: State, steps: int) -> int:
         """The number of steps, if they can be made from a state."""

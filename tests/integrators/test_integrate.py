@@ -377,7 +377,8 @@ def test_streaming_takes_no_memory(tmp_path):
 
 def test_what_does_not_fit_is_refused_before_the_first_step(monkeypatch, tmp_path):
     with pytest.raises(
-        IntegratorError, match=r"save_every must be larger, or `to` a file, since 240000\.0 GB of memory"
+        IntegratorError,
+        match=r"save_every must be larger, or `to` a file, since what is kept would take 240000\.0 GB of memory",
     ):
         integrate(PENDULUM, "stormer-verlet", h=0.1, steps=10**13)
     with pytest.raises(IntegratorError, match=r"save_every must be larger, since 480000\.0 GB of disk"):

@@ -241,7 +241,7 @@ def test_what_is_no_tableau_is_refused(wrong):
 def test_without_scipy_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
     monkeypatch.delitem(sys.modules, "integrators.pair_solver", raising=False)
-    with pytest.raises(ImportError, match=r"pip install 'bseries-engine\[scipy\]'"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[scipy\]' in the clone"):
         scipy_solver(method("tsit5"))
 
 

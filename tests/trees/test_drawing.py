@@ -124,7 +124,7 @@ def test_matplotlib_makes_a_figure_of_the_size_of_the_picture(tmp_path) -> None:
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.collections", None)
-    with pytest.raises(ImportError, match=r"draw needs matplotlib: pip install 'bseries-engine\[plot\]'"):
+    with pytest.raises(ImportError, match=r"draw needs matplotlib: pip install '\.\[plot\]' in the clone"):
         draw(Tree("τ"))
 
 
