@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -133,12 +134,12 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     max_order = None if max_order is None else check_order(max_order)
     method = trusted(method)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
-        limit = 2 * method.stages + 1 if max_order is None else max_order + 1
+        limit = 2 * method.stages + 1 if max_order is None else min(max_order, 2 * method.stages) + 1
         proved = simplifying_assumptions(method, limit).order(method)
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = affordable_order(len(method.names)) if max_order is None else max_order
-    for reach in [*range(4, limit, 2), limit]:
+    for reach in chain(range(4, limit, 2), [limit]):
         order = _order_of_series(series(method, reach), auxiliary_colors(method))
         if order < reach:
             return order, reach

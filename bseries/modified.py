@@ -7,6 +7,7 @@ import random
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
+from integrators.entries import round_entry
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
@@ -211,7 +212,7 @@ class Uncertainty:
         exact, largest, source = public(values), [0.0] * len(table), random.Random(digits)
         for _ in range(3):
             changed = public(apply(table, [inputs.perturbed(source, digits)], operation))
-            largest = [max(s, abs(float(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
+            largest = [max(s, abs(round_entry(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
         return [3 * s for s in largest]
 
     def __call__(self, at: int) -> float:

@@ -388,6 +388,18 @@ def test_an_orbit_that_is_a_point():
     assert (report.verdict, report.slope(0.1)) == ("bounded", 0)
 
 
+def test_an_orbit_that_is_much_faster_than_at_its_start():
+    orbit = closed_orbit(oscillator("cosh(q)"), [1e10, 0.0], {})
+    energy = mpmath.mpf(10) ** 20 / 2 + 1
+    turn = mpmath.acosh(energy)
+    # T = 4 int_0^turn dq/p, with q = turn - s^2, where p vanishes like s
+    quarter = mpmath.quad(
+        lambda s: 2 * s / mpmath.sqrt(2 * (energy - mpmath.cosh(turn - s * s))), [0, 1, 2, mpmath.sqrt(turn)]
+    )
+    assert orbit.kind == "oscillating"
+    assert abs(orbit.period / (4 * quarter) - 1) < 1e-9
+
+
 @pytest.mark.parametrize(("potential", "y0"), [("-q^2/2", [1, 1]), ("q/10", [1, 0]), ("-q^4", [1, 0])])
 def test_orbits_that_do_not_close_are_refused(potential, y0):
     with pytest.raises(bs.SeriesError, match=r"y0 must lie on a closed orbit, but from .* nothing returned up to t = "):

@@ -6,6 +6,8 @@ import json
 
 import pytest
 
+import bseries as bs
+
 
 def facts(text: str) -> dict[str, str]:
     return {row["quantity"]: row["value"] for row in csv.DictReader(io.StringIO(text))}
@@ -101,6 +103,12 @@ def test_symbolic_family(answer):
 
 def test_order_limits_the_test(answer):
     assert facts(answer("check", "rk4", "--order", "3", "--format", "csv"))["order"] == "at least 3"
+    assert facts(answer("check", "rk4", "--order", "9" * 20, "--format", "csv"))["order"] == "4"
+
+
+def test_errors_of_floats_beyond_doubles_are_refused():
+    with pytest.raises(bs.IntegratorError, match="numbers must be in the range of doubles to be rounded"):
+        bs.check(bs.RungeKutta([[1e300]], [1], warn=False))
 
 
 def test_decimals_and_inconsistent_methods(run, answer):
