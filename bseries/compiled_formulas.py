@@ -23,7 +23,7 @@ FORMULAS = '''\
 
 from math import *
 
-from machine_code import njit
+from foundation.machine_code import njit
 from numba import types
 
 from integrators.lowering.units import lowered

@@ -1,1 +1,1 @@
-"""What the packages have in common and none of them owns: how much memory there is, how to install what is optional."""
+"""Common ground of the three packages: machine code on disk, limits of memory, optional packages."""

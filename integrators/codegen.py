@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MAX_KEPT_DATA = 100_000
 """Numbers in one constant array above which machine code cannot be kept on disk (a megabyte)."""
-KEPT, COMPILED = "from machine_code import njit", "from numba import njit"
+KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
 
 DOUBLE = '''\

@@ -1,8 +1,8 @@
 """Modules made from generated source, in memory.
 
 The name of a module is a key that covers all that machine code depends on: the text, the sources of the helpers that it
-calls (numba does not notice edits of those) and the version of this package; `machine_code` keeps the code of its
-functions under it. Modules without machine code to keep go when nothing uses them any more.
+calls (numba does not notice edits of those) and the version of this package; `foundation.machine_code` keeps the code
+of its functions under it. Modules without machine code to keep go when nothing uses them any more.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from weakref import WeakValueDictionary
 
-from machine_code import package_version
+from foundation.machine_code import package_version
 
 _LOCK = threading.RLock()
 _PASSING: WeakValueDictionary[str, ModuleType] = WeakValueDictionary()
@@ -67,7 +67,7 @@ def _key(data: bytes, helpers: Sequence[Path]) -> str:
 
 
 class _Loader(SourceLoader):
-    """Executes a text in memory; tracebacks ask it for the text, and so does `machine_code`."""
+    """Executes a text in memory; tracebacks ask it for the text, and so does `foundation.machine_code`."""
 
     def __init__(self, data: bytes):
         self._source = data

@@ -28,7 +28,7 @@ FORMULAS = '''\
 """
 
 {imports}
-from machine_code import cfunc
+from foundation.machine_code import cfunc
 from numba import types
 from integrators.lowering.units import lowered
 from integrators.steppers.machine import DOUBLES, NO_ARRAYS, OPTIONS, stack

@@ -6,7 +6,7 @@ import json
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
-from machine_code import PACKAGE, package_version
+from foundation.machine_code import PACKAGE, package_version
 
 from .errors import IntegratorError
 from .files import dumps_method

@@ -75,7 +75,8 @@ def first_step(program: TaylorProgram, y: np.ndarray, span: float, digits: int) 
     """The first step of the solution, at most the span, which is positive; all of it where no step is possible."""
     import numpy as np
 
-    kernels = _kernels()
+    from . import taylor_kernels as kernels
+
     order, times = order_for(digits), np.array([[span, 0.0]])
     series, state = _begun(program, y, times, order, 1.0)
     status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from machine_code import njit
+from foundation.machine_code import njit
 
 from . import double_double, expressions, taylor_operations, taylor_program
 from . import double_double_functions as functions

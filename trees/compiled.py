@@ -20,7 +20,7 @@ class Kernel:
 
     Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
     live in the same file, because the cache on disk notices edits of that file only; modules whose constants go
-    into machine code are named as `sources`, or their files are (see `machine_code`).
+    into machine code are named as `sources`, or their files are (see `foundation.machine_code`).
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Kernel:
     @cached_property
     def compiled(self) -> Callable[..., Any]:
         """The kernel compiled by numba (machine code is kept on disk; the GIL is released while it runs)."""
-        from machine_code import njit
+        from foundation.machine_code import njit
 
         return njit(sources=self._sources, nogil=True, **self._options)(self._bind(lambda kernel: kernel.compiled))
 
@@ -56,7 +56,7 @@ class Kernel:
         A callee that numba links is compiled again with each of its callers; a C function is compiled once.
         """
         if signature not in self._c_functions:
-            from machine_code import cfunc
+            from foundation.machine_code import cfunc
 
             function = self._bind(lambda kernel: kernel.compiled)
             # Holds the code that ctypes only points to.

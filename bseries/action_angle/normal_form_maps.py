@@ -37,7 +37,7 @@ MODULE = '''\
 from math import *
 
 import numpy as np
-from machine_code import cfunc
+from foundation.machine_code import cfunc
 from numba import njit, types
 
 from bseries.action_angle.normal_form_kernels import mapping

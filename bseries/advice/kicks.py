@@ -6,8 +6,8 @@ from typing import Any
 
 from numba import types
 
+from foundation.machine_code import cfunc
 from integrators.steppers.machine import DOUBLE, DOUBLES, OPTIONS
-from machine_code import cfunc
 
 
 def _kick(t, y, row):

@@ -14,7 +14,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic as numba_intrinsic
 
-import machine_code
+from foundation import machine_code
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite; sums are not reordered."""

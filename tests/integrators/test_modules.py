@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 SOURCE = "def answer():\n    return {}\n"
 
 COMPILED = '''
-from machine_code import njit
+from foundation.machine_code import njit
 
 
 @njit()

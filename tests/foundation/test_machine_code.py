@@ -17,10 +17,10 @@ import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-import machine_code
-from machine_code import CHECKSUM, cache_directory, cfunc, njit
+from foundation import machine_code
+from foundation.machine_code import CHECKSUM, cache_directory, cfunc, njit
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 KERNELS = """
 def cube(x):
     return x * x * x
@@ -279,7 +279,8 @@ def test_a_file_that_ends_too_early_is_removed(directory, kernels):
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 sys.path.insert(0, sys.argv[1])
-import kernels, machine_code
+import kernels
+from foundation import machine_code
 print(machine_code.njit()(kernels.cube)(3.0))
 """
     command = [sys.executable, "-c", program, str(Path(kernels.__file__).parent)]
@@ -342,11 +343,10 @@ bs.modified_equation(bs.method("rk4"), 7)
 
 def test_the_library_runs_where_nothing_is_writable(tmp_path):
     """Installed where `__pycache__` cannot be made, with neither a home nor a cache."""
-    for name in ("trees", "integrators", "bseries"):
+    for name in ("foundation", "trees", "integrators", "bseries"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
         for folder in [tmp_path / name, *(path for path in (tmp_path / name).rglob("*") if path.is_dir())]:
             (folder / "__pycache__").write_text("")
-    shutil.copy(ROOT / "machine_code.py", tmp_path)
     kept = {name: value for name, value in os.environ.items() if "CACHE" not in name}
     environment = {**kept, "HOME": "/dev/null", "PYTHONPATH": str(tmp_path), "PYTHONWARNINGS": "error"}
     command = [sys.executable, "-c", RUN]
