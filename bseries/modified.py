@@ -58,7 +58,7 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
 
     table = table_of(method, order, max_children)
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
-    return of_method(method, table, operation, 1, inputs_of(method, table.max_order))
+    return of_method(method, table, lambda _: operation, 1, inputs_of(method, table.max_order))
 
 
 def modified_equation(
@@ -98,10 +98,11 @@ def modified_equation(
     def expression(arithmetic: Any, weights: Any) -> Any:
         return recursions.logarithm(weights(field=True), table, arithmetic)
 
+    def operation(inputs: MethodStages | FlowChain) -> Operation:
+        return Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
+
     table = table_of(method, order, max_children)
-    inputs = inputs_of(method, table.max_order)
-    operation = Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
-    return of_method(method, table, operation, 0, inputs)
+    return of_method(method, table, operation, 0, inputs_of(method, table.max_order))
 
 
 def series_to(s: BSeries, order: Any, max_children: Any = None) -> BSeries:
@@ -181,14 +182,20 @@ def _fits(order: int, colors: int) -> None:
 
 
 def of_method(
-    method: Method, table: TreeTable, operation: Operation, empty: int, inputs: MethodStages | FlowChain
+    method: Method,
+    table: TreeTable,
+    operation: Callable[[Any], Operation],
+    empty: int,
+    inputs: MethodStages | FlowChain,
 ) -> BSeries:
-    """The series that an operation makes of a method's stages, or of its chain of flows."""
-    values = apply(table, [inputs], operation)
-    digits = method.digits
-    uncertainty = None
+    """The series that the operation for a method's stages, or for its chain of flows, makes of them."""
+
+    def values_of(inputs: MethodStages | FlowChain) -> Values:
+        return apply(table, [inputs], operation(inputs))
+
+    values, digits, uncertainty = values_of(inputs), method.digits, None
     if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
-        uncertainty = Uncertainty(inputs, table, operation, digits, values)
+        uncertainty = Uncertainty(inputs, values_of, digits, values)
     return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
 
 
@@ -202,16 +209,21 @@ class Uncertainty:
     """
 
     def __init__(
-        self, stages: RationalStages | FlowChain, table: TreeTable, operation: Operation, digits: int, values: Values
+        self,
+        inputs: RationalStages | FlowChain,
+        values_of: Callable[[RationalStages | FlowChain], Values],
+        digits: int,
+        values: Values,
     ):
-        self._compute = (stages, table, operation, digits, values)
+        self._compute = (inputs, values_of, digits, values)
 
     @cached_property
     def _spread(self) -> list[float]:
-        inputs, table, operation, digits, values = self._compute
-        exact, largest, source = public(values), [0.0] * len(table), random.Random(digits)
+        inputs, values_of, digits, values = self._compute
+        exact, source = public(values), random.Random(digits)
+        largest = [0.0] * len(exact)
         for _ in range(3):
-            changed = public(apply(table, [inputs.perturbed(source, digits)], operation))
+            changed = public(values_of(inputs.perturbed(source, digits)))
             largest = [max(s, abs(round_entry(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
         return [3 * s for s in largest]
 

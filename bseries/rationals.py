@@ -62,11 +62,9 @@ class RationalValues:
         numerators, denominators = self.numerators.copy(), [1]
         for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
             part = self.numerators[first:last]
-            common = (
-                math.gcd(self.denominators[n], *part) if isinstance(part, list) else _gcd(self.denominators[n], part)
-            )
+            common = _gcd(self.denominators[n], part)
             denominators.append(self.denominators[n] // common)
-            numerators[first:last] = [x // common for x in part] if isinstance(part, list) else part // common
+            numerators[first:last] = _quotients(part, common)
         return RationalValues(self.table, numerators, denominators, math.lcm(*denominators))
 
     def fractions(self) -> list[Fraction]:
@@ -143,9 +141,18 @@ def _largest(numbers: Any) -> int:
 
 
 def _gcd(number: int, numbers: Any) -> int:
+    if isinstance(numbers, list):
+        return math.gcd(number, *numbers)
     import numpy as np
 
     return math.gcd(number, int(np.gcd.reduce(numbers, initial=0)))
+
+
+def _quotients(numbers: Any, divisor: int) -> Any:
+    """Integers divided by a common divisor, which is no int64 where they all are 0 (or −2^63)."""
+    if isinstance(numbers, list) or divisor >= 2**63:
+        return [int(x) // divisor for x in numbers]
+    return numbers // divisor
 
 
 def _wrapped(numbers: Any) -> Any:

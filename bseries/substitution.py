@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from trees.counting import normal_limits, refuse_table_beyond_memory
@@ -28,7 +29,7 @@ from .rationals import RationalValues, twos
 from .truncated import BSeries, fewest_digits
 
 if TYPE_CHECKING:
-    from .coefficients import Method
+    from .coefficients import Method, MethodStages
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -132,8 +133,13 @@ def modifying_integrator(
     for color in auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
-    stages, target = stages_in_field(method, table.max_order), exact_values(table)
-    sums = stages.weight_sums(table.colors)
+    operation = partial(_solving, method, table)
+    return of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+
+
+def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
+    """The operation that gives the modifying integrator of a method with these stages."""
+    target, sums = exact_values(table), stages.weight_sums(table.colors)
     inverses = _inverses(sums, stages, f"sums of the weights of {method.name}", method.names)
 
     def expression(arithmetic: Any, stages: Any) -> Any:
@@ -145,7 +151,7 @@ def modifying_integrator(
         return solved_denominators(powers, target.denominators, _numerators(sums))
 
     integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
-    operation = Operation(
+    return Operation(
         expression,
         lambda n, step: claimed(step)[n],
         lambda _, step: math.lcm(*claimed(step)),
@@ -154,7 +160,6 @@ def modifying_integrator(
         avoid=_numerators(sums),
         integers=integers,
     )
-    return of_method(method, table, operation, 0, stages)
 
 
 def _modifying_of_series(a: BSeries, order: Any, max_children: Any) -> BSeries:
