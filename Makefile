@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+# Exact results do not depend on whether numba is loaded: these tests run in both kinds of processes.
+EXACT := tests/trees $(patsubst %,tests/bseries/test_%.py,brackets conjugation laws method_kinds \
+	order_conditions programs series structure substitution truth)
 
 .PHONY: demo test bench lint notebooks clean
 
@@ -11,6 +14,8 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --numba first $(EXACT)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --numba never $(EXACT)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks --keep --output docs/benchmarks.md

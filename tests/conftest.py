@@ -1,6 +1,32 @@
-"""Settings for all tests."""
+"""Settings for all tests, and the option that runs them with numba from the start, or in processes without it."""
 
+import sys
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("untimed", deadline=None, max_examples=50)  # the first example may import SymPy
 settings.load_profile("untimed")
+
+
+class SkipsWhatLoadsNumba:
+    """A finder of modules that lets nobody import numba."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name == "numba":
+            pytest.skip("loads numba", allow_module_level=True)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--numba", choices=["first", "never"], help="import numba first, or skip the tests that import it")
+
+
+def pytest_configure(config):
+    if config.getoption("numba") == "first":
+        import numba  # noqa: F401
+    elif config.getoption("numba") == "never":
+        sys.meta_path.insert(0, SkipsWhatLoadsNumba())
+
+
+def pytest_sessionfinish(session):
+    assert session.config.getoption("numba") != "never" or "numba" not in sys.modules

@@ -1,7 +1,10 @@
 """The fast exact path against plain Fractions: residues, bounds, claims, and their negative controls."""
 
+import json
 import math
 import random
+import subprocess
+import sys
 from fractions import Fraction
 
 import numba  # noqa: F401
@@ -19,6 +22,7 @@ from bseries.operations import Operation, combine, evaluate
 from bseries.rationals import RationalValues, smallest_step
 
 ORDER = 6
+KINDS = "", "import numba\n"
 
 
 def table(order, compiled, colors=1):
@@ -186,6 +190,14 @@ def test_the_least_int64():
     assert (top**5)["[[[[[τ]]]]]"] == -5 * 2**63
 
 
+def test_common_divisors_beyond_int64():
+    """Those of numerators that all vanish, or that all are −2^63."""
+    numerators = np.array([{1: 1, ORDER: -(2**63)}.get(int(n), 0) for n in FAST.order])
+    values = RationalValues(FAST, numerators, [1, 3, 3**50, 2**63, 2**64, 1, 2**64], 6**50)
+    assert values.reduced.denominators == (1, 3, 1, 1, 1, 1, 2)
+    assert values.reduced.fractions() == values.fractions()
+
+
 def test_bounds_beyond_floats_fall_back_to_fractions():
     a = bs.BSeries(FAST, modified(bs.method("heun2"), FAST), 0).exp()
     huge = a ** (10**400)
@@ -208,3 +220,89 @@ def test_floats_agree_with_exact_coefficients(order):
     rounded = bs.modified_equation(bs.method("rk4").to_float(), order)
     assert rounded.domain == "RR"
     assert np.allclose(rounded.coefficients(), [float(x) for x in exact.coefficients()], rtol=1e-9, atol=1e-13)
+
+
+RESULTS = '''
+import json, random, sys
+from fractions import Fraction
+
+import bseries as bs
+from integrators import catalogue
+
+
+def unless_refused(function, *arguments, **options):
+    try:
+        return function(*arguments, **options)
+    except bs.errors as error:
+        return str(error)
+
+
+def algebra(a, order):
+    """What exact algebra makes of a flow."""
+    exact = bs.exact_flow(order, colors=a.table.colors, names=a.names)
+    b, half = a.log(), Fraction(1, 2)
+    yield from (b, b.exp(), a.inverse(), a.adjoint(), a**half, a ** Fraction(-2, 3))
+    yield from (bs.compose(a, exact), bs.compose(a.scale_step(half), a.adjoint()), bs.bracket(b, a.inverse().log()))
+    yield from (bs.substitute(b, exact), bs.substitute(b, a), bs.substitute(b, a - exact))
+    yield from (unless_refused(bs.substitution_inverse, b), unless_refused(bs.modifying_integrator, a))
+
+
+def series_of(method):
+    """A method's series, to order 1 and further, and what algebra makes of it."""
+    colors = len(method.names)
+    table = bs.TreeTable(4 if colors == 1 else 2, colors)
+    for function in (bs.series, bs.modified_equation, bs.modifying_integrator):
+        yield unless_refused(function, method, 1)
+        yield unless_refused(function, method, table)
+    a = bs.series(method, table)
+    yield from algebra(a, table.max_order)
+    yield unless_refused(bs.substitute, a.log(), method)
+
+
+def numbers(kind, seed):
+    choose = random.Random(seed).choice
+    sizes = {"least": [-(2**63)], "edge": [2**63 - 1, -(2**63), 0], "huge": [3**60, -2 * 3**60, 7 * 3**60]}
+    sizes["powers"] = [Fraction(1, 2**70), Fraction(3**50), Fraction(5, 2**63), 0]
+    return lambda tree: choose(sizes[kind]) if tree.order > 1 else Fraction(1)
+
+
+def written(result):
+    if not isinstance(result, bs.BSeries):
+        return result
+    few = result.order == 1 or result.table.colors == 1  # long splittings take seconds
+    spread = [result.uncertainty(at) for at in range(len(result))] if few and result.uncertainty else None
+    return list(map(str, result.coefficients())), spread
+
+
+def exact_results():
+    for entry in catalogue():
+        if not entry.parameters:
+            name = entry.name + "5" * entry.is_family
+            yield name, unless_refused(lambda: list(series_of(bs.method(name))))
+    for kind in ("least", "edge", "huge", "powers"):
+        yield kind, list(algebra(bs.BSeries.from_rule(numbers(kind, 1), 4), 4))
+
+
+found = {name: written(r) if isinstance(r, str) else list(map(written, r)) for name, r in exact_results()}
+json.dump([found, "numba" in sys.modules], sys.stdout)
+'''
+
+
+@pytest.fixture(scope="module")
+def results():
+    """What fresh processes find, in the order of `KINDS`, and whether numba is loaded at the end."""
+    jobs = [subprocess.Popen([sys.executable, "-c", first + RESULTS], stdout=subprocess.PIPE) for first in KINDS]
+    return [json.loads(job.communicate()[0]) for job in jobs]
+
+
+def test_results_do_not_depend_on_numba(results):
+    (interpreted, unloaded), (compiled, loaded) = results
+    assert (unloaded, loaded) == (False, True)
+    assert interpreted.keys() == compiled.keys()
+    assert [name for name in compiled if compiled[name] != interpreted[name]] == []
+
+
+def test_few_methods_are_refused(results):
+    """The comparison compares numbers: hardly a method has sums of weights that vanish, or an extra part."""
+    refused = {name: r for name, r in results[0][0].items() if isinstance(r, str) or any(isinstance(x, str) for x in r)}
+    assert len(refused) < len(results[0][0]) / 10

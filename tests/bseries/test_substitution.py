@@ -95,6 +95,24 @@ def test_modified_and_modifying_equations_undo_each_other(execution, name):
     assert bs.substitution_inverse(modified) == modifying
 
 
+@pytest.mark.parametrize("name", ["fehlberg45", "nystrom5", "dormand-prince54", "verner65", "gauss6", "radau-iia5"])
+def test_terms_that_vanish_have_no_common_denominator(execution, name):
+    """Below its order a modified equation is zero over claimed denominators beyond 64 bits."""
+    modified = bs.modified_equation(bs.method(name), 5)
+    assert bs.substitute(modified, bs.exact_flow(5)) == bs.series(bs.method(name), 5)
+    unit = identity_field(5, 1)
+    assert bs.substitute(bs.substitution_inverse(modified), modified) == unit
+
+
+@pytest.mark.parametrize("name", ["blanes-moan4", "kahan-li8", "tsit5"])
+def test_what_decimals_leave_uncertain_of_a_modifying_integrator(execution, name):
+    """The sum of the weights is as uncertain as the digits; other powers of two divide the changed decimals."""
+    method = bs.method(name)
+    colors = len(method.names)
+    b = bs.modifying_integrator(method, 2, max_children=[[0] * colors] * colors)
+    assert all(0 < b.uncertainty(at) < 1e-12 for at in range(len(b)))
+
+
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_modifying_integrators_as_published(execution, name):
     method = bs.RungeKutta(*HEUN) if name == "heun2" else bs.method(name)
