@@ -185,5 +185,8 @@ def structure_matrix(scene: Scene) -> list[list[Any]]:
     if scene.poisson is not None and len(scene.poisson) == scene.dimension:
         return [[filled(entry, scene) for entry in row] for row in scene.poisson]
     if scene.canonical_pair is None:
-        raise SeriesError(f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not")
+        raise SeriesError(
+            f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not; momenta and "
+            "positions are blocks with names that tell these, such as p and q"
+        )
     return poisson_matrix(scene.canonical_pair)

@@ -37,7 +37,7 @@ def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
         raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
     if colors_are == "blocks" and s.table.colors != 2:
         raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
-    return s.names == ("p", "q") if colors_are is None else colors_are == "blocks"
+    return set(s.names) == {"p", "q"} if colors_are is None else colors_are == "blocks"
 
 
 def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:

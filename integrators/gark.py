@@ -9,6 +9,7 @@ from .errors import IntegratorError
 from .expressions import shorten
 from .matrix_input import read_matrix, read_row
 from .program_method import ProgramMethod, read_parts
+from .tableau_input import in_color_order
 from .tableau_programs import combination
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
 
     Args:
         A: the blocks, A[ν][μ] with s_ν rows of s_μ entries; a block that is left out is zero.
-        b: the weights, b[ν] with s_ν entries. Its order of names is that of the colours 0, 1, ….
+        b: the weights, b[ν] with s_ν entries. Its order of names is that of the colours 0, 1, …, but p comes before q.
         parameters: the symbols that formulas in text may use.
         name: what messages call the method.
         reference: where the method was published.
@@ -65,7 +66,7 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
     ) -> None:
         if not isinstance(b, Mapping):
             raise IntegratorError(f"b must map names of parts to weights, but was {shorten(repr(b))}")
-        parts, symbols = read_parts(list(b)), tuple(parameters)
+        parts, symbols = in_color_order(read_parts(list(b))), tuple(parameters)
         weights = tuple(read_row(b[part], f"b[{part}]", symbols) for part in parts)
         sizes = dict(zip(parts, map(len, weights), strict=True))
         _check_keys(A, "A", parts)

@@ -12,7 +12,7 @@ from .errors import IntegratorError
 from .expressions import shorten
 from .frozen import Frozen
 from .runge_kutta import RungeKutta, check_known, emit
-from .tableau_input import check_label, check_partition_names
+from .tableau_input import check_label, check_partition_names, in_color_order
 
 if TYPE_CHECKING:
     from .program import Program
@@ -30,7 +30,8 @@ class PartitionedRungeKutta(Frozen):
 
     Args:
         partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and perhaps c. Their order
-            is that of the colours 0, 1, …; names start with a letter, and t and τ are reserved.
+            is that of the colours 0, 1, …, but p always comes before q; names start with a letter, and t and τ are
+            reserved.
         parameters: the symbols that formulas in text may use.
         name: what messages call the method.
         reference: where the method was published.
@@ -71,8 +72,8 @@ class PartitionedRungeKutta(Frozen):
                 f"partitions must map two or more names to tableaux, but was {shorten(repr(partitions))}"
             )
         check_partition_names(partitions)
-        parts = tuple(_read_part(key, value, parameters) for key, value in partitions.items())
-        names = tuple(partitions)
+        names = in_color_order(partitions)
+        parts = tuple(_read_part(key, partitions[key], parameters) for key in names)
         for key, part in zip(names, parts, strict=True):
             if part.stages != parts[0].stages:
                 raise IntegratorError(

@@ -11,7 +11,7 @@ from .entries import read_entry, sum_entries
 from .errors import IntegratorError
 from .expressions import shorten
 from .program_method import ProgramMethod, read_parts
-from .tableau_input import items
+from .tableau_input import in_color_order, items
 
 if TYPE_CHECKING:
     from .entries import Entry
@@ -27,7 +27,8 @@ class Splitting(ProgramMethod):
 
     Args:
         flows: pairs (part, coefficient), in the order in which they are applied.
-        parts: the names of all parts, in the order of the colours 0, 1, …; by default as they first appear.
+        parts: the names of all parts, in the order of the colours 0, 1, …; by default p and q, others as they first
+            appear.
         parameters: the symbols that formulas in text may use.
         name: what messages call the method.
         reference: where the method was published.
@@ -63,7 +64,7 @@ class Splitting(ProgramMethod):
     ) -> None:
         symbols = tuple(parameters)
         pairs = [_read_flow(flow, i, symbols) for i, flow in enumerate(items(flows, "flows"), 1)]
-        names = read_parts(list(dict.fromkeys(part for part, _ in pairs)) if parts is None else parts)
+        names = read_parts(in_color_order(dict.fromkeys(part for part, _ in pairs)) if parts is None else parts)
         for part, _ in pairs:
             if part not in names:
                 raise IntegratorError(f"flows must be of the parts {', '.join(names)}, but one was of {part!r:.60}")

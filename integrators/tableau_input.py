@@ -115,3 +115,9 @@ def check_partition_names(names: Iterable[Any]) -> None:
                 "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold "
                 f"τ, but one was {shorten(repr(name))}"
             )
+
+
+def in_color_order(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of parts in the order of their colours: the blocks p and q in this order, other names as they come."""
+    given = tuple(names)
+    return ("p", "q") if set(given) == {"p", "q"} else given

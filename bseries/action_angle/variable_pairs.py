@@ -23,7 +23,10 @@ def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
     pair = canonical_blocks(found)
     if pair is None or len(found) != 2:
         names = ", ".join(block.name for block in found)
-        raise SeriesError(f"{argument} must be momenta and as many positions, but was {names or 'empty':.60}")
+        raise SeriesError(
+            f"{argument} must be momenta and as many positions, told apart by names such as p and q, "
+            f"but was {names or 'empty':.60}"
+        )
     return pair
 
 

@@ -85,7 +85,7 @@ def read_kinetic(given: Any, names: Sequence[str]) -> int | None:
     """The colour of T as users say it."""
     shown = shown_names(names)
     if given is True and len(names) == 2:
-        return names.index("q") if "q" in names else 0
+        return next((names.index(name) for name in ("q", "a") if name in names), 0)
     if isinstance(given, str) and given in shown:
         return shown.index(given)
     if given is False:

@@ -163,7 +163,7 @@ def _notes(report: Report) -> Iterator[str]:
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
     names = report.method.names
     if report.structure and len(names) > 1:
-        if names == ("p", "q"):
+        if set(names) == {"p", "q"}:
             yield "Structure: p and q are taken as blocks of variables, p' = -H_q and q' = H_p."
         else:
             yield f"Structure: {', '.join(names)} are taken as parts of the field, each with the property itself."

@@ -218,7 +218,8 @@ def _conjugate_blocks(blocks: Sequence[Block], label: str) -> tuple[Block, Block
     if pair is None:
         sizes = ", ".join(f"{block.name} of {block.dimension}" for block in blocks)
         raise IntegratorError(
-            f"{label}variables must have a block of momenta and one of positions of equal size for a Hamiltonian, "
-            f"but had {shorten(sizes)}"
+            f"{label}variables must have a block of momenta and one of positions of equal size for a Hamiltonian, told "
+            'apart by their names: p and q, which may hold any variables, as in {"p": ["u"], "q": ["w"]}, or others '
+            f"such as v and x; but had {shorten(sizes)}"
         )
     return pair

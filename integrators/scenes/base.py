@@ -28,8 +28,9 @@ class Scene(System):
     Args:
         variables: The state, block by block: maps a name to a number n of sites (called ``p``, or ``p1`` … ``pn``), to
             ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
-        hamiltonian: The Hamiltonian H. Without `poisson` the blocks p, q (or the first two, of equal size) are momenta
-            and positions, p' = −H_q, q' = H_p.
+        hamiltonian: The Hamiltonian H. Without `poisson` the blocks p and q are momenta and positions, p' = −H_q,
+            q' = H_p, in any order. Other names that tell these apart will do: one of P, v, omega, a, I, J, L with one
+            of Q, x, r, theta, phi.
         field: Maps variables to their derivatives.
         terms: Terms over sites, added to what `hamiltonian` and `field` say.
         poisson: A skew-symmetric matrix B(y) of formulas: y' = B(y) ∇H(y).

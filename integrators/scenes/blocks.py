@@ -13,6 +13,9 @@ MAX_VARIABLES = 1_000_000
 ROLES = ("i", "j", "k", "l")
 """The letters that stand for the sites of a term: ``q_i``, ``q_j``, …"""
 TIME = "t"
+MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})
+POSITIONS = frozenset({"q", "Q", "x", "r", "theta", "phi"})
+"""Names of blocks that tell momenta (velocities, actions) from positions (angles)."""
 
 
 class Block(NamedTuple):
@@ -147,10 +150,22 @@ def component_places(component: str, blocks: Iterable[Block]) -> slice | None:
 
 
 def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
-    """Momenta and positions: the blocks p and q, or the first two, if they are of equal size."""
-    named = {block.name: block for block in blocks if block.name != TIME}
-    pair = (named["p"], named["q"]) if named.keys() >= {"p", "q"} else tuple(named.values())[:2]
-    return pair if len(pair) == 2 and pair[0].dimension == pair[1].dimension else None
+    """Momenta and positions, if of equal size: the blocks p and q, or else the only two that names tell to be these.
+
+    The order of the blocks does not matter.
+
+    Example:
+        >>> [block.name for block in canonical_blocks(read_blocks({"x": 1, "v": 1}))]
+        ['v', 'x']
+        >>> canonical_blocks(read_blocks({"x": 1, "y": 1})) is None
+        True
+    """
+    for names in (({"p"}, {"q"}), (MOMENTA, POSITIONS)):
+        found = [block for group in names for block in blocks if block.name in group]
+        if len(found) == 2 and found[0].name in names[0] and found[1].name in names[1]:
+            momenta, positions = found
+            return (momenta, positions) if momenta.dimension == positions.dimension else None
+    return None
 
 
 def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:

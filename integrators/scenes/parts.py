@@ -25,8 +25,8 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
         scene: The scene.
         parts: Maps every name to a block, a part of the field, or a list of blocks. None if the names are those of
             blocks (a time made a variable goes with the last block), or of parts; or if they are a, b and the scene
-            has two blocks: then a moves the second, the positions of a Hamiltonian scene (a drift), and b the first,
-            the momenta (a kick), as is usual in the literature on splitting methods.
+            has two blocks: then a moves the positions (a drift) and b the momenta (a kick), as is usual in the
+            literature on splitting methods; where names do not tell these, a moves the second block and b the first.
 
     Raises:
         IntegratorError: It is not clear what a colour is, or together they are not the whole field.
@@ -40,8 +40,9 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
         rest = [name for name in blocks if name not in names]
         last = max(names, key=blocks.index)
         return tuple(Piece(frozenset([name, *rest] if name == last else [name])) for name in names)
-    if parts is None and tuple(names) == UNNAMED and len(blocks) == 2 and not scene.parts:
-        return tuple(Piece(frozenset([block])) for block in reversed(blocks))
+    if parts is None and set(names) == set(UNNAMED) and len(blocks) == 2 and not scene.parts:
+        kicked, drifting = (block.name for block in scene.canonical_pair or scene.blocks)
+        return tuple(Piece(frozenset([drifting if name == UNNAMED[0] else kicked])) for name in names)
     if parts is None and set(names) == set(scene.parts):
         _check_complete(scene)
         return tuple(Piece(part=name) for name in names)

@@ -76,3 +76,14 @@ def test_another_method_has_another_hamiltonian():
         bs.modified_hamiltonian(bs.method(f"stormer-verlet-{order}"), SCENES["pendulum"], 5) for order in ("kdk", "dkd")
     )
     assert differ(kdk, dkd) == 2
+
+
+@pytest.mark.parametrize("route", ["trees", "brackets", "generating-function"])
+def test_the_order_of_blocks_changes_no_part_of_a_splitting(route):
+    """a is the drift and b the kick, also where positions are the first block, or where b comes first."""
+    scenes = [bs.Scene(blocks, hamiltonian="p^2/2 - cos(q)") for blocks in ({"p": 1, "q": 1}, {"q": 1, "p": 1})]
+    kick_first = bs.Splitting([("b", "1/2"), ("a", 1), ("b", "1/2")], name="kick first")
+    for method, twin in ((bs.method("lie-trotter"), "symplectic-euler-q"), (kick_first, "stormer-verlet")):
+        found = [str(bs.modified_hamiltonian(method, scene, 3, route=route).symbolic(2)) for scene in scenes]
+        expected = str(bs.modified_hamiltonian(bs.method(twin), scenes[0], 3).symbolic(2))
+        assert found == [expected, expected]

@@ -378,3 +378,36 @@ def test_symbols_stay_symbols():
     gamma = sympy.Symbol("gamma")
     s = bs.BSeries.from_rule(lambda tree: gamma ** (tree.order - 1), 3)
     assert bs.symplecticity(s)[:2] == (1, bs.Tree("[τ]"))
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [
+        bs.symplecticity,
+        bs.energy_preservation,
+        bs.volume_preservation,
+        bs.cubic_invariants,
+        bs.conjugate_symplecticity,
+    ],
+)
+def test_blocks_go_by_name_whatever_their_order(verdict):
+    """Parts p and q are blocks in any order: what a verdict says of one order it says of the other."""
+    given = dict(zip("pq", bs.method("lobatto-iiia-iiib3").partitions, strict=True))
+    swapped = bs.PartitionedRungeKutta({name: given[name] for name in ("q", "p")})
+    assert verdict(swapped, 5)[:2] == verdict(bs.PartitionedRungeKutta(given), 5)[:2]
+    series = bs.series(swapped, 4)
+    flipped = bs.BSeries.from_rule(lambda tree: series[recolored(tree)], 4, colors=2, names=("q", "p"))
+    assert verdict(flipped).order == verdict(series).order
+
+
+def recolored(tree):
+    """The tree with its two colours exchanged."""
+    return bs.Tree.from_levels(tree.levels, [1 - color for color in tree.colors])
+
+
+def test_a_splitting_is_judged_alike_whichever_flow_comes_first():
+    """A step of p at fixed q is no symplectic map for H(p, q) that is not separable."""
+    flows = [("p", "1/2"), ("q", 1), ("p", "1/2")]
+    first, second = (bs.symplecticity(bs.Splitting(order, name="x"), 4) for order in (flows, [("q", "0"), *flows]))
+    assert first[:2] == second[:2]
+    assert not first.holds

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
 from integrators import files as module
+from integrators import method as catalogue_method
 from integrators.files import atomic_write, dumps_method, loads_method, save_method
 from integrators.text_files import MAX_BYTES, replacing
 
@@ -131,6 +132,14 @@ def test_published_decimals_stay_readable():
     text = dumps_method(RungeKutta([["0.161"]], [1], digits=3), "json")
     assert json.loads(text)["A"] == [["0.161"]]
     assert '"A": [\n    ["0.161"]\n  ]' in text
+
+
+def test_the_order_of_blocks_in_a_file_does_not_matter():
+    euler = {"p": {"A": [[1]], "b": [1]}, "q": {"A": [[0]], "b": [1]}}
+    texts = [json.dumps({"partitions": {name: euler[name] for name in names}}) for names in ("pq", "qp")]
+    read = [loads_method(text, "json") for text in texts]
+    assert read[0] == read[1] == catalogue_method("symplectic-euler-p")
+    assert read[1].names == ("p", "q")
 
 
 def test_parameters_of_a_partitioned_file_hold_in_all_parts():

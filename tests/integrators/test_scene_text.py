@@ -168,6 +168,7 @@ def test_hamiltonians_with_blocks_parameters_and_start_values():
         ("phi^2/2 + p", {}, "phi has neither a place in blocks nor a value in parameters"),
         ("x + y", {"blocks": "p=x; q=z"}, "y has neither a place in blocks"),
         ("x", {"blocks": "p=x; q=z,y"}, "must have a block of momenta and one of positions of equal size"),
+        ("x^2 + y^2", {"blocks": "x=x; y=y"}, "told apart by their names: p and q, .* but had x of 1, y of 1"),
         ("p + ", {}, "hamiltonian must be a formula, but"),
         (3, {}, "hamiltonian must be text, but was 3"),
         ("p", {"start": "p=1"}, "start must have values for p, q, but has none for q"),

@@ -329,8 +329,9 @@ def test_partitioned_data():
     assert PartitionedRungeKutta(mapping) == method
     assert hash(PartitionedRungeKutta(mapping)) == hash(method)
     exchanged = PartitionedRungeKutta({"q": mapping["q"], "p": mapping["p"]})
-    assert exchanged != method
-    assert exchanged.names == ("q", "p")
+    assert (exchanged, exchanged.names) == (method, ("p", "q"))
+    additive = PartitionedRungeKutta({"slow": mapping["q"], "fast": mapping["p"]})
+    assert additive.names == ("slow", "fast")
     assert pickle.loads(pickle.dumps(method)) == method
     assert method.to_float().domain == "float"
 
