@@ -126,7 +126,7 @@ def effective_order(method: Method | BSeries, order: int | None = None) -> Conju
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
 
     Returns:
         A `ConjugateVerdict`: conjugate(a, processor) has the order found.
@@ -168,7 +168,7 @@ def conjugate_symplecticity(
 
     Args:
         method: A consistent method, or its flow.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
         colors_are: As for `symplecticity`.
 
     Returns:

@@ -15,18 +15,12 @@ from .exceptions import SeriesError
 from .modified import modified_equation, series
 from .presentation import number_text
 from .simplifying import Assumptions, simplifying_assumptions
-from .verdicts import Verdict
+from .verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
 
 if TYPE_CHECKING:
     from .coefficients import Method
     from .conditions import ErrorCoefficients
     from .conjugation import ConjugateVerdict
-
-MOST_STRUCTURE_TREES = 1300
-"""Structure is tested on tables up to this size."""
-
-LEAST_NODES = 7
-"""Structure is tested to so many nodes at least, if the table is no larger than that."""
 
 
 class Report(NamedTuple):
@@ -138,7 +132,7 @@ def check(method: Method, order: int | None = None) -> Report:
         error_coefficients(method, found) if affordable else None,
         _embedded_orders(method),
         {"consistent": found >= 1, **_properties(method)},
-        structure_of(method, _structure_order(method, found, order)),
+        structure_of(method, structure_order(method, found) if order is None else _affordable(method, order)),
         _assumptions(method),
         _stability(method),
     )
@@ -189,14 +183,9 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
     return found
 
 
-def _structure_order(method: Method, found: int, order: int | None) -> int:
-    """How far to test: as asked for, or beyond the order of accuracy, as far as the table and the numbers allow."""
-    most = affordable_order(len(method.names), MOST_STRUCTURE_TREES)
-    if order is not None:
-        return min(check_order(order), most)
-    if method.digits is not None or method.parameters:
-        return max(4, min(found + 1, most))
-    return min(max(found + 2, LEAST_NODES), most)
+def _affordable(method: Method, order: int) -> int:
+    """How far to test structure where an order is asked for: as far as the table allows."""
+    return min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
 
 
 def _properties(method: Method) -> dict[str, bool]:

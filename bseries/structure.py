@@ -45,7 +45,7 @@ def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
 
     Returns:
         A `Verdict`; its order is the order of the method if a tree breaks it.
@@ -74,7 +74,7 @@ def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
 
     Returns:
         A `Verdict`.
@@ -103,7 +103,7 @@ def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
         colors_are: ``"blocks"`` p and q of the variables of one Hamiltonian system, or ``"parts"`` of a sum of
             Hamiltonian systems, f = Σ f^[ν]. By default blocks if the colours are called p and q.
 
@@ -170,7 +170,7 @@ def energy_preservation(method: Method | BSeries, order: int | None = None, *, c
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
         colors_are: ``"blocks"``: p' = −H_q, q' = H_p; ``"parts"``: f = Σ J ∇H^[ν], and the sum of all H^[ν] is to be
             conserved. By default blocks if the colours are called p and q.
 
@@ -207,7 +207,7 @@ def volume_preservation(method: Method | BSeries, order: int | None = None, *, c
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
         colors_are: ``"blocks"``: the whole field is divergence-free; ``"parts"``: each f^[ν] is. By default blocks if
             the colours are called p and q.
 
@@ -244,7 +244,7 @@ def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colo
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; for a series None means its own order.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
         colors_are: ``"blocks"``: the whole field has the invariant; ``"parts"``: each f^[ν] has it. By default blocks
             if the colours are called p and q.
 

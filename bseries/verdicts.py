@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .algebra import check_flow, log
 from .coefficients import auxiliary_colors, check_method
-from .conditions import trusted
+from .conditions import affordable_order, order_of, trusted
 from .domains import RingValues, make_values, public
 from .exceptions import SeriesError
 from .modified import series, series_to
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
     from .coefficients import Method
     from .structure_conditions import Conditions
+
+MOST_STRUCTURE_TREES = 1300
+"""Structure is tested on tables up to this size."""
+
+LEAST_NODES = 7
+"""Structure is tested to so many nodes at least, if the table is no larger than that."""
 
 
 class Verdict(NamedTuple):
@@ -133,7 +139,15 @@ def series_of(method: Method | BSeries, order: int | None) -> BSeries:
     if isinstance(method, BSeries):
         return series_to(method, order)
     check_method(method)
-    return series(trusted(method), order)  # pyright: ignore[reportArgumentType]
+    return series(trusted(method), structure_order(method, order_of(method)) if order is None else order)
+
+
+def structure_order(method: Method, accuracy: int) -> int:
+    """How far structure is tested by default: beyond the order of accuracy, as the table and the numbers allow."""
+    most = affordable_order(len(method.names), MOST_STRUCTURE_TREES)
+    if method.digits is not None or method.parameters:
+        return max(4, min(accuracy + 1, most))
+    return min(max(accuracy + 2, LEAST_NODES), most)
 
 
 def _nearby(s: BSeries) -> Iterator[BSeries]:

@@ -28,8 +28,6 @@ FIELDS = ("power", "hamiltonian")
 BRACKET_FIELDS = ("power", "bracket", "coefficient")
 COLUMNS = (Column("k", True), Column("coefficient of h^k"))
 VERDICT_COLUMNS = (Column("Hamiltonian for"), Column("order", True), Column("broken by"))
-FURTHER = 3
-"""A verdict looks so many orders beyond that of the method."""
 
 
 @click.command()
@@ -125,7 +123,7 @@ def _on_scene(
     if output.format == "latex":
         from .scene_latex import hamiltonian_equation
 
-        return [hamiltonian_equation(energy.scene, terms)]
+        return [hamiltonian_equation(energy.scene, terms, energy.verdict.limit(latex=True))]
     rows = [(str(k), str(formula)) for k, formula in terms if formula != 0 or not nonzero]
     if output.format == "csv":
         return layout.csv(FIELDS, rows)
@@ -137,13 +135,16 @@ def _on_scene(
             "route": energy.route,
             "domain": series.domain,
             "variables": list(energy.variables),
+            "exists_through": energy.verdict.exists_through,
+            "verdict": energy.verdict.to_dict(),
             **remarks(series, method, energy.scene),
             "terms": [{"power": int(k), "hamiltonian": formula} for k, formula in rows],
         }
         return [layout.json(data, "terms")]
     title = f"Modified Hamiltonian of {place(method, energy.scene, effects)}: {span(powers)}, by {energy.route}"
     below = [
-        "The numerical solution follows the system with the Hamiltonian Σ h^k · (coefficient of h^k).",
+        energy.verdict.limit()
+        or "The numerical solution follows the system with the Hamiltonian Σ h^k · (coefficient of h^k).",
         *_route_notes(energy, route),
         *notes(series, method, energy.scene, nonzero=nonzero),
     ]
@@ -211,23 +212,14 @@ def _verdict(
     method: Method, scene: Scene, effects: Sequence[str], order: int | None, parts: Any, output: Output
 ) -> Iterable[str]:
     """How far the modified equation is Hamiltonian, in any format."""
-    from ..conditions import order_of
     from ..hamiltonians.verdicts import hamiltonian_verdict
 
-    verdict = hamiltonian_verdict(method, scene, order_of(method) + FURTHER if order is None else order, parts=parts)
-    general = verdict.general
-    tree = None if general is None or general.breaks is None else general.breaks.text(verdict.names or None)
+    verdict = hamiltonian_verdict(method, scene, order, parts=parts)
     if output.format == "json":
-        data = {
-            **head("hamiltonian-verdict", method, scene, effects),
-            "tested_to": verdict.tested_to,
-            "general": general and {"hamiltonians": verdict.kind, "order": general.order, "breaks": tree},
-            "order": verdict.order,
-            "holds": verdict.holds,
-        }
-        return [layout.json(data)]
+        return [layout.json({**head("hamiltonian-verdict", method, scene, effects), **verdict.to_dict()})]
     where = place(method, scene, effects)
-    rows = [] if general is None else [(verdict.kind, str(general.order), tree or "")]
+    general = verdict.general
+    rows = [] if general is None else [(verdict.kind, str(general.order), verdict.broken_tree or "")]
     here = where.removeprefix(f"{method.name} on ")
     rows.append((here, str(verdict.order), "" if verdict.holds else f"h^{verdict.order}"))
     if output.format == "csv":

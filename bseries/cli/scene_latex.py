@@ -48,19 +48,20 @@ def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr
     return align(rows, terms[0][0], terms[-1][0])
 
 
-def hamiltonian_equation(scene: Scene, terms: Sequence[tuple[int, sympy.Expr]]) -> str:
-    """A modified Hamiltonian by powers of h, as a displayed align."""
+def hamiltonian_equation(scene: Scene, terms: Sequence[tuple[int, sympy.Expr]], limit: str) -> str:
+    """A modified Hamiltonian by powers of h, as a displayed align, with a sentence that says where it ends, if any."""
     summands = [_summand(k, formula, scene) for k, formula in terms if formula != 0]
-    return align([(ENERGY, summands)], terms[0][0], terms[-1][0])
+    return align([(ENERGY, summands)], terms[0][0], terms[-1][0], remark=limit)
 
 
-def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int) -> str:
-    """Left sides and what they are equal to, sums of terms with consecutive powers of h."""
+def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int, *, remark: str = "") -> str:
+    """Left sides and what they are equal to, sums of terms with consecutive powers of h; and a remark below."""
     rest = f"\\mathcal{{O}}(h^{{{last + 1}}})" if last else r"\mathcal{O}(h)"
     equations = []
     for left, summands in rows:
         start = [r"\cdots"] if first else [] if summands else ["0"]
         equations.append(f"{left} &= {_broken([*start, *summands, rest])}")
+    equations += [f"&\\quad \\text{{{remark}}}"] if remark else []
     return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..conditions import order_of
 from ..exceptions import SeriesError
-from ..structure import hamiltonian_field
+from ..hamiltonians.from_trees import energy_trees
 from ..truncated import BSeries
 from .forms import Break, angle_periods, breaks
 from .orbits import Orbit, closed_orbit
@@ -99,7 +99,7 @@ def energy_drift(
     report = DriftReport(r, _step_size(h), BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
     least = accuracy
     if scene.poisson is None:
-        found = hamiltonian_field(r.field.series)
+        found = energy_trees(method, scene, r.field.order, parts).verdict
         if found.breaks is None:
             return report
         report, least = report._replace(breaks=found.breaks), found.order

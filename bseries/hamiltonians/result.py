@@ -11,6 +11,7 @@ from ..exceptions import SeriesError
 from ..states import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
 from ..truncated import BSeries
 from .energy_formulas import EnergyFormulas
+from .verdicts import HamiltonianVerdict, name_of, verdict_beyond
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,7 +77,23 @@ class ModifiedHamiltonian:
 
     def __str__(self) -> str:
         rows = (f"h^{k:<3} {self.symbolic(k)}" for k in range(self.order))
-        return "\n".join([f"{self.label} on {self.scene.name}", *rows])
+        limit = self.verdict.limit()
+        return "\n".join([f"{self.label} on {self.scene.name}", *rows, *([limit] if limit else [])])
+
+    @cached_property
+    def verdict(self) -> HamiltonianVerdict:
+        """How far there is a modified Hamiltonian, which may end with the terms here: looked at beyond them.
+
+        Example:
+            >>> import bseries as bs
+            >>> H = bs.modified_hamiltonian(bs.method("rk4"), bs.scene("pendulum"), 5)
+            >>> H.verdict.exists_through
+            4
+            >>> print(H.verdict.limit())
+            H~ exists through h^4 only: on pendulum the term with h^5 has no Hamiltonian; the first tree to break it for
+            all H is [τ,[[τ]]].
+        """
+        return verdict_beyond(self.method, self.scene, self.order, self.parts)
 
     def __call__(self, y: Any, h: float, workers: int = 1) -> Any:
         """The value at one point or many.
@@ -223,21 +240,20 @@ class ModifiedHamiltonian:
             "route": self.route,
             "order": self.order,
             "variables": list(self.variables),
+            "exists_through": self.verdict.exists_through,
+            "verdict": self.verdict.to_dict(),
             "terms": [{"power": k, "hamiltonian": str(self.symbolic(k))} for k in range(self.order)],
         }
 
     def to_latex(self) -> str:
-        """The formula as LaTeX, without terms that vanish."""
+        """The formula as LaTeX, without terms that vanish; it says where the modified Hamiltonian ends."""
         import sympy
 
         terms = [(k, sympy.latex(self.symbolic(k))) for k in range(self.order) if self.symbolic(k) != 0]
         powers = {0: "", 1: "h ", **{k: f"h^{{{k}}} " for k, _ in terms if k > 1}}
-        return " + ".join(f"{powers[k]}\\left({text}\\right)" if k else text for k, text in terms) or "0"
+        formula = " + ".join(f"{powers[k]}\\left({text}\\right)" if k else text for k, text in terms) or "0"
+        limit = self.verdict.limit(latex=True)
+        return f"{formula}\\quad\\text{{({limit})}}" if limit else formula
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self.to_latex()}$"
-
-
-def name_of(method: Method | BSeries) -> str:
-    """The name of a method, or what a series says that it is."""
-    return (method.label or "a series") if isinstance(method, BSeries) else method.name

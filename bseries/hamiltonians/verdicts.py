@@ -15,12 +15,14 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.child_bounds import common_bounds
 from integrators.scenes.degrees import degrees
 from trees.table import tree_table
 
+from ..brackets.bracket_trees import is_chain
 from ..coefficients import check_method, own_trees
-from ..conditions import trusted
+from ..conditions import order_of, trusted
 from ..differential_rings import MOST_MONOMIALS
 from ..differentials import refusing_large
 from ..evaluation import SceneSeries, modified_field
@@ -30,7 +32,6 @@ from ..structure import hamiltonian_field
 from ..structure_conditions import SEPARABLE
 from ..truncated import BSeries
 from ..verdicts import failing, samples_of
-from .result import name_of
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -43,6 +44,8 @@ STEP = "1e-33"
 NOISE = 1e-50
 """What counts as zero, relative to the terms that cancel: difference quotients leave about 1e-66. What masses and
 distances of very different sizes make small is larger than that."""
+FURTHER = 3
+"""Verdicts look so many orders beyond that of the method, unless told otherwise."""
 
 
 class HamiltonianVerdict(NamedTuple):
@@ -86,9 +89,40 @@ class HamiltonianVerdict(NamedTuple):
         here = f"on {self.scene} to order {self.order}, {end}"
         if self.general is None:
             return f"{self.method} is Hamiltonian {here}"
-        tree = self.general.breaks
-        end = "as far as tested" if tree is None else f"where {tree.text(self.names or None)} breaks it"
+        end = "as far as tested" if self.broken_tree is None else f"where {self.broken_tree} breaks it"
         return f"{self.method} is Hamiltonian for {self.kind} to order {self.general.order}, {end}, and {here}"
+
+    @property
+    def exists_through(self) -> int | None:
+        """The last power of h with which there is a modified Hamiltonian on the scene; None if none is known."""
+        return None if self.holds else self.order - 1
+
+    def limit(self, *, latex: bool = False) -> str:
+        """A sentence that says up to which power of h there is a modified Hamiltonian; empty where none is known."""
+        if self.exists_through is None:
+            return ""
+        H, last, broken, scene = "H~", f"h^{self.exists_through}", f"h^{self.order}", self.scene
+        general = f"; the first tree to break it for {self.kind} is {self.broken_tree}" if self.broken_tree else ""
+        if latex:
+            H, last, broken = r"$\widetilde{H}$", f"$h^{{{self.exists_through}}}$", f"$h^{{{self.order}}}$"
+            scene, general = "this scene", general.replace("_", r"\_").replace("τ", r"$\tau$")
+        return f"{H} exists through {last} only: on {scene} the term with {broken} has no Hamiltonian{general}."
+
+    @property
+    def broken_tree(self) -> str | None:
+        """The first tree that breaks it for all Hamiltonians of the class, as text; None if none does."""
+        if self.general is None or self.general.breaks is None:
+            return None
+        return self.general.breaks.text(self.names or None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict as JSON-ready data."""
+        general = self.general and {
+            "hamiltonians": self.kind,
+            "order": self.general.order,
+            "breaks": self.broken_tree,
+        }
+        return {"tested_to": self.tested_to, "general": general, "order": self.order, "holds": self.holds}
 
 
 def hamiltonian_verdict(
@@ -104,7 +138,7 @@ def hamiltonian_verdict(
         method: A method, or a field series.
         scene: A canonical scene, or a Poisson system. (For a singular structure its Casimir functions must be kept as
             well, which is not looked at.)
-        order: The largest number of nodes; for a series None means its own order.
+        order: The largest number of nodes; None means the order of a series, and three more than the order of a method.
         parts: As for `modified_field`.
 
     Returns:
@@ -123,13 +157,42 @@ def hamiltonian_verdict(
         HLW, theorems IX.3.1 and IX.9.8; E. Hairer, lecture on long-time behaviour, sections 3 and 4.
     """
     if not isinstance(method, BSeries):
-        check_method(method)
-        method = trusted(method)
+        method = trusted(check_method(method))
+        order = order_of(method) + FURTHER if order is None else order
     field = modified_field(method, scene, order, parts=parts)
-    here = hamiltonian_order(field)
     general, kind = _general(method, field) if scene.poisson is None else (None, "")
+    proved = general is not None and general.holds and scene.is_hamiltonian
+    here = field.order if proved else hamiltonian_order(field)
     names = tuple(method.names) if len(method.names) > 1 else ()
     return HamiltonianVerdict(name_of(method), scene.name, general, kind, names, here, field.order)
+
+
+def verdict_beyond(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> HamiltonianVerdict:
+    """The verdict on the terms of an order and, unless theorems tell, on those that follow."""
+    if isinstance(method, BSeries):
+        return hamiltonian_verdict(method, scene, parts=parts)
+    if not _is_proved_symplectic(method, modified_field(method, scene, 1, parts=parts)):
+        order = max(order + 1, order_of(method) + FURTHER)
+    return hamiltonian_verdict(method, scene, order, parts=parts)
+
+
+def _is_proved_symplectic(method: Method, field: SceneSeries) -> bool:
+    """Whether it is symplectic on a scene at all orders: by HLW, theorems VI.4.3 and VI.4.6, or as flows."""
+    pieces, scene = field.trees.pieces, field.scene
+    in_blocks = pieces[0].blocks is not None
+    if not scene.is_hamiltonian or (in_blocks and scene.poisson is not None):
+        return False
+    if isinstance(method, RungeKutta):
+        return method.is_symplectic and scene.poisson is None
+    if isinstance(method, PartitionedRungeKutta):
+        return method.is_symplectic and in_blocks
+    separable = not in_blocks or all(row[k] == 0 for k, row in enumerate(degrees(scene, pieces)))
+    return separable and is_chain(method)
+
+
+def name_of(method: Method | BSeries) -> str:
+    """The name of a method, or what a series says that it is."""
+    return (method.label or "a series") if isinstance(method, BSeries) else method.name
 
 
 def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str]:

@@ -581,3 +581,14 @@ def test_what_is_refused(arguments, options, message):
         return
     with pytest.raises(bs.SeriesError, match=message):
         energy_drift(bs.method(name), scene, **options)
+
+
+@pytest.mark.parametrize("parts", [None, {"a": "q", "b": "p"}])
+def test_blocks_of_a_hamiltonian_that_is_not_separable_are_no_parts_of_it(parts):
+    """Steps in p and q one after the other are symplectic for T(p) + U(q), and not for this Hamiltonian."""
+    mixed = bs.parse_hamiltonian("p^2*cos(q) + p^4/3 + q^2", start="p=1; q=1/2")
+    report = bs.energy_drift(bs.method("strang"), mixed, h=0.1, parts=parts)
+    assert report.breaks == bs.hamiltonian_verdict(bs.method("strang"), mixed, 5, parts=parts).general.breaks
+    assert report.breaks is not None
+    verlet = bs.energy_drift(bs.method("stormer-verlet"), mixed, h=0.1)
+    assert (verlet.verdict, verlet.breaks) == ("bounded", None)

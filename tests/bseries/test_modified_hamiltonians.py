@@ -307,10 +307,64 @@ def test_it_is_pickled_and_written_as_data():
         "route": "trees",
         "order": 2,
         "variables": ["p", "q"],
+        "exists_through": None,
+        "verdict": {
+            "tested_to": 2,
+            "general": {"hamiltonians": "all H = T(p) + U(q)", "order": 2, "breaks": None},
+            "order": 2,
+            "holds": True,
+        },
         "terms": [{"power": 0, "hamiltonian": "p**2/2 - cos(q)"}, {"power": 1, "hamiltonian": "-p*sin(q)/2"}],
     }
     latex = found("symplectic-euler-p", PENDULUM, 2).to_latex()
     assert latex == r"\frac{p^{2}}{2} - \cos{\left(q \right)} + h \left(- \frac{p \sin{\left(q \right)}}{2}\right)"
+
+
+@pytest.mark.parametrize(
+    ("method", "scene", "order", "last", "tree"),
+    [
+        ("rk4", "pendulum", 5, 4, "[τ,[[τ]]]"),
+        ("rk4", "pendulum", 3, 4, "[τ,[[τ]]]"),
+        ("explicit-euler", "kepler", 1, 0, "[τ]"),
+        ("simplified-takahashi-imada", "henon-heiles", 2, 3, "p[q[p[q[p]]]]"),
+        ("implicit-midpoint", "lotka-volterra", 2, 1, None),
+    ],
+)
+def test_where_a_modified_hamiltonian_ends_is_said_even_if_all_terms_asked_for_are_there(
+    method, scene, order, last, tree
+):
+    H = bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
+    assert (H.verdict.exists_through, H.verdict.broken_tree) == (last, tree)
+    with pytest.raises(bs.SeriesError, match=f"the term with h\\^{last + 1} breaks it"):
+        bs.modified_hamiltonian(bs.method(method), bs.scene(scene), last + 2)
+    sentence = f"H~ exists through h^{last} only: on {scene} the term with h^{last + 1} has no Hamiltonian"
+    assert sentence in str(H).splitlines()[-1]
+    assert (tree or ".") in str(H).splitlines()[-1]
+    data = H.to_dict()
+    assert (data["exists_through"], data["verdict"]["holds"]) == (last, False)
+    assert rf"exists through $h^{{{last}}}$ only" in H.to_latex()
+
+
+@pytest.mark.parametrize(
+    ("method", "scene", "order"),
+    [
+        ("gauss2", "kepler", 2),
+        ("stormer-verlet", "double-pendulum", 2),
+        ("blanes-moan4", "henon-heiles", 2),
+        ("takahashi-imada", "henon-heiles", 2),
+        ("simplified-takahashi-imada", "pendulum", 5),
+        ("symplectic-euler-p", "lotka-volterra", 2),
+    ],
+)
+def test_nothing_is_said_where_no_end_is_known(method, scene, order):
+    H = bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
+    assert (H.verdict.exists_through, H.verdict.limit(), H.to_dict()["exists_through"]) == (None, "", None)
+    assert "exists" not in str(H) + H.to_latex()
+
+
+def test_a_splitting_that_is_not_symplectic_without_separable_hamiltonian_is_found_out():
+    scene = bs.parse_hamiltonian("p^2*cos(q) + q^2")
+    assert bs.modified_hamiltonian(bs.method("strang"), scene, 2).verdict.exists_through == 1
 
 
 def test_a_series_does_as_well_as_its_method():
@@ -540,7 +594,7 @@ def test_bad_points_powers_and_steps_are_refused():
 
 def test_energies_take_names_that_are_free_and_keep_sums_over_sites():
     crowded = bs.Scene(
-        {"p": 1, "energy1": 1}, hamiltonian="p^2/(2*energy_x) - cos(energy1)", parameters={"energy_x": 2}
+        {"p": 1, "q": ["energy1"]}, hamiltonian="p^2/(2*energy_x) - cos(energy1)", parameters={"energy_x": 2}
     )
     assert EnergyScene(crowded, pieces_of(["f"], crowded)).variables == ("p", "energy1", "energy__1")
     atoms = bs.scene("lennard-jones", particles=3)

@@ -341,7 +341,6 @@ def test_numbers_beyond_machine_integers(execution):
     ("call", "message"),
     [
         (lambda: bs.symplecticity("rk4", 4), "method must be a method"),
-        (lambda: bs.symplecticity(bs.method("rk4")), "order must be given for a method"),
         (lambda: bs.symplecticity(bs.exact_flow(3), 5), "order must be at most 3"),
         (lambda: bs.symplecticity(bs.exact_flow(3).log()), "method must be a flow, with the coefficient 1"),
         (lambda: bs.symmetry(bs.exact_flow(3).log()), "method must be a flow"),
@@ -411,3 +410,12 @@ def test_a_splitting_is_judged_alike_whichever_flow_comes_first():
     first, second = (bs.symplecticity(bs.Splitting(order, name="x"), 4) for order in (flows, [("q", "0"), *flows]))
     assert first[:2] == second[:2]
     assert not first.holds
+
+
+@pytest.mark.parametrize("method", ["rk4", "stormer-verlet", "tsit5", "sdirk2"])
+def test_without_an_order_methods_are_tested_as_far_as_by_check(method):
+    chosen, tests = bs.method(method), (bs.symmetry, bs.symplecticity, bs.conjugate_symplecticity, bs.effective_order)
+    names = ("symmetric", "symplectic", "conjugate_symplectic", "effective_order")
+    report = bs.check(chosen)
+    for name, test in zip(names, tests, strict=True):
+        assert test(chosen)[:3] == report.structure[name][:3], name

@@ -99,6 +99,13 @@ def test_json_follows_the_schema(answer):
         "route": "trees",
         "domain": "QQ",
         "variables": ["p", "q"],
+        "exists_through": None,
+        "verdict": {
+            "tested_to": 3,
+            "general": {"hamiltonians": "all H = T(p) + U(q)", "order": 3, "breaks": None},
+            "order": 3,
+            "holds": True,
+        },
         "terms": [
             {"power": 0, "hamiltonian": "p**2/2 - cos(q)"},
             {"power": 1, "hamiltonian": "0"},
@@ -187,6 +194,20 @@ def test_brackets_of_methods_published_as_decimals(answer):
 
 
 # Verdicts.
+
+
+def test_every_format_says_where_the_modified_hamiltonian_of_rk4_ends(answer):
+    call = ("hamiltonian", "rk4", *PENDULUM)
+    text = answer(*call)
+    assert "H~ exists through h^4 only: on pendulum the term with h^5 has no Hamiltonian; the first tree" in text
+    assert "[τ,[[τ]]]" in text
+    assert "The numerical solution follows" not in text
+    assert "The numerical solution follows" in answer("hamiltonian", "gauss2", *PENDULUM, "--order", "3")
+    data = json.loads(answer(*call, "--format", "json"))
+    assert (data["exists_through"], data["verdict"]["general"]["breaks"]) == (4, "[τ,[[τ]]]")
+    latex = answer(*call, "--format", "latex")
+    assert r"$\widetilde{H}$ exists through $h^{4}$ only: on this scene the term with $h^{5}$ has" in latex
+    assert r"[$\tau$,[[$\tau$]]]" in latex
 
 
 def test_a_verdict_is_an_answer(answer, run):
