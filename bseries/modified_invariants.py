@@ -26,7 +26,8 @@ class ModifiedInvariant(NamedTuple):
     Attributes:
         label: What it is the integral of.
         variables: The symbols of the variables.
-        terms: The formulas by power of h, each up to a constant.
+        terms: The formulas by power of h. The first is the Hamiltonian of the scene if it has one; of the others only
+            the gradients are known, and they are written without a constant.
 
     Example:
         >>> import bseries as bs, sympy
@@ -110,6 +111,11 @@ def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) 
         raise SeriesError(
             f"f must be a Hamiltonian or Poisson field, but {label} is none: at h^{k}, B^(-1) f_{k + 1} is no gradient"
         )
+    energy = f.scene.hamiltonian
+    if k == 0 and energy is not None:
+        H = ring.element(energy)
+        if all(ring.is_zero(ring.derivative(H, i) - slope) for i, slope in enumerate(gradient)):
+            return energy
     found = potential(ring, gradient)
     if found is None:
         raise SeriesError(f"f must be simple enough to integrate, but {label} is not: at h^{k} no rule applies")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..coefficients import check_method
@@ -23,6 +24,11 @@ class ClosedForm(Protocol):
 
     kind: str
     radius: Any
+
+    @property
+    def limit(self) -> sympy.Expr:
+        """The formula for h = 0."""
+        ...
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula."""
@@ -88,14 +94,22 @@ class ClosedHamiltonian:
             return None
 
     def expression(self, h: Any) -> sympy.Expr:
-        """The formula for a step size, a number or a symbol; additive constants are dropped.
+        """The formula for a step size, a number or a symbol.
 
         For linear systems roots and arcs are those for steps up to the first at which an eigenvalue of the step is −1.
 
         Raises:
             SeriesError: `h` is neither, or the frequencies of the linear system are no square roots.
         """
-        return self._form.expression(read_symbolic_step(h))
+        return self._form.expression(read_symbolic_step(h)) + self._constant
+
+    @cached_property
+    def _constant(self) -> sympy.Expr:
+        """What H is more than the closed form for h = 0."""
+        import sympy
+
+        energy: Any = self.scene.hamiltonian
+        return sympy.simplify(sympy.logcombine(sympy.expand(energy - self._form.limit), force=True))
 
     def __call__(self, y: Any, h: float) -> Any:
         """The value at one point or many.
@@ -117,7 +131,7 @@ class ClosedHamiltonian:
             raise SeriesError(
                 f"h must be less than {smallest:.6g}, the radius of convergence, in absolute value, but was {step}"
             )
-        values = self._form.values(states, step)
+        values = self._form.values(states, step) + float(self._constant)
         return float(values[0]) if len(shape) == 1 else values
 
     def to_dict(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.scenes.blocks import Block
 from integrators.scenes.degrees import Piece
-from integrators.scenes.local_terms import VALUE, Output, Place
+from integrators.scenes.local_terms import VALUE, Output, Place, constant_terms
 from integrators.scenes.system import System
 
 from ..scene_trees import flat_fields
@@ -39,6 +39,7 @@ class EnergyScene(System):
     Attributes:
         scene: The scene.
         field_pieces: The pieces of its field.
+        separated: Whether each term of H belongs to one piece.
         twins: For each energy, the colour of the piece that comes from it (of one of them, if there are several).
         pieces: The pieces of the field, and after them those of the energies.
 
@@ -54,13 +55,15 @@ class EnergyScene(System):
 
     scene: Scene
     field_pieces: tuple[Piece, ...]
+    separated: bool
     twins: tuple[int, ...]
     pieces: tuple[Piece, ...]
     _places: list[Place]
 
     def __init__(self, scene: Scene, pieces: Sequence[Piece]):
         owners = [[k for k, piece in enumerate(pieces) if piece.outputs(term, scene)] for term in scene.local_terms]
-        owner = [found[0] for found in owners] if all(len(found) == 1 for found in owners) else [0] * len(owners)
+        separated = all(len(found) == 1 for found in owners)
+        owner = [found[0] for found in owners] if separated else [0] * len(owners)
         twins = tuple(sorted(set(owner)))
         name = "energy"
         taken = {*scene.variables, *scene.parameter_values, *(block.name for block in scene.blocks)}
@@ -74,6 +77,7 @@ class EnergyScene(System):
             scene=scene,
             blocks=(*scene.blocks, *added),
             field_pieces=tuple(pieces),
+            separated=separated,
             twins=twins,
             pieces=(*pieces, *(Piece(frozenset([block.name])) for block in added)),
             _places=[Place(0, start + twins.index(color), 0) for color in owner],
@@ -93,6 +97,13 @@ class EnergyScene(System):
             term._replace(outputs=(*term.outputs, Output(VALUE, place, 1)))
             for term, place in zip(self.scene.local_terms, self._places, strict=True)
         )
+
+    @cached_property
+    def constant(self) -> sympy.Expr:
+        """The constant of H, which is in none of the energies."""
+        import sympy
+
+        return sympy.Add(*(_written_out(term, self.scene) for term in constant_terms(self.scene)))
 
     @cached_property
     def energies(self) -> tuple[sympy.Expr, ...]:

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 from integrators import IntegratorError
+from integrators.scenes.expansion import as_float
 
 from ..differentials import SymbolicSeries
 from ..evaluation import SceneSeries
@@ -102,14 +103,23 @@ class EnergySeries:
         ring = written.ring
         total = ring.sum((1, energy) for energy in written.elements(k + 1)[self._size :])
         try:
-            return ring.to_expression(total, simplify=simplify and total.size <= MOST_SIMPLIFIED)
+            formula = ring.to_expression(total, simplify=simplify and total.size <= MOST_SIMPLIFIED)
         except TooLarge:
-            return ring.to_expression(total, simplify=False)
+            formula = ring.to_expression(total, simplify=False)
+        return formula if k else formula + self.scene.constant
+
+    @cached_property
+    def _constant(self) -> float:
+        """The constant of H as a double."""
+        if self.scene.constant.free_symbols:
+            names = ", ".join(sorted(map(str, self.scene.constant.free_symbols)))
+            raise SeriesError(f"parameters of the scene must be numbers in compiled code, but {names} are symbols")
+        return as_float(self.scene.constant)
 
     @cached_property
     def compiled(self) -> Callable[[Any, float], float]:
         """The sum as a function (y, h) compiled by numba."""
-        return _scalar(self.series.compiled, self._size, self.scene.dimension)
+        return _scalar(self.series.compiled, self._size, self.scene.dimension, self._constant)
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
         """The sums at the rows of `states`."""
@@ -125,18 +135,22 @@ class EnergySeries:
 
         extended = np.zeros((len(states), self.scene.dimension))
         extended[:, : self._size] = states
-        return self.series.evaluator.terms_at(extended, workers)[:, :, self._size :].sum(axis=2)
+        found = self.series.evaluator.terms_at(extended, workers)[:, :, self._size :].sum(axis=2)
+        found[0] += self._constant
+        return found
 
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
         """The sum at one point, in numbers of mpmath."""
         import mpmath
+        import sympy
 
         extended = self.series.precise([*y, *[0] * (self.scene.dimension - self._size)], h, digits)
-        return mpmath.fsum(extended[self._size :])
+        constant = sympy.lambdify([], self.scene.constant, "mpmath")()
+        return mpmath.fsum([*extended[self._size :], constant])
 
 
-def _scalar(field: Any, size: int, dimension: int) -> Any:
-    """The sum of the last entries of a compiled field, as a function of the first."""
+def _scalar(field: Any, size: int, dimension: int, constant: float) -> Any:
+    """The sum of the last entries of a compiled field and a constant, as a function of the first."""
     import numpy as np
     from numba import njit
 
@@ -148,6 +162,6 @@ def _scalar(field: Any, size: int, dimension: int) -> Any:
         state, out = np.zeros(dimension), np.empty(dimension)
         state[:size] = y
         field(state, h, out)
-        return out[size:].sum()
+        return out[size:].sum() + constant
 
     return compiled

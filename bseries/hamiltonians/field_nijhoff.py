@@ -59,6 +59,13 @@ class FieldNijhoff:
             return None
         return cls(factors[0] * factors[1] / slopes[0] ** 2, 1 / slopes[0], 1 if before[0] else -1, (p, q))
 
+    @property
+    def limit(self) -> sympy.Expr:
+        """The formula for h = 0."""
+        import sympy
+
+        return self._c * sympy.log(self._invariant)
+
     def expression(self, h: Any) -> sympy.Expr:
         """The formula."""
         import sympy

@@ -94,7 +94,7 @@ def _table_of_twins(
     if max(colors) == 0:
         return tree_table(order, 1, degrees(scene, [Piece()]))
     count = len(scene.field_pieces)
-    if blocks and len(scene.twins) == 1:
+    if blocks and not scene.separated:
         return tree_table(order, count)
     rows = [[*row[:count], row[-1]] for row in bounds]
     for twin, energy in zip(scene.twins, rows[count:], strict=True):

@@ -20,7 +20,7 @@ from ..differentials import refusing_large
 from ..states import read_symbolic_step
 from .hamilton_jacobi import HamiltonJacobi, generating_hamiltonian, paired, power_series
 from .ring_power_series import Composition, PowerSeries, SeriesArithmetic
-from .symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
+from .symplectic_stages import Stages, canonical_pairs, entry, hamiltonian_constant, symplectic_stages
 
 if TYPE_CHECKING:
     import sympy
@@ -122,7 +122,7 @@ def generating_function(method: Method, scene: Scene, order: int, *, parts: Any 
     """
     with refusing_large(MOST_MONOMIALS):
         arithmetic, generating = _expanded(method, scene, order, parts)
-        terms = arithmetic.written(generating)
+        terms = _with_constant(arithmetic.written(generating), scene)
     momenta, positions = (
         tuple(scene.symbols[i] for i in places) for places in zip(*canonical_pairs(scene), strict=True)
     )
@@ -155,7 +155,7 @@ def generating_terms(method: Method, scene: Scene, order: int, parts: Any = None
     with refusing_large(MOST_MONOMIALS):
         arithmetic, generating = _expanded(method, scene, order, parts)
         recursion = HamiltonJacobi(arithmetic.coefficients, canonical_pairs(scene))
-        return arithmetic.written(recursion.hamiltonian(generating))
+        return _with_constant(arithmetic.written(recursion.hamiltonian(generating)), scene)
 
 
 def exact_generating_function(
@@ -192,6 +192,11 @@ def exact_generating_function(
         recursion = HamiltonJacobi(arithmetic.coefficients, paired(len(momenta)))
         terms = arithmetic.written(recursion.generating(series[k] for k in range(order)))
     return GeneratingFunction("an exact flow", tuple(momenta), tuple(positions), terms)
+
+
+def _with_constant(terms: tuple[sympy.Expr, ...], scene: Scene) -> tuple[sympy.Expr, ...]:
+    """The terms with the constant of H, which no stage has, in the first."""
+    return terms[0] + hamiltonian_constant(scene), *terms[1:]
 
 
 def _expanded(method: Method, scene: Scene, order: int, parts: Any) -> tuple[SeriesArithmetic, list[Any]]:

@@ -140,6 +140,14 @@ class LinearHamiltonian:
             found.append(Mode(kappa, momenta * form * projection, positions * form * projection, mixed * projection))
         return found
 
+    @property
+    def limit(self) -> sympy.Expr:
+        """The quadratic form itself."""
+        import sympy
+
+        y = sympy.Matrix(self._scene.symbols)
+        return (y.T * self._form * y)[0, 0] / 2
+
     def values(self, y: np.ndarray, h: float) -> np.ndarray:
         """H̃ at the rows of y."""
         return ((y @ self.matrix(h)) * y).sum(axis=1)

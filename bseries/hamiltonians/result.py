@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class ModifiedHamiltonian:
     """The modified Hamiltonian H̃ = H + h H_2 + h² H_3 + …, truncated, as a function of the state and the step size.
 
-    Such functions are made by `modified_hamiltonian`. Its terms are known up to constants.
+    Such functions are made by `modified_hamiltonian`. For h = 0 it is H, with its constant.
 
     Attributes:
         method: The method, or the field series.
@@ -175,7 +175,7 @@ class ModifiedHamiltonian:
             return arithmetic.rounded(arithmetic.vector([value]))[0]
 
     def symbolic(self, k: int) -> sympy.Expr:
-        """The formula of what h^k multiplies, up to a constant.
+        """The formula of what h^k multiplies.
 
         Args:
             k: The power of h, from 0 to order − 1.

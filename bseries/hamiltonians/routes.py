@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from integrators.errors import IntegratorError
 from integrators.scenes.base import Scene
 from trees.counting import check_order
 
 from ..coefficients import check_method
+from ..differential_rings import DifferentialRing
 from ..evaluation import modified_field
 from ..exceptions import SeriesError
 from ..modified_invariants import modified_invariant
@@ -18,6 +20,8 @@ from .result import ModifiedHamiltonian
 from .verdicts import hamiltonian_verdict
 
 if TYPE_CHECKING:
+    import sympy
+
     from ..coefficients import Method
     from .energy_series import EnergySeries
 
@@ -110,8 +114,29 @@ def _found(
 
         return route, EnergyFormulas(scene.symbols, generating_terms(method, scene, order, parts))
     _check_hamiltonian(method, scene, order, parts)
-    integral = modified_invariant(modified_field(method, scene, order, parts=parts))
-    return "integration", EnergyFormulas(scene.symbols, integral.terms)
+    terms = modified_invariant(modified_field(method, scene, order, parts=parts)).terms
+    if route == "integration":
+        terms = _with_constants(terms, method, scene, order, parts, "trees" if canonical else "brackets")
+    return "integration", EnergyFormulas(scene.symbols, terms)
+
+
+def _with_constants(
+    terms: tuple[sympy.Expr, ...], method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
+) -> tuple[sympy.Expr, ...]:
+    """Integrals with the constants that elementary Hamiltonians or brackets have, where one of these is their sum."""
+    if route == "brackets" and isinstance(method, BSeries):
+        return terms
+    try:
+        _, energy = _found(method, scene, order, parts, route)
+    except (SeriesError, IntegratorError):
+        return terms
+    found = [terms[0]]
+    for k, term in enumerate(terms[1:], 1):
+        ring = DifferentialRing.of([energy.symbolic(k) - term], scene.symbols)
+        gap = ring.elements[0]
+        is_constant = all(ring.is_zero(ring.derivative(gap, i)) for i in range(scene.dimension))
+        found.append(term + ring.to_expression(gap) if is_constant else term)
+    return tuple(found)
 
 
 def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, canonical: bool) -> EnergySeries | None:

@@ -158,7 +158,7 @@ def _stages_at(
 
 
 def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, bool, bool]]:
-    """T(p), U(q) and the rest of (a part of) a Hamiltonian, each with whether it depends on q, and on p."""
+    """T(p), U(q), the rest and the constant of (a part of) a Hamiltonian, with whether it depends on q, and on p."""
     import sympy
 
     momenta, positions = (
@@ -176,8 +176,14 @@ def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, boo
         for piece in pieces:
             sums.setdefault(kind(piece), []).append(piece)
     for (kicks, drifts), terms in sums.items():
-        if kicks or drifts:
-            yield sympy.Add(*terms), kicks, drifts
+        yield sympy.Add(*terms), kicks, drifts
+
+
+def hamiltonian_constant(scene: Scene) -> sympy.Expr:
+    """The terms of a Hamiltonian without variables, which are in none of the stages."""
+    import sympy
+
+    return sympy.Add(*(formula for formula, kicks, drifts in _separated(scene, None) if not (kicks or drifts)))
 
 
 def _check_symplectic(stages: Stages, method: Method) -> None:

@@ -87,14 +87,19 @@ def lower(scene: System) -> tuple[LocalTerm, ...]:
     Raises:
         IntegratorError: Such a symbol has the name of a local variable.
     """
-    terms = []
+    return tuple(term for term in _lowered(scene) if term.outputs)
+
+
+def constant_terms(scene: System) -> tuple[LocalTerm, ...]:
+    """The terms of a Hamiltonian that move nothing: constants."""
+    return tuple(term for term in _lowered(scene) if not term.outputs)
+
+
+def _lowered(scene: System) -> Iterator[LocalTerm]:
     for summand in _with_field_of_poisson(scene):
         formula = filled(summand.formula, scene)
         for piece in independent_pieces(formula, _variables_in(formula, summand.sites, scene)):
-            term = _lower_piece(piece, summand, scene)
-            if term.outputs:  # a constant in a Hamiltonian has none
-                terms.append(term)
-    return tuple(terms)
+            yield _lower_piece(piece, summand, scene)
 
 
 def _with_field_of_poisson(scene: System) -> list[Summand]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 import bseries as bs
@@ -87,3 +89,119 @@ def test_the_order_of_blocks_changes_no_part_of_a_splitting(route):
         found = [str(bs.modified_hamiltonian(method, scene, 3, route=route).symbolic(2)) for scene in scenes]
         expected = str(bs.modified_hamiltonian(bs.method(twin), scenes[0], 3).symbolic(2))
         assert found == [expected, expected]
+
+
+LIFTED = {
+    "pendulum": bs.parse_hamiltonian("p^2/2 - cos(q) + 3", start="p=1/2; q=1/3"),
+    "no equilibrium at 0": bs.parse_hamiltonian("(p + 1)^2/2 + (q - 2)^4/4 + 7", start="p=1/2; q=1/3"),
+    "no equilibrium": bs.parse_hamiltonian("p^2/2 + exp(q) - 1/3", start="p=1/2; q=1/3"),
+    "sites": bs.Scene(
+        {"p": 3, "q": 3},
+        terms=[
+            bs.Term(over="each", hamiltonian="p_i^2/2 + 2"),
+            bs.Term(over="chain", hamiltonian="(q_i - q_j)^4 - 1/7"),
+        ],
+        start={"p": [0, 1, "1/2"], "q": [1, 0, "1/3"]},
+    ),
+}
+ROUTES = ("trees", "brackets", "generating-function", "integration")
+
+
+def modified(name, route, method="stormer-verlet", order=5):
+    return bs.modified_hamiltonian(bs.method(method), LIFTED[name], order, route=route)
+
+
+def constant_gap(one, other):
+    """The largest difference of two formulas, terms with powers of h and all constants included, at two points."""
+    points = [(0.3, -0.7, 0.2, 0.9, 0.4, -0.1), (-1.1, 0.6, 0.5, -0.2, 1.3, 0.8)]
+    gaps = []
+    for point in points:
+        values = dict(zip(one.scene.symbols, point, strict=False))
+        gaps += [abs((one.symbolic(k) - other.symbolic(k)).evalf(30, subs=values)) for k in range(one.order)]
+    return max(gaps)
+
+
+@pytest.mark.parametrize("name", LIFTED)
+@pytest.mark.parametrize("method", ["stormer-verlet", "symplectic-euler-q"])
+def test_constants_are_the_same_in_all_routes_and_for_a_step_of_length_zero_it_is_the_hamiltonian(name, method):
+    found = {route: modified(name, route, method, 4) for route in ROUTES}
+    H, y = LIFTED[name], LIFTED[name].y0
+    energy = float(H.hamiltonian.subs(dict(zip(H.symbols, y.tolist(), strict=True))))
+    for route, one in found.items():
+        assert constant_gap(one, found["trees"]) < 1e-25, route
+        assert one(y, 0.0) == pytest.approx(energy, rel=1e-14), route
+        assert float(one.precise(H.start, 0)) == pytest.approx(energy, rel=1e-14), route
+        assert one.compiled(y, 0.0) == pytest.approx(energy, rel=1e-14), route
+        assert one.terms(y)[0] == pytest.approx(energy, rel=1e-14), route
+
+
+def test_towers_keep_the_constant_too():
+    for name, scene in LIFTED.items():
+        H = modified(name, "trees")
+        formulas, towers = (H._energy.by_route(route) for route in ("symbolic", "towers"))
+        states = scene.y0[None]
+        assert towers.values(states, 0.1) == pytest.approx(formulas.evaluator.values(states, 0.1), rel=1e-13)
+        assert towers.compiled(scene.y0, 0.1) == pytest.approx(formulas.evaluator.values(states, 0.1)[0], rel=1e-13)
+
+
+@pytest.mark.parametrize("name", ["pendulum", "no equilibrium", "sites"])
+def test_shadow_energies_have_the_same_constants(name):
+    scene, h, middle = LIFTED[name], 0.01, 20
+    run = bs.integrate(scene, "stormer-verlet", h=h, steps=2 * middle)
+    report = bs.shadow_energy(run, scene, order=8, keep=True)
+    for row in report.rows:
+        values = report.values[row.order]
+        lost = (len(run.t) - len(values)) // 2
+        expected = modified(name, "trees", order=row.order - 1)(run.y[:, middle], h)
+        assert values[middle - lost] == pytest.approx(expected, abs=1e3 * h**row.order + 1e-13), row.order
+
+
+def test_poisson_systems_keep_the_constant_and_agree_with_brackets():
+    lifted = bs.Scene({"p": 1, "q": 1}, hamiltonian="p - log(p) + q - 2*log(q) + 5", poisson=[[0, "p*q"], ["-p*q", 0]])
+    one, other = (
+        bs.modified_hamiltonian(bs.method("lie-trotter"), lifted, 3, route=route)
+        for route in ("brackets", "integration")
+    )
+    points = [[1.3, 0.7], [0.4, 2.1]]
+    for y in points:
+        assert one.terms(y) == pytest.approx(other.terms(y), rel=1e-12, abs=1e-14)
+    assert one([1.0, 2.0], 0.0) == pytest.approx(float(lifted.hamiltonian.subs({"p": 1, "q": 2})), rel=1e-15)
+
+
+def test_what_only_integration_finds_keeps_the_constant_of_the_hamiltonian():
+    lifted = LIFTED["pendulum"]
+    H = bs.modified_hamiltonian(bs.method("rk4"), lifted, 5)
+    plain = bs.modified_hamiltonian(bs.method("rk4"), bs.parse_hamiltonian("p^2/2 - cos(q)"), 5)
+    assert H.route == "integration"
+    assert [H.symbolic(k) - plain.symbolic(k) for k in range(5)] == [3, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("text", "method"),
+    [
+        ("p^2/2 + q^2/2 + 3", "stormer-verlet"),
+        ("p^2/2 + p*q/3 + q^2 - 1/7", "implicit-midpoint"),
+        ("log(1 + p) + log(2 + q) + 5", "symplectic-euler-p"),
+        ("log(2 + 2*p) + log(1 + q)", "symplectic-euler-q"),
+    ],
+)
+def test_closed_forms_keep_the_constant_too(text, method):
+    scene, y, h = bs.parse_hamiltonian(text), [0.3, 0.4], 0.01
+    closed = bs.closed_hamiltonian(bs.method(method), scene)
+    H = bs.modified_hamiltonian(bs.method(method), scene, 7)
+    assert closed(y, h) == pytest.approx(H(y, h), rel=1e-14)
+    values = dict(zip(scene.symbols, y, strict=True))
+    assert float(closed.expression(Fraction(1, 100)).evalf(30, subs=values).as_real_imag()[0]) == pytest.approx(
+        H(y, h), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("text", ["p^2/2", "q^4/4", "3"])
+@pytest.mark.parametrize("method", ["lie-trotter", "strang", "stormer-verlet", "symplectic-euler-p"])
+def test_a_part_may_have_no_energy(text, method):
+    """What moves one block only is separable: every splitting follows it exactly."""
+    scene, chosen = bs.parse_hamiltonian(f"{text} + 0*p*q", blocks="p=p; q=q", start="p=1; q=1"), bs.method(method)
+    for route in ("trees", "brackets"):
+        H = bs.modified_hamiltonian(chosen, scene, 4, route=route)
+        assert [H.symbolic(k) for k in range(4)] == [scene.hamiltonian, 0, 0, 0]
+    assert bs.energy_drift(chosen, scene, h=0.1).breaks is None

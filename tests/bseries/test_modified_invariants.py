@@ -140,7 +140,7 @@ def test_integrals_give_back_the_field(scene, options, method):
 )
 def test_refused_integrals(scene, method, message):
     with pytest.raises(bs.SeriesError, match=message):
-        invariant_of(bs.scene(scene), method, 2)
+        invariant_of(bs.scene(scene), method, 3)
 
 
 def test_effects_without_an_integral():
