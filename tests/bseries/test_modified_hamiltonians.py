@@ -320,53 +320,6 @@ def test_it_is_pickled_and_written_as_data():
     assert latex == r"\frac{p^{2}}{2} - \cos{\left(q \right)} + h \left(- \frac{p \sin{\left(q \right)}}{2}\right)"
 
 
-@pytest.mark.parametrize(
-    ("method", "scene", "order", "last", "tree"),
-    [
-        ("rk4", "pendulum", 5, 4, "[τ,[[τ]]]"),
-        ("rk4", "pendulum", 3, 4, "[τ,[[τ]]]"),
-        ("explicit-euler", "kepler", 1, 0, "[τ]"),
-        ("simplified-takahashi-imada", "henon-heiles", 2, 3, "p[q[p[q[p]]]]"),
-        ("implicit-midpoint", "lotka-volterra", 2, 1, None),
-    ],
-)
-def test_where_a_modified_hamiltonian_ends_is_said_even_if_all_terms_asked_for_are_there(
-    method, scene, order, last, tree
-):
-    H = bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
-    assert (H.verdict.exists_through, H.verdict.broken_tree) == (last, tree)
-    with pytest.raises(bs.SeriesError, match=f"the term with h\\^{last + 1} breaks it"):
-        bs.modified_hamiltonian(bs.method(method), bs.scene(scene), last + 2)
-    sentence = f"H~ exists through h^{last} only: on {scene} the term with h^{last + 1} has no Hamiltonian"
-    assert sentence in str(H).splitlines()[-1]
-    assert (tree or ".") in str(H).splitlines()[-1]
-    data = H.to_dict()
-    assert (data["exists_through"], data["verdict"]["holds"]) == (last, False)
-    assert rf"exists through $h^{{{last}}}$ only" in H.to_latex()
-
-
-@pytest.mark.parametrize(
-    ("method", "scene", "order"),
-    [
-        ("gauss2", "kepler", 2),
-        ("stormer-verlet", "double-pendulum", 2),
-        ("blanes-moan4", "henon-heiles", 2),
-        ("takahashi-imada", "henon-heiles", 2),
-        ("simplified-takahashi-imada", "pendulum", 5),
-        ("symplectic-euler-p", "lotka-volterra", 2),
-    ],
-)
-def test_nothing_is_said_where_no_end_is_known(method, scene, order):
-    H = bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
-    assert (H.verdict.exists_through, H.verdict.limit(), H.to_dict()["exists_through"]) == (None, "", None)
-    assert "exists" not in str(H) + H.to_latex()
-
-
-def test_a_splitting_that_is_not_symplectic_without_separable_hamiltonian_is_found_out():
-    scene = bs.parse_hamiltonian("p^2*cos(q) + q^2")
-    assert bs.modified_hamiltonian(bs.method("strang"), scene, 2).verdict.exists_through == 1
-
-
 def test_a_series_does_as_well_as_its_method():
     for method in ("gauss2", "stormer-verlet"):
         series = bs.modified_equation(bs.method(method), 5)

@@ -296,44 +296,6 @@ def test_names_that_only_look_like_those_of_sites_are_allowed():
     assert str(scene.local_terms[0].formula) == "-2*x0"
 
 
-PAIRS = [("p", "q"), ("v", "x"), ("P", "Q"), ("p", "theta"), ("I", "phi"), ("a", "theta"), ("omega", "theta")]
-
-
-@pytest.mark.parametrize(("momenta", "positions"), PAIRS)
-def test_names_tell_momenta_from_positions_in_any_order(momenta, positions):
-    energy = f"{momenta}^2/2 - cos({positions})"
-    for blocks in ({momenta: 1, positions: 1}, {positions: 1, momenta: 1}):
-        scene = Scene(blocks, hamiltonian=energy)
-        field = dict(zip(scene.variables, map(str, scene.field), strict=True))
-        assert field == {momenta: f"-sin({positions})", positions: momenta}
-        assert scene.canonical_pair is not None
-        assert [block.name for block in scene.canonical_pair] == [momenta, positions]
-
-
-@pytest.mark.parametrize(
-    "blocks",
-    [
-        {"x": 1, "y": 1},
-        {"u": 1, "v": 1},
-        {"x": 1, "q": 1},
-        {"v": 1, "p": 1},
-        {"v": 1, "x": 1, "r": 1},
-        {"p": 1, "q": 2},
-        {"p1": 1, "p2": 1, "q1": 1, "q2": 1},
-    ],
-)
-def test_a_hamiltonian_of_blocks_whose_names_tell_nothing_is_refused(blocks):
-    with pytest.raises(IntegratorError, match=r"told apart by their names: p and q, which may hold any variables"):
-        Scene(blocks, hamiltonian=" + ".join(f"{name}^2" for name in blocks if blocks[name] == 1))
-    formulas = {name: "0" for block, size in blocks.items() for name in ([block] if size == 1 else ("q1", "q2"))}
-    assert Scene(blocks, field=formulas).canonical_pair is None
-
-
-def test_other_blocks_beside_p_and_q_do_not_matter():
-    scene = Scene({"x": 1, "q": 1, "p": 1}, hamiltonian="p^2/2 + q^4/4", field={"x": "-x"})
-    assert str(scene.field) == "(-x, p, -q**3)"
-
-
 # Effects
 
 THERMOSTAT = Effect(
