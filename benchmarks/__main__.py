@@ -51,7 +51,7 @@ def main(
         return
     from rich.console import Console
 
-    from integrators.files import atomic_write
+    from integrators.methods.tableaux.files import atomic_write
 
     for path in filter(None, (json_file, page)):
         check_folder(path)
@@ -123,8 +123,8 @@ def check_folder(path: Path) -> Path:
 
 def write_page(result: Mapping[str, Any], page: Path) -> None:
     """Write the page and its pictures."""
-    from bseries.figures.saving import picture
-    from integrators.files import atomic_write
+    from bseries.plotting import picture
+    from integrators.methods.tableaux.files import atomic_write
 
     for name, drawn in pictures(result).items():
         file = page.parent / name

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import bseries as bs
 from trees import table as tables
-from trees.partitions import partitions_of
+from trees.table import partitions_of
 
 from .kinds import GB, Case
 from .timing import ROOT, Sample, Sampler, run, time_calls

@@ -19,7 +19,7 @@ from .kinds import GB, Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
 if TYPE_CHECKING:
-    from bseries.coefficients import Method
+    from bseries.algebra.stages import Method
 
 FLOAT_MIDPOINT = ([[0, 0], [0.5, 0]], [0.0, 1.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 import bseries as bs
-from bseries.advice.step_costs import MOST_STEPS, Work, step_costs
+from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
 
 from .kinds import Figure, Measurement
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 
-from bseries.advice.machine import machine
+from bseries.advice.timing import machine
 
 from .timing import ROOT
 

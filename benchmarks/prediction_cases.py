@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.distances import energy_size, relative_change, relative_distance
-from bseries.advice.expected_error import ONLY_ROUNDING
+from bseries.advice.prediction.expected_errors import ONLY_ROUNDING
 
 from .kinds import Figure, Measurement
 

@@ -13,7 +13,7 @@ from .kinds import Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
 if TYPE_CHECKING:
-    from bseries.evaluation import SceneSeries
+    from bseries.fields.scene_series import SceneSeries
 
 POINTS = 400
 

@@ -7,8 +7,7 @@ from functools import lru_cache
 from numbers import Real
 
 from foundation.memory import refuse_beyond_memory
-
-from .errors import TreeError
+from trees.errors import TreeError
 
 MOST_NODES = 60
 """No table and no count goes further: residues and bounds in `bseries` rely on it, and memory ends long before."""

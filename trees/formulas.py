@@ -11,14 +11,14 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from .errors import TreeError
-from .names import node_names
-from .notation import nest
+from trees.errors import TreeError
+from trees.names import node_names
+from trees.notation import nest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .tree import Tree
+    from trees.tree import Tree
 
 _INDICES = "ijklmnrsuvwxyz"  # without the names of blocks, of the node and of zero
 

@@ -20,12 +20,12 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from . import kernels
-from .compiled import kernel
-from .errors import TreeError
-from .kernels import OUTSIDE, graft, product
-from .table import TreeTable, tree_table
-from .tree import Tree
+from trees import kernels
+from trees.compiled import kernel
+from trees.errors import TreeError
+from trees.kernels import OUTSIDE, graft, product
+from trees.table import TreeTable, tree_table
+from trees.tree import Tree
 
 
 class Rooting(NamedTuple):

@@ -7,7 +7,7 @@ contiguous, so id(u ∘ v) = base[u, |v|, colour(v)] + v, without any hashing.
 
 from __future__ import annotations
 
-from .compiled import kernel
+from trees.compiled import kernel
 
 OUTSIDE = -(2**31)
 """Base of a product that the table does not hold: so small that adding any id leaves it negative."""

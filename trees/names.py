@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .errors import TreeError
+from trees.errors import TreeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

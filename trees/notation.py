@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .errors import TreeError
-from .names import check_names, default_color, is_name, is_number, node_names
+from trees.errors import TreeError
+from trees.names import check_names, default_color, is_name, is_number, node_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

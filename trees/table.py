@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-from . import kernels
-from .compiled import compiling_pays
-from .counting import (
+from trees import kernels
+from trees.compiled import compiling_pays
+from trees.counting import (
     UNBOUNDED,
     Limits,
     check_order,
@@ -18,11 +18,12 @@ from .counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
-from .errors import TreeError
-from .tree import Tree
+from trees.errors import TreeError
+from trees.tree import Tree
 
 if TYPE_CHECKING:
     import numpy as np
+
 
 KEPT_SPLITS = 2**26
 """Splits of the top order beyond this number are made in passing, never kept."""
@@ -214,7 +215,7 @@ class TreeTable(Sequence[Tree]):
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def _repr_svg_(self) -> str:
-        from .drawing import svg
+        from trees.display.drawing import svg
 
         return svg(self)
 
@@ -323,7 +324,7 @@ class TreeTable(Sequence[Tree]):
         )  # fmt: skip
 
     def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
-        """Fill the columns that `trees.partitions` describes."""
+        """Fill the columns that `trees.table` describes."""
         self.run(kernels.list_partitions)(
             0, len(self), self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
             self._base_start, self._base, start, skeleton, part, self.column(self.max_order, "int32"),
@@ -370,3 +371,52 @@ def tree_table(
     order, colors = check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return _kept_table(order, limits) or TreeTable(order, colors, limits)
+
+
+class Partitions(NamedTuple):
+    """All partitions of the trees of a table; a tree with n nodes has 2^(n−1) from start[n] + tree·2^(n−1) on.
+
+    Attributes:
+        start: By number of nodes, where the lists start.
+        skeleton: Id of the tree that is left when every part shrinks to a node.
+        part: Id of the part that holds the root.
+        kept: How many partitions belong to trees below the largest order.
+    """
+
+    start: Any
+    skeleton: Any
+    part: Any
+    kept: int
+
+
+@lru_cache(maxsize=4)
+def partitions_of(table: TreeTable) -> Partitions:
+    """The partitions of all trees of a table, kept for the next caller (the last four tables are).
+
+    Args:
+        table: All trees up to some order; skeletons of a restricted family leave it.
+
+    Raises:
+        TreeError: The table is restricted, or the lists would not fit in memory (refused before any work).
+
+    Example:
+        >>> partitions = partitions_of(TreeTable(4))
+        >>> len(partitions.skeleton)
+        43
+
+    References:
+        P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010), §3.2,
+        doi:10.1007/s10208-010-9065-1.
+    """
+    if table.limits != normal_limits(table.colors, None):
+        raise TreeError(f"table must hold all trees, since skeletons have any number of children, but was {table!r}")
+    sizes = table.sizes
+    total = sum(size << n for n, size in enumerate(sizes))
+    refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
+    start, begin = [0], 0
+    for n in range(1, table.max_order + 1):
+        start.append(begin - (table.ids(n).start << (n - 1)))
+        begin += sizes[n - 1] << (n - 1)
+    starts, skeleton, part = table.column(start), table.column(total, "int32"), table.column(total, "int32")
+    table.list_partitions(starts, skeleton, part)
+    return Partitions(starts, skeleton, part, total - (sizes[-1] << (table.max_order - 1)))

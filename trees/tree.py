@@ -7,8 +7,8 @@ from math import factorial, prod
 from operator import index
 from typing import TYPE_CHECKING, Any
 
-from .errors import TreeError
-from .notation import MAX_ORDER, parse, tree_text
+from trees.errors import TreeError
+from trees.notation import MAX_ORDER, parse, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -129,14 +129,14 @@ class Tree:
 
     @staticmethod
     def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
-        """The tree that a networkx graph holds; see `trees.networks.from_networkx`."""
-        from .networks import from_networkx
+        """The tree that a networkx graph holds; see `trees.display.networks.from_networkx`."""
+        from trees.display.networks import from_networkx
 
         return from_networkx(graph, root)
 
     def to_networkx(self) -> nx.DiGraph:
-        """The tree as a networkx graph; see `trees.networks.to_networkx`."""
-        from .networks import to_networkx
+        """The tree as a networkx graph; see `trees.display.networks.to_networkx`."""
+        from trees.display.networks import to_networkx
 
         return to_networkx(self)
 
@@ -254,19 +254,19 @@ class Tree:
 
     def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
-        from .formulas import elementary_differential
+        from trees.formulas import elementary_differential
 
         return elementary_differential(self, format, names)
 
     def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
-        from .formulas import elementary_weight
+        from trees.formulas import elementary_weight
 
         return elementary_weight(self, format, names)
 
     def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
-        from .formulas import order_condition
+        from trees.formulas import order_condition
 
         return order_condition(self, format, names)
 
@@ -277,7 +277,7 @@ class Tree:
         return f"Tree('{self.text()}')"
 
     def _repr_svg_(self) -> str:
-        from .drawing import svg
+        from trees.display.drawing import svg
 
         return svg(self)
 

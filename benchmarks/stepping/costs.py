@@ -34,7 +34,7 @@ MEMBERS, SPREAD = 400, 0.01
 
 def observed_steps(scene: str, method: str) -> Run:
     """Steps with compensated summation, and energy observed after every 100th."""
-    from integrators.observers import observers
+    from integrators.runs.observers import observers
 
     model = bs.scene(scene)
     stepper, energy = bs.stepper(model, method), observers(model, "energy")

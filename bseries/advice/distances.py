@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from integrators.scenes.blocks import TIME
+from integrators.scenes.model.blocks import TIME
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.scenes.base import Scene
+    from integrators.scenes.scene import Scene
 
 SHIFT, NOISE = 2.0**-20, 2.0**-46
 """By what part variables are shifted for derivatives, and of which part of its terms an energy is only rounding."""
@@ -77,7 +77,7 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
     """
     import numpy as np
 
-    from integrators.observers import observers
+    from integrators.runs.observers import observers
 
     energy = observers(scene, "energy")
     start = float(energy(0.0, y0)[0])

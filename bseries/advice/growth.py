@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
-from .distances import largest_size
+from bseries.advice.distances import largest_size
 
 if TYPE_CHECKING:
     import numpy as np

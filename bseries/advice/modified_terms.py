@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..evaluation import modified_field
-from ..exceptions import SeriesError
-from ..structure import symmetry, symplecticity
-from .growth import goes_on
-from .structure_functions import inverse_structure
+from bseries.advice.conservation import inverse_structure
+from bseries.advice.growth import goes_on
+from bseries.analysis.structure import symmetry, symplecticity
+from bseries.exceptions import SeriesError
+from bseries.fields.scene_series import modified_field
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import numpy as np
 
+    from bseries.algebra.stages import Method
+    from bseries.fields.scene_series import SceneSeries
     from integrators import Program, Scene
-
-    from ..coefficients import Method
-    from ..evaluation import SceneSeries
 
 ORDERS = 4, 7, 9, 11, 13
 """How many terms are looked at to find the first that is not zero."""
@@ -144,8 +143,8 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
 def in_floats(method: Method) -> Program:
     """A method with all its numbers rounded to doubles: series of decimals are slow, since their digits are counted."""
     from integrators import Program
-    from integrators.evaluations import Flow
-    from integrators.transformations import mapped
+    from integrators.methods.program.evaluations import Flow
+    from integrators.methods.program.transformations import mapped
 
     program: Any = getattr(method, "program", method)
 

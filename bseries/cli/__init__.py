@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Run the command with the arguments of this process."""
     try:
-        from .application import application
+        from bseries.cli.application import application
 
         application(prog_name="bseries")
     except KeyboardInterrupt:  # while starting; later ones end in `application`

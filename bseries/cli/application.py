@@ -14,24 +14,24 @@ from typing import Any, TextIO
 import click
 
 VERBS = {
-    "modified": "series_verbs",
-    "modifying": "series_verbs",
-    "series": "series_verbs",
-    "compose": "compose_verb",
-    "equation": "equation_verb",
-    "hamiltonian": "hamiltonian_verb",
-    "drift": "drift_verb",
-    "check": "check_verb",
-    "conditions": "conditions_verb",
-    "trees": "tree_verb",
-    "methods": "catalogue_verb",
-    "scenes": "scenes_verb",
-    "simulate": "simulate_verb",
-    "shadow": "shadow_verb",
-    "effects": "effects_verb",
-    "cost": "cost_verb",
-    "figure": "figure_verb",
-    "completion": "completion_verb",
+    "modified": "series",
+    "modifying": "series",
+    "series": "series",
+    "compose": "compose",
+    "equation": "equation",
+    "hamiltonian": "hamiltonian",
+    "drift": "drift",
+    "check": "check",
+    "conditions": "conditions",
+    "trees": "trees",
+    "methods": "methods",
+    "scenes": "scenes",
+    "simulate": "simulate",
+    "shadow": "shadow",
+    "effects": "effects",
+    "cost": "cost",
+    "figure": "figure",
+    "completion": "completion",
 }
 """Every verb and the module that holds it."""
 
@@ -56,7 +56,7 @@ class Application(click.Group):
         """Import a verb."""
         if cmd_name not in VERBS:
             return None
-        return getattr(import_module(f".{VERBS[cmd_name]}", __package__), cmd_name)
+        return getattr(import_module(f"bseries.cli.verbs.{VERBS[cmd_name]}"), cmd_name)
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run; failures print one line and exit with code 2."""

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import click
 
-from . import layout
-from .application import Refusal
-from .progress import Progress
+from bseries.cli import table as layout
+from bseries.cli.application import Refusal
+from bseries.cli.progress import Progress
 
 T = TypeVar("T")
 
@@ -80,7 +80,7 @@ class Output(NamedTuple):
     def write(self, chunks: Iterable[str]) -> None:
         """Write text piece by piece; a file appears when it is complete."""
         if self.path is not None:
-            from integrators.files import atomic_write
+            from integrators.methods.tableaux.files import atomic_write
 
             atomic_write(self.path, "".join(chunks))
             return

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
-from integrators.scenes.blocks import ROLES
-
-from .layout import latex_text
+from bseries.cli.table import latex_text
+from integrators.scenes.model.blocks import ROLES
 
 if TYPE_CHECKING:
     import sympy

@@ -130,7 +130,7 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
     """To the left starts from the point at rest on, to the right those near the saddle point."""
     import numpy as np
 
-    from .style import VERMILION
+    from bseries.plotting import VERMILION
 
     left, right = figure.subplots(1, 2)
     _draw_map(left, numbers.h, numbers.bottom, numbers.chaotic_bottom)
@@ -150,7 +150,7 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
 def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
     from matplotlib.colors import ListedColormap
 
-    from .style import BLUE, WHITE
+    from bseries.plotting import BLUE, WHITE
 
     axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, BLUE]), shading="nearest", rasterized=True)
     axes.fill([], [], color=BLUE, label="chaotic")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_number
+from bseries.figures.options import check_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,7 +93,7 @@ def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
 
 def draw(numbers: EnergyError, figure: Figure) -> None:
     """Above both errors, below the smaller one from nearby."""
-    from .style import BLACK, BLUE, GREY, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     above, below = figure.subplots(2)
     thin = slice(None, None, max(1, len(numbers.t) // MOST_DRAWN))

@@ -116,7 +116,7 @@ def draw(numbers: LargeSteps, figure: Figure) -> None:
 def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
     import numpy as np
 
-    from .style import BLUE, GREEN, GREY, PURPLE, VERMILION
+    from bseries.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
 
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")

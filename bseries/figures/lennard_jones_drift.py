@@ -6,8 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-
-from .options import check_count, check_number
+from bseries.figures.options import check_count, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -147,7 +146,7 @@ def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
 
 
 def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
-    from .style import BLACK, BLUE, GREY, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     t, law = numbers.t, numbers.coefficient * numbers.t**0.5
     label = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
@@ -165,7 +164,7 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
 def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
     import numpy as np
 
-    from .style import BLACK, BLUE, VERMILION
+    from bseries.plotting import BLACK, BLUE, VERMILION
 
     rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
     t, deviation, mean, error = (

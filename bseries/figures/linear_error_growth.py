@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_number
+from bseries.figures.options import check_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -174,7 +173,7 @@ def _draw_curves(
 ) -> None:
     import numpy as np
 
-    from .style import BLUE, GREEN, PURPLE, VERMILION
+    from bseries.plotting import BLUE, GREEN, PURPLE, VERMILION
 
     rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
     names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))

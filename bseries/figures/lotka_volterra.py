@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_number
-from .truncated_scenes import truncated_scene
+from bseries.figures.options import check_number
+from bseries.figures.truncated_scenes import truncated_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,7 +117,7 @@ def draw(numbers: LotkaVolterra, figure: Figure) -> None:
 
 
 def _draw_panel(axes: Axes, curves: np.ndarray, runs: np.ndarray) -> None:
-    from .style import BLACK, BLUE, GREY, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     for curve in curves[len(runs) :]:
         axes.plot(*curve, color=GREY, linewidth=0.7)

@@ -7,8 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import bseries as bs
-
-from .options import check_count
+from bseries.figures.options import check_count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -157,7 +156,7 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     """From left to right: errors by N, the least ones by 1/h, the N that they are for."""
     import numpy as np
 
-    from .style import BLACK, BLUE, VERMILION
+    from bseries.plotting import BLACK, BLUE, VERMILION
 
     left, middle, right = figure.subplots(1, 3)
     _draw_errors(left, numbers.pendulum)
@@ -178,7 +177,7 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
 
 def _draw_errors(axes: Axes, found: Truncations) -> None:
     """Errors by the number of terms, the least of them marked."""
-    from .style import BLUE, GREEN, VERMILION
+    from bseries.plotting import BLUE, GREEN, VERMILION
 
     for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
         axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")

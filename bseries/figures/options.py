@@ -5,7 +5,7 @@ from __future__ import annotations
 from numbers import Integral, Real
 from typing import Any
 
-from ..exceptions import SeriesError
+from bseries.exceptions import SeriesError
 
 
 def check_number(value: Any, argument: str, least: float, most: float) -> float:

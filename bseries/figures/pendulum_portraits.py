@@ -128,7 +128,7 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder from outside, with q = 0 in front."""
     import numpy as np
 
-    from .style import BLACK, GREY, WHITE
+    from bseries.plotting import BLACK, GREY, WHITE
 
     for p, q in levels:
         for is_front in (False, True):
@@ -164,7 +164,7 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder cut open."""
     import numpy as np
 
-    from .style import GREY
+    from bseries.plotting import GREY
 
     for p, q in levels:
         axes.plot(q, p, color=GREY, linewidth=0.8)
@@ -176,7 +176,7 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
 
 def _looks() -> list[dict[str, Any]]:
     """How runs are drawn, by their number."""
-    from .style import BLUE, GREEN, VERMILION
+    from bseries.plotting import BLUE, GREEN, VERMILION
 
     common = {"linestyle": "none", "markersize": 2.2}
     return [

@@ -7,7 +7,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from ..exceptions import SeriesError
+from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -111,9 +111,8 @@ def drawn(file: FigureFile, numbers: Any) -> Figure:
     Raises:
         IntegratorError: matplotlib is not installed.
     """
-    from integrators.optional_modules import optional_module
-
-    from .style import new_figure, print_style
+    from bseries.plotting import new_figure, print_style
+    from integrators.core.optional_modules import optional_module
 
     optional_module("matplotlib", "figures")
     with print_style():

@@ -6,9 +6,8 @@ from math import log
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_number
-from .truncated_scenes import truncated_scene
+from bseries.figures.options import check_number
+from bseries.figures.truncated_scenes import truncated_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,7 +82,7 @@ def columns(numbers: Riccati) -> dict[str, np.ndarray]:
 
 def draw(numbers: Riccati, figure: Figure) -> None:
     """Curves through, and away from, the dots of the numerical solution."""
-    from .style import BLACK, BLUE, GREEN, GREY, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
     axes, h = figure.add_subplot(), numbers.h
     looks = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}

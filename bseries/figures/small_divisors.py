@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_count
+from bseries.figures.options import check_count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -142,7 +141,7 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
 
 
 def _draw_divisors(axes: Axes, found: Divisors) -> None:
-    from .style import BLACK, BLUE
+    from bseries.plotting import BLACK, BLUE
 
     axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
     law = found.gamma * found.norm ** -float(found.nu)
@@ -155,7 +154,7 @@ def _draw_known(axes: Axes, omega: np.ndarray) -> None:
     """The divisors that have a name, if all of their planets are there."""
     import numpy as np
 
-    from .style import VERMILION
+    from bseries.plotting import VERMILION
 
     for k in KNOWN:
         if not any(k[len(omega) :]):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_number
+from bseries.figures.options import check_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -113,7 +112,7 @@ def columns(numbers: TakahashiImadaDrift) -> dict[str, np.ndarray]:
 
 def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
     """Above the pendulum whose energy drifts, below the one whose energy does not."""
-    from .style import BLACK, BLUE, GREEN, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
     (above, below), (h, t) = figure.subplots(2, height_ratios=(1.7, 1), sharex=True), numbers[:2]
     predicted = numbers.perturbed.slope

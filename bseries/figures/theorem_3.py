@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-
-from .options import check_count
+from bseries.figures.options import check_count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,7 +104,7 @@ def draw(numbers: Conservation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservation) -> None:
-    from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+    from bseries.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
     colours = (BLACK, ORANGE, BLUE, VERMILION, GREEN, PURPLE, SKY)
     is_short = len(x) < SHOWN // 2

@@ -107,7 +107,7 @@ def columns(numbers: Toda) -> dict[str, np.ndarray]:
 
 def draw(numbers: Toda, figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
-    from .style import BLUE, VERMILION
+    from bseries.plotting import BLUE, VERMILION
 
     above, below = figure.subplots(2, sharex=True)
     looks = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)

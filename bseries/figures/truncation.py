@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-
-from .options import check_count, check_number
-from .truncated_scenes import truncated_scene
+from bseries.figures.options import check_count, check_number
+from bseries.figures.truncated_scenes import truncated_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,7 +103,7 @@ def draw(numbers: Truncation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
-    from .style import BLACK
+    from bseries.plotting import BLACK
 
     for curve, look in zip(numbers.curves[method], _looks(numbers), strict=True):
         axes.plot(*curve, **look)
@@ -115,7 +114,7 @@ def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
 
 def _looks(numbers: Truncation) -> list[dict[str, Any]]:
     """How the curves are drawn, by the number of terms."""
-    from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+    from bseries.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 
     terms = len(next(iter(numbers.curves.values())))
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]

@@ -1,1 +1,1 @@
-"""Modified Hamiltonians: from trees, from brackets and from generating functions; what they say, and where none are."""
+"""Modified Hamiltonians: from trees, from brackets and from generating functions."""

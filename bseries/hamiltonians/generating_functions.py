@@ -11,24 +11,28 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.entries import sum_entries
-from integrators.remembering import remembered
+from bseries.fields.differentials import refusing_large
+from bseries.fields.inputs import read_symbolic_step
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.hamiltonians.hamilton_jacobi import HamiltonJacobi, generating_hamiltonian, paired, power_series
+from bseries.hamiltonians.ring_power_series import Composition, PowerSeries, SeriesArithmetic
+from bseries.hamiltonians.symplectic_stages import (
+    Stages,
+    canonical_pairs,
+    entry,
+    hamiltonian_constant,
+    symplectic_stages,
+)
+from integrators.core.immutable import remembered
+from integrators.exact.entries import sum_entries
 from trees.counting import check_order
-
-from ..differential_rings import MOST_MONOMIALS, DifferentialRing
-from ..differentials import refusing_large
-from ..states import read_symbolic_step
-from .hamilton_jacobi import HamiltonJacobi, generating_hamiltonian, paired, power_series
-from .ring_power_series import Composition, PowerSeries, SeriesArithmetic
-from .symplectic_stages import Stages, canonical_pairs, entry, hamiltonian_constant, symplectic_stages
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.linear_forms import LinearForm
-    from integrators.scenes.base import Scene
-
-    from ..coefficients import Method
+    from bseries.algebra.stages import Method
+    from integrators.methods.program.evaluations import LinearForm
+    from integrators.scenes.scene import Scene
 
 
 class GeneratingFunction(NamedTuple):

@@ -16,13 +16,12 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from integrators.remembering import remembered
+from bseries.exceptions import SeriesError
+from bseries.fields.differentials import refusing_large
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.hamiltonians.ring_power_series import Expansion, PowerSeries, SeriesArithmetic
+from integrators.core.immutable import remembered
 from trees.counting import check_order
-
-from ..differential_rings import MOST_MONOMIALS
-from ..differentials import refusing_large
-from ..exceptions import SeriesError
-from .ring_power_series import Expansion, PowerSeries, SeriesArithmetic
 
 if TYPE_CHECKING:
     import sympy

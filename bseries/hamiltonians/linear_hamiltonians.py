@@ -15,21 +15,19 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.exceptions import SeriesError
+from bseries.fields.convergence import convergence_radius
+from bseries.hamiltonians.oscillator_steps import DIGITS, OscillatorStep
+from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, symplectic_stages
 from integrators import RungeKutta
-from integrators.remembering import remembered
-
-from ..convergence import convergence_radius
-from ..exceptions import SeriesError
-from .oscillator_steps import DIGITS, OscillatorStep
-from .symplectic_stages import Stages, canonical_pairs, symplectic_stages
+from integrators.core.immutable import remembered
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from integrators.scenes.base import Scene
-
-    from ..coefficients import Method
+    from bseries.algebra.stages import Method
+    from integrators.scenes.scene import Scene
 
 
 class Mode(NamedTuple):

@@ -17,17 +17,16 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from integrators.field_elements import dot, from_element, to_elements
-from integrators.resolvents import adjugate_terms
-from integrators.stability import stability_function
-
-from .symplectic_stages import Stages, entry
+from bseries.analysis.stability.field_elements import dot, from_element, to_elements
+from bseries.analysis.stability.functions import stability_function
+from bseries.analysis.stability.resolvents import adjugate_terms
+from bseries.hamiltonians.symplectic_stages import Stages, entry
 
 if TYPE_CHECKING:
     import sympy
 
     from integrators import RungeKutta
-    from integrators.linear_forms import LinearForm
+    from integrators.methods.program.evaluations import LinearForm
 
 DIGITS = 60
 """Digits to compute roots with; multiple ones lose many."""

@@ -14,14 +14,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from ..differential_rings import MOST_MONOMIALS, DifferentialRing, Element
-from ..flint_rings import fastest
-from ..sparse_polynomials import ONE, exponents, generator, generators_of
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing, Element
+from bseries.fields.symbolic.flint_rings import fastest
+from bseries.fields.symbolic.sparse_polynomials import ONE, exponents, generator, generators_of
 
 if TYPE_CHECKING:
     import sympy
 
-    from ..sparse_polynomials import Number, Terms
+    from bseries.fields.symbolic.sparse_polynomials import Number, Terms
 
 
 class PowerSeries:

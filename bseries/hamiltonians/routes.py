@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from integrators.errors import IntegratorError
-from integrators.scenes.base import Scene
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.stages import check_method
+from bseries.exceptions import SeriesError
+from bseries.fields.modified_invariants import modified_invariant
+from bseries.fields.scene_series import modified_field
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.evaluation import EnergyFormulas
+from bseries.hamiltonians.from_trees import energy_series, energy_trees
+from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+from bseries.hamiltonians.verdicts import hamiltonian_verdict
+from integrators.core.errors import IntegratorError
+from integrators.scenes.scene import Scene
 from trees.counting import check_order
-
-from ..coefficients import check_method
-from ..differential_rings import DifferentialRing
-from ..evaluation import modified_field
-from ..exceptions import SeriesError
-from ..modified_invariants import modified_invariant
-from ..truncated import BSeries
-from .energy_formulas import EnergyFormulas
-from .from_trees import energy_series, energy_trees
-from .result import ModifiedHamiltonian
-from .verdicts import hamiltonian_verdict
 
 if TYPE_CHECKING:
     import sympy
 
-    from ..coefficients import Method
-    from .energy_series import EnergySeries
+    from bseries.algebra.stages import Method
+    from bseries.hamiltonians.evaluation import EnergySeries
 
 ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
 
@@ -102,7 +101,7 @@ def _found(
             raise SeriesError(f"method must be symplectic for the route 'trees', but {verdict}")
     is_method = not isinstance(method, BSeries)
     if is_method and (route == "brackets" or (route == "auto" and scene.poisson is not None)):
-        from ..brackets.on_scenes import bracket_terms
+        from bseries.hamiltonians.brackets.on_scenes import bracket_terms
 
         try:
             return "brackets", EnergyFormulas(scene.symbols, bracket_terms(method, scene, order, parts))
@@ -110,7 +109,7 @@ def _found(
             if route == "brackets":
                 raise
     if is_method and route == "generating-function":
-        from .generating_functions import generating_terms
+        from bseries.hamiltonians.generating_functions import generating_terms
 
         return route, EnergyFormulas(scene.symbols, generating_terms(method, scene, order, parts))
     _check_hamiltonian(method, scene, order, parts)

@@ -15,24 +15,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.algebra.stages import check_method
+from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.entries import cancels, multiply_entries, sum_entries
-from integrators.evaluations import Field, Flow
-from integrators.scenes.base import Scene
-from integrators.scenes.degrees import Piece
-from integrators.scenes.expansion import flat_hamiltonian
-from integrators.scenes.parts import pieces_of
-
-from ..coefficients import check_method
-from ..exceptions import SeriesError
+from integrators.exact.entries import cancels, multiply_entries, sum_entries
+from integrators.methods.program.evaluations import Field, Flow
+from integrators.scenes.particles.degrees import Piece
+from integrators.scenes.particles.expansion import flat_hamiltonian
+from integrators.scenes.particles.parts import pieces_of
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.evaluations import Evaluation
-    from integrators.linear_forms import LinearForm
-
-    from ..coefficients import Method
+    from bseries.algebra.stages import Method
+    from integrators.methods.program.evaluations import Evaluation, LinearForm
 
 Multiples = Mapping[int, Any]
 """What multiple of h H_q or h H_p at a stage the evaluations k_e of a program are."""
@@ -98,7 +95,7 @@ def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages
     Args:
         method: The method: a tableau, or a program of evaluations of the field and of flows that only kick or drift.
         scene: The scene.
-        parts: What the method's parts are; see `integrators.scenes.parts.pieces_of`.
+        parts: What the method's parts are; see `integrators.scenes.particles.parts.pieces_of`.
 
     Raises:
         SeriesError: The scene is not canonical, the method is not exact or does something else, or is not symplectic:

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from bseries.exceptions import SeriesError
+from bseries.fields.differentials import refusing_large
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.hamiltonians.generating_functions import GeneratingFunction
+from bseries.hamiltonians.hamilton_jacobi import check_formula, check_symbols
+from bseries.hamiltonians.ring_power_series import Composition, Expansion
 from trees.counting import check_order
-
-from ..differential_rings import MOST_MONOMIALS
-from ..differentials import refusing_large
-from ..exceptions import SeriesError
-from .generating_functions import GeneratingFunction
-from .hamilton_jacobi import check_formula, check_symbols
-from .ring_power_series import Composition, Expansion
 
 if TYPE_CHECKING:
     import sympy
 
-    from ..differential_rings import Element
+    from bseries.fields.symbolic.differential_rings import Element
 
 
 def variational_generating_function(

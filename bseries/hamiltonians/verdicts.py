@@ -15,29 +15,27 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.modified import modified_equation
+from bseries.algebra.stages import check_method, own_trees
+from bseries.analysis.order import order_of, trusted
+from bseries.analysis.structure import hamiltonian_field
+from bseries.analysis.structure_conditions import SEPARABLE
+from bseries.analysis.verdicts import failing, samples_of
+from bseries.fields.differentials import refusing_large
+from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
+from bseries.fields.scene_series import SceneSeries, modified_field
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.hamiltonians.brackets.bracket_trees import is_chain
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.child_bounds import common_bounds
-from integrators.scenes.degrees import degrees
+from integrators.methods.program.child_bounds import common_bounds
+from integrators.scenes.particles.degrees import degrees
 from trees.table import tree_table
 
-from ..brackets.bracket_trees import is_chain
-from ..coefficients import check_method, own_trees
-from ..conditions import order_of, trusted
-from ..differential_rings import MOST_MONOMIALS
-from ..differentials import refusing_large
-from ..evaluation import SceneSeries, modified_field
-from ..modified import modified_equation
-from ..modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
-from ..structure import hamiltonian_field
-from ..structure_conditions import SEPARABLE
-from ..truncated import BSeries
-from ..verdicts import failing, samples_of
-
 if TYPE_CHECKING:
+    from bseries.algebra.stages import Method
+    from bseries.analysis.verdicts import Verdict
     from integrators import Scene
-
-    from ..coefficients import Method
-    from ..verdicts import Verdict
 
 DIGITS = 100
 STEP = "1e-33"
@@ -248,7 +246,7 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
     """u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, by power of h, and the size of the three terms."""
     import mpmath
 
-    from ..precise import PreciseSeries
+    from bseries.fields.any_precision import PreciseSeries
 
     terms, matrix = PreciseSeries(f, DIGITS).terms, _function(f.scene, structure)
     random, step = Random(1), mpmath.mpf(STEP)

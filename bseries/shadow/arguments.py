@@ -6,7 +6,7 @@ import math
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from ..exceptions import SeriesError
+from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
     import numpy as np

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NoReturn
 
-from ..exceptions import SeriesError
-from . import kernels
-from .states import AHEAD, BEHIND, FULL, MIDDLE, States, longest
+from bseries.exceptions import SeriesError
+from bseries.shadow import kernels
+from bseries.shadow.states import AHEAD, BEHIND, FULL, MIDDLE, States, longest
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .roundings import Roundings
-    from .sources import Source
-    from .states import Columns
+    from bseries.shadow.roundings import Roundings
+    from bseries.shadow.sources import Source
+    from bseries.shadow.states import Columns
 
 CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
 """How much of a step a right assumption leaves unexplained: between ratios, of long steps, and of definitions."""

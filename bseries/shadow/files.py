@@ -3,22 +3,199 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from itertools import chain, islice
+from typing import IO, TYPE_CHECKING, Any
 
-from integrators.stored_arrays import StoredArrays
-from integrators.trajectory_files import PART, RUN
-
-from ..exceptions import SeriesError
-from .sources import Source, array_source
-from .text import text_source
+from bseries.exceptions import SeriesError
+from bseries.shadow.roundings import Rounding, written
+from bseries.shadow.sources import ALIASES, VECTORS, Source, array_source, check_roles, choose, settled
+from integrators.core.stored_arrays import StoredArrays
+from integrators.core.text_files import read_lines
+from integrators.runs.trajectory import PART, RUN
 
 if TYPE_CHECKING:
+    from bseries.shadow.scene_forces import SceneForces
+    from bseries.shadow.states import Columns
     from integrators import Trajectory
 
-    from .scenes import SceneForces
-    from .states import Columns
+
+SAMPLE = 64
+"""How many lines tell the columns and how numbers are rounded."""
+AXES = re.compile(r"[xyz]\d*")
+ROLE = re.compile(r"(gradU|[qpvFf])_?((?:[xyz]|\d|_)+)")
+
+
+def text_source(
+    path: str | IO[Any], label: str, columns: Mapping[str, str] | None, forces: SceneForces | None
+) -> Source:
+    """A table in a text file.
+
+    Args:
+        path: The file, or one that is open and is read once.
+        label: What messages call it.
+        columns: Patterns of headings by role, as in ``{"q": "x*,y*"}``.
+        forces: The scene that supplies potentials and forces, if there is one.
+
+    Raises:
+        SeriesError: There is no heading, or something is missing.
+    """
+    head, rest = _head(path, label)
+    heading = head[0] if head else ""
+    separator = next((mark for mark in ",;\t" if mark in heading), None)
+    names = [name.strip().strip('"') for name in heading.lstrip("# ").split(separator) if name.strip()]
+    if not names or all(map(_is_number, names)):
+        raise SeriesError(f"{label} must begin with the names of its columns, but began with {heading!r:.60}")
+    found = _roles(names, columns, label, forces)
+    column = {name: k for k, name in enumerate(names)}
+    places = {role: [column[name] for name in chosen] for role, chosen in found.items()}
+
+    def blocks(size: int) -> Iterator[Columns]:
+        import numpy as np
+
+        lines, start = chain(head[1:], rest), 0
+        while piece := list(islice(lines, size)):
+            table = _numbers(piece, separator, len(names), label, start)
+            start += len(piece)
+            yield {
+                role: np.ascontiguousarray(table[:, chosen] if role in VECTORS else table[:, chosen[0]])
+                for role, chosen in places.items()
+            }
+
+    return Source(label, blocks, None, len(places["q"]), _roundings(head[1:], separator, names, places), forces=forces)
+
+
+def _head(path: str | IO[Any], label: str) -> tuple[list[str], Iterator[str]]:
+    """The heading and some lines, and those that follow; a file is only open while it is read."""
+    if not isinstance(path, str):
+        lines = _lines(path, label)
+        return list(islice(lines, SAMPLE)), lines
+    with _open(path, label) as file:
+        head = list(islice(_lines(file, label), SAMPLE))
+
+    def rest() -> Iterator[str]:
+        with _open(path, label) as file:
+            yield from islice(_lines(file, label), len(head), None)
+
+    return head, rest()
+
+
+def _open(path: str, label: str) -> IO[str]:
+    try:
+        return open(path, encoding="utf-8-sig")
+    except OSError as error:
+        raise SeriesError(f"{label} must be a readable file, but was not: {error.strerror}") from None
+
+
+def _lines(file: IO[Any], label: str) -> Iterator[str]:
+    """The lines that are not empty; a heading may be a comment, later comments are left out."""
+    is_first = True
+    try:
+        for line in read_lines(file, label):
+            text = line.strip()
+            if text and (is_first or not text.startswith("#")):
+                is_first = False
+                yield text
+    except UnicodeDecodeError as error:
+        encoding = _encoding(error.object)
+        if encoding is None:
+            raise SeriesError(f"{label} must be text or an NPZ file, but was neither") from None
+        raise SeriesError(f"{label} must be text in UTF-8, but seems to be in {encoding}") from None
+
+
+def _encoding(data: bytes) -> str | None:
+    """What text that is not UTF-8 seems to be; None if it is no text."""
+    if 4 * data.count(0) > len(data) and data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "UTF-16"
+    letters = sum(32 <= byte < 127 or byte in b"\t\r\n" for byte in data)
+    return "Latin-1" if 10 * letters > 9 * len(data) and not data.count(0) else None
+
+
+def _roles(
+    names: Sequence[str], columns: Mapping[str, str] | None, label: str, forces: SceneForces | None
+) -> dict[str, list[str]]:
+    """The columns of each role: as chosen, as a scene calls them, or by their names."""
+    roles = tuple(role for role in ALIASES if role not in ("mass", "h"))
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise SeriesError(f"{label} must have different names, but has {twice!r:.60} twice")
+    if columns is None and forces is not None and {name for block in forces.names for name in block} <= set(names):
+        momenta, positions = map(list, forces.names)
+        return {"p": momenta, "q": positions} | choose(names, None, label, roles=("t",))
+    near = _by_coordinate(names, settled(columns or ()), label)
+    several = {role: there for role, there in near.items() if len(there) > 1}  # x beside y is not all positions
+    found = near | choose(names, columns, label, roles=roles) | several
+    check_roles(found, label, with_forces=forces is not None)
+    for role in VECTORS:
+        if role in found and len(found[role]) != len(found["q"]):
+            raise SeriesError(
+                f"{label} must have as many columns for {role} as for q, {len(found['q'])}, but has {len(found[role])}"
+            )
+    return found
+
+
+def _by_coordinate(names: Sequence[str], chosen: Set[str], label: str) -> dict[str, list[str]]:
+    """Columns such as q1, q2, p1, p2, or x1, y1, vx1, vy1, fx1, fy1, in the same order for every role not chosen."""
+    found: dict[str, dict[str, str]] = {}
+    for name in names:
+        match = ROLE.fullmatch(name)
+        role = "q" if AXES.fullmatch(name) else match and match[1].replace("f", "F")
+        if role and role not in chosen:
+            found.setdefault(role, {})[name if match is None else match[2].strip("_")] = name
+    order = found.get("q")
+    for role, there in found.items() if order else ():
+        missing = next((key for key in order or () if key not in there), None)
+        if missing is not None:
+            raise SeriesError(f"{label} must have a column {role}{missing} beside {found['q'][missing]}, but has none")
+    return {role: [there[key] for key in order or there] for role, there in found.items()}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text  # Python reads more than other programs
+
+
+def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str, start: int) -> Any:
+    """A block of lines as numbers."""
+    import numpy as np
+
+    try:
+        table = np.loadtxt(lines, delimiter=separator, ndmin=2, comments=None)
+    except ValueError:
+        table = None
+    if table is None or table.shape[1] != width:
+        for k, line in enumerate(lines, start + 1):
+            cells = line.split(separator)
+            bad = next((cell for cell in cells if not _is_number(cell)), None)
+            if bad is not None:
+                raise SeriesError(f"{label} must have numbers in state {k}, but one was {bad.strip()!r:.60}")
+            if len(cells) != width:
+                raise SeriesError(f"{label} must have {width} numbers for state {k}, but has {len(cells)}")
+        raise SeriesError(
+            f"{label} must have plain numbers in states {start + 1} to {start + len(lines)}, but some were not"
+        )
+    return table
+
+
+def _roundings(
+    lines: Sequence[str], separator: str | None, names: Sequence[str], places: Mapping[str, Sequence[int]]
+) -> dict[str, Rounding]:
+    """How far the numbers of each role are rounded, from how some are written."""
+    import numpy as np
+
+    rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
+    whole = [row for row in rows if len(row) == len(names)]  # others are refused where they are read
+    chosen = sorted({k for columns in places.values() for k in columns})
+    of = dict(zip(chosen, written([[row[k] for row in whole] for k in chosen]), strict=True))
+    tables = {role: np.array([of[k] for k in columns]).T for role, columns in places.items()}
+    return {role: Rounding(*(table if role in VECTORS else table[:, 0])) for role, table in tables.items()}
+
 
 MOST_LETTERS = 100
 """Of a path in a message."""
@@ -117,9 +294,8 @@ def _stored_forces(table: Any, label: str) -> SceneForces:
     """The forces of the scene that a trajectory was made with."""
     if not isinstance(table, Mapping) or "variables" not in table:
         raise SeriesError(f"scene must be given, since {label} does not tell what the forces are, but was not")
+    from bseries.shadow.scene_forces import SceneForces
     from integrators.scenes.files import scene_from_table
-
-    from .scenes import SceneForces
 
     without = {key: x for key, x in table.items() if key != "invariants"}  # which would be checked again
     effects = table.get("effects")

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from ..exceptions import SeriesError
-from .coefficients import LEAST_ORDER, ShadowFormula, shadow_formula
+from bseries.exceptions import SeriesError
+from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, shadow_formula
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .report import ShadowReport
-    from .sources import Source
-    from .states import States
+    from bseries.shadow.report import ShadowReport
+    from bseries.shadow.sources import Source
+    from bseries.shadow.states import States
 
 USUAL_ORDER = 16
 LEAST_VALUES = 16
@@ -33,7 +33,7 @@ class Measurement:
     """
 
     def __init__(self, pieces: Iterator[States], order: int | None, h: float, source: Source, keep: bool):
-        from .statistics import Statistics
+        from bseries.shadow.statistics import Statistics
 
         self._pieces, self._h, self._source, self._kept = pieces, h, source, [] if keep else None
         self._head = next(pieces)
@@ -45,9 +45,9 @@ class Measurement:
         """Go through the states; after each piece, how many there have been."""
         import numpy as np
 
-        from . import kernels
-        from .checks import check_finite
-        from .states import States
+        from bseries.shadow import kernels
+        from bseries.shadow.checks import check_finite
+        from bseries.shadow.states import States
 
         weights, works, products = formula_arrays([shadow_formula(order) for order in self.orders])
         halo = 2 * (weights.shape[1] - 1)
@@ -77,7 +77,7 @@ class Measurement:
         """What has been found, where the first state has this time, and energies may be off so far."""
         import numpy as np
 
-        from .report import ShadowReport
+        from bseries.shadow.report import ShadowReport
 
         values = None
         if self._kept is not None:

@@ -2,17 +2,168 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from ..exceptions import SeriesError
-from .arguments import finite_number
-from .statistics import OrderStatistics, Statistics
+from bseries.exceptions import SeriesError
+from bseries.plotting import BLACK, BLUE, VERMILION
+from bseries.shadow.arguments import finite_number
+from bseries.shadow.statistics import OrderStatistics, Statistics
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
+
+
+HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
+LIMITS = {
+    "rounding": "what is left is rounding",
+    "order": "higher orders may show less",
+    "step": "higher orders scatter more, since the step is large",
+    "slow": "what is left no order explains: sums of roundings, or forces that jump",
+}
+COMFORTABLE, LARGE = 0.25, 0.5
+"""Parts of the largest step up to which a step is small, and from which on it is large."""
+KEY = (
+    "±: half of the range. scatter: standard deviation from a straight line. drift: the line's slope, energy per time, "
+    "and its standard error."
+)
+
+
+def title(report: ShadowReport) -> str:
+    """What was measured."""
+    end = report.start + report.h * (report.states - 1)
+    return f"{report.label}: {report.states:,} states, h = {report.h:g}, t = {report.start:g} to {end:g}"
+
+
+def cells(row: OrderStatistics) -> list[str]:
+    """A row of the table."""
+    digits = 15 if row.scatter == 0 else max(4, min(16, 3 - math.floor(math.log10(row.scatter / (abs(row.mean) or 1)))))
+    numbers = (row.deviation, row.scatter, row.drift, row.drift_error)
+    return [str(row.order), f"{row.mean:.{digits}g}", *(f"{number:.2e}" for number in numbers)]
+
+
+def sentences(report: ShadowReport, bound: float | None = None) -> Iterator[str]:
+    """What follows from the table.
+
+    Args:
+        report: The report.
+        bound: A bound on the energy's deviation that a step is wanted for.
+    """
+    yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
+    yield _on_drift(report)
+    yield _on_step(report)
+    if bound is not None:
+        yield f"The energy stays within ±{bound:g} with steps up to h = {report.step_for(bound):.3g}."
+
+
+def _on_drift(report: ShadowReport) -> str:
+    best, energy = report.best, report.rows[0]
+    change = best.drift * report.h * (report.states - 1)
+    drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
+    if not report.has_drift:
+        return (
+            f"No drift: {drift} is zero within 3 standard errors (the energy alone tells ± {energy.drift_error:.1g})."
+        )
+    return f"Drift: {drift} energy per time, {change:.2g} in all (the energy alone tells ± {energy.drift_error:.1g})."
+
+
+def _on_step(report: ShadowReport) -> str:
+    most = report.largest_step
+    if most is None and report.best.order > 2:
+        return "Step: order 4 already shows what there is to see; the step is small."
+    if most is None and report.limit == "rounding":
+        return "Step: the energy does not change by more than rounding, which tells nothing of the step."
+    if most is None:
+        return "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
+    part = report.h / most
+    size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
+    return f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, where order 4 is no steadier than the energy."
+
+
+def report_text(report: ShadowReport) -> str:
+    """All of it as plain text."""
+    rows = [list(HEADINGS), *map(cells, report.rows)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+    return "\n".join([title(report), "", *lines, "", *sentences(report)])
+
+
+SIZE = (17.0, 6.0)
+
+
+def check_picture(path: Any) -> str:
+    """The format of a picture, which the ending of its file tells; before much is computed for it.
+
+    Raises:
+        SeriesError: It is none that can be drawn, or there is no such folder.
+        IntegratorError: It is no path, or matplotlib is not installed.
+    """
+    from bseries.plotting import check_place, picture_format
+    from integrators.core.optional_modules import optional_module
+    from integrators.core.text_files import check_path
+
+    name = check_path(path, "plot")
+    kind = picture_format(name, "plot")
+    check_place(name, "plot")
+    optional_module("matplotlib", "pictures")
+    return kind
+
+
+def save_picture(report: ShadowReport, path: str | os.PathLike[str]) -> None:
+    """Write the picture.
+
+    Args:
+        report: The report.
+        path: The file.
+
+    Raises:
+        SeriesError: The format is none of PNG, SVG and PDF, or there is no such folder.
+        IntegratorError: The file cannot be written, or matplotlib is not installed.
+    """
+    from bseries.plotting import new_figure, picture, print_style
+    from integrators.core.text_files import atomic_write
+
+    kind = check_picture(path)
+    with print_style():
+        figure = new_figure(SIZE)
+        gains, energy, shadow = figure.subplots(1, 3)
+        _draw_orders(report, gains)
+        _draw_times(report, energy, 0, BLUE)
+        _draw_times(report, shadow, report.rows.index(report.best), VERMILION)
+        title = f"{os.path.basename(report.label)}: {report.states:,} states, h = {report.h:g}"
+        figure.suptitle(title, fontsize="medium", parse_math=False)
+    atomic_write(path, picture(figure, kind))
+
+
+def _draw_orders(report: ShadowReport, ax: Axes) -> None:
+    """Range and scatter of each order."""
+    orders = [row.order for row in report.rows]
+    for name, marker in (("deviation", "o"), ("scatter", "s")):
+        values = [getattr(row, name) or None for row in report.rows]
+        ax.plot(orders, values, marker=marker, color=BLUE, mfc="white" if marker == "o" else BLUE, label=name)  # type: ignore[arg-type]
+    ax.axvline(report.best.order, color=VERMILION, linewidth=1, zorder=0)
+    ticks = orders[:: max(1, len(orders) // 6)]
+    ax.set(xlabel="order", yscale="log", title=f"constant up to (best: order {report.best.order})", xticks=ticks)
+    ax.legend()
+
+
+def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
+    """The energy of an order less its mean: means of blocks, the band that holds all values, and the drift."""
+    t, blocks = report.blocks()
+    row = report.rows[k]
+    means, least, largest = (blocks[k] - blocks[k, :, 0].mean()).T
+    ax.fill_between(t, least, largest, color=color, alpha=0.25, linewidth=0)
+    ax.plot(t, means, color=color, linewidth=0.8)
+    middle = 0.5 * (t[0] + t[-1])
+    ax.plot(t[[0, -1]], row.drift * (t[[0, -1]] - middle), color=BLACK, linewidth=1, linestyle="--")
+    name = "energy" if row.order == 2 else f"order {row.order}"
+    ax.set(xlabel="t", title=f"{name}, less its mean")
+    ax.ticklabel_format(axis="y", scilimits=(-2, 3))
+
 
 GAIN = 1.25
 """A higher order must lower the scatter by this factor to be of use."""
@@ -68,7 +219,6 @@ class ShadowReport:
         )
 
     def __str__(self) -> str:
-        from .sentences import report_text
 
         return report_text(self)
 
@@ -196,6 +346,5 @@ class ShadowReport:
             SeriesError: The format is another, or there is no such folder.
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
-        from .picture import save_picture
 
         save_picture(self, path)

@@ -6,15 +6,15 @@ import fnmatch
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..exceptions import SeriesError
-from .roundings import ULPS, Rounding, precision
-from .states import ROLES
+from bseries.exceptions import SeriesError
+from bseries.shadow.roundings import ULPS, Rounding, precision
+from bseries.shadow.states import ROLES
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .scenes import SceneForces
-    from .states import Columns
+    from bseries.shadow.scene_forces import SceneForces
+    from bseries.shadow.states import Columns
 
 VECTORS = ("q", "p", "v", "F", "gradU")
 ALIASES = {

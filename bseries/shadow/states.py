@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ..exceptions import SeriesError
-from .roundings import Roundings
+from bseries.exceptions import SeriesError
+from bseries.shadow.roundings import Roundings
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .sources import Source
+    from bseries.shadow.sources import Source
 
     Columns: TypeAlias = Mapping[str, np.ndarray]
     """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from . import kernels
+from bseries.shadow import kernels
 
 if TYPE_CHECKING:
     import numpy as np

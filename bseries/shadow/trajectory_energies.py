@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from ..exceptions import SeriesError
-from .arguments import box_edges, finite_number
-from .coefficients import check_order
-from .measurement import LEAST_VALUES, Measurement
-from .roundings import DOUBLE, Roundings
+from bseries.exceptions import SeriesError
+from bseries.shadow.arguments import box_edges, finite_number
+from bseries.shadow.formulas import check_order
+from bseries.shadow.measurement import LEAST_VALUES, Measurement
+from bseries.shadow.roundings import DOUBLE, Roundings
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .report import ShadowReport
-    from .sources import Source
-    from .states import Columns, Reader, States
+    from bseries.shadow.report import ShadowReport
+    from bseries.shadow.sources import Source
+    from bseries.shadow.states import Columns, Reader, States
 
 CHUNK_NUMBERS = 2**17
 """How many numbers of one kind are worked on at a time: what a processor's cache holds."""
@@ -80,9 +80,9 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
-    from .checks import check_potential, check_steps
-    from .files import open_source
-    from .scenes import SceneForces
+    from bseries.shadow.checks import check_potential, check_steps
+    from bseries.shadow.files import open_source
+    from bseries.shadow.scene_forces import SceneForces
 
     if order is not None:
         check_order(order)
@@ -109,8 +109,8 @@ def shadow_energy(
 
 def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Reader:
     """What makes states of the columns of a source, as users say."""
-    from .sources import inverse_masses
-    from .states import LAYOUTS, MIDDLE, Masses, Reader
+    from bseries.shadow.sources import inverse_masses
+    from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader
 
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
@@ -143,7 +143,7 @@ def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, f
     """The columns of a source, looked at on the way, the step size, how far it may be off, and the first time."""
     import numpy as np
 
-    from .checks import check_columns, check_finite, refuse_thinned
+    from bseries.shadow.checks import check_columns, check_finite, refuse_thinned
 
     blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
     head = next(blocks, None)

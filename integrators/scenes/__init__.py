@@ -1,1 +1,1 @@
-"""Scenes: problems to be solved, as exact data; one file for each family of built-in ones."""
+"""Scenes: differential equations to be solved, as exact data."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from ..errors import IntegratorError
-from ..expressions import shorten
-from .blocks import ROLES, TIME, component_places
-from .expansion import as_float, at_row, filled, is_local
-from .terms import Sites
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.model.blocks import ROLES, TIME, component_places
+from integrators.scenes.model.terms import Sites
+from integrators.scenes.particles.expansion import as_float, at_row, filled, is_local
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from .system import System
+    from integrators.scenes.model.system import System
 
 MAX_ROWS = 200_000
 """Of more pairs than these only neighbours are looked at, in an order in which equal sites are neighbours."""

@@ -17,23 +17,23 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from ..errors import IntegratorError
-from ..expressions import MAX_LENGTH, decimal_text, shorten
-from ..formats import check_keys, parse_toml
-from ..tableau_input import items
-from ..text_files import atomic_write, read_text
-from .base import UNNAMED, Scene
-from .effects import Effect
-from .formulas import formula_text
-from .terms import Term
+from integrators.core.arguments import items
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.formats import check_keys, parse_toml
+from integrators.core.text_files import atomic_write, read_text
+from integrators.exact.expressions import MAX_LENGTH, decimal_text
+from integrators.scenes.model.effects import Effect
+from integrators.scenes.model.formulas import formula_text
+from integrators.scenes.model.terms import Term
+from integrators.scenes.scene import UNNAMED, Scene
 
 if TYPE_CHECKING:
     from typing import IO
 
     import sympy
 
-    from .assembly import Contribution
-    from .terms import Key
+    from integrators.scenes.model.assembly import Contribution
+    from integrators.scenes.model.terms import Key
 
 LABELS = ("name", "summary", "reference")
 FORMULAS = ("hamiltonian", "field", "terms")
@@ -151,7 +151,7 @@ def check_invariants(scene: Scene) -> None:
 
     Very large fields, and those with symbols for parameters, are not looked at.
     """
-    from .first_integrals import can_be_checked, defects
+    from integrators.scenes.first_integrals import can_be_checked, defects
 
     for effect in ((), *((name,) for name in scene.effects)) if scene._declaration.invariants else ():
         present = scene.with_effects(*effect)

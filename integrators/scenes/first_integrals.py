@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import IntegratorError
-from .expansion import filled
+from integrators.core.errors import IntegratorError
+from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
-    from .base import Scene
-    from .system import System
+    from integrators.scenes.model.system import System
+    from integrators.scenes.scene import Scene
 
 DIGITS = 40
 POINTS = 3
@@ -67,7 +67,7 @@ def defects(scene: System) -> dict[str, float]:
 
 def _field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
     """f as a function of y."""
-    from ..codegen import precise_scene
+    from integrators.compile.scene_source import precise_scene
 
     module = precise_scene(cast("Scene", scene))
 

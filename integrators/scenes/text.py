@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NoReturn
 
-from ..errors import IntegratorError
-from ..expressions import NOT_FINITE, shorten
-from .base import Scene
-from .blocks import TIME, read_blocks
-from .formulas import FUNCTIONS, words
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.expressions import NOT_FINITE
+from integrators.scenes.model.blocks import TIME, read_blocks
+from integrators.scenes.model.formulas import FUNCTIONS, words
+from integrators.scenes.scene import Scene
 
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
 _CANONICAL = re.compile(r"[pq]((?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)")

@@ -1,1 +1,1 @@
-"""From a scene and a method to compiled steps: structure, plan, source, and the kernels that the source calls."""
+"""Compiled steps of a method on a scene: analysis, plan, source."""

@@ -16,19 +16,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..errors import IntegratorError
-from ..expressions import shorten
-from ..number_text import nearest_double
-from ..scenes.expansion import filled
-from ..scenes.formulas import read_formula
-from ..site_loops import SiteSum
+from integrators.compile.particle_loops import SiteSum
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.number_text import nearest_double
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from ..scenes.system import System
-    from .source import StepperSource
+    from integrators.scenes.model.system import System
+    from integrators.steppers.source import StepperSource
 
 
 DENSITY, RATE, TIME, TIME_CARRY = range(4)

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from ..site_loops import indented
-from .forms import scaled, tidy
+from integrators.compile.particle_loops import indented
+from integrators.steppers.forms import scaled, tidy
 
 if TYPE_CHECKING:
-    from .plan import Group
-    from .source import StepperSource
+    from integrators.steppers.plan import Group
+    from integrators.steppers.source import StepperSource
 
 MOST_SWEEPS = 100
 

@@ -12,12 +12,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from ..entries import round_entry
-from ..site_loops import indented
-from .nodes import Form, Key, Point
+from integrators.compile.particle_loops import indented
+from integrators.exact.entries import round_entry
+from integrators.steppers.nodes import Form, Key, Point
 
 if TYPE_CHECKING:
-    from .structure import Structure
+    from integrators.steppers.structure import Structure
 
 HEAD_BITS = 10
 NOTHING = Fraction(1, 10**30)

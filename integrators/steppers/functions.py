@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
-from ..codegen import ModuleText, field_lines
-from .derivatives import jacobian_lines, tangent_terms
-from .structure import Structure
+from integrators.compile.operation_graph import simplest
+from integrators.compile.particle_loops import INDICES
+from integrators.compile.scene_source import ModuleText, field_lines, gathered
+from integrators.core.immutable import remembered
+from integrators.exact.entries import round_entry
+from integrators.exact.number_text import literal
+from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
+from integrators.steppers.forms import grouped
+from integrators.steppers.structure import Structure, entries
 
 if TYPE_CHECKING:
-    from ..scenes.local_terms import LocalTerm, Output
+    import sympy
+
+    from integrators.compile.scene_source import ModuleText
+    from integrators.scenes.model.local_terms import LocalTerm, Output
+    from integrators.steppers.plan import Call
+    from integrators.steppers.source import StepperSource
+    from integrators.steppers.structure import Structure
+
+    Outputs = Callable[[LocalTerm], Iterable[Output]]
 
 
 class Functions:
@@ -62,3 +76,214 @@ class Functions:
         """Add all functions to the module."""
         for key, name in self._names.items():
             self.module.function(f"{name}(y, out)", "A piece of the field.", self._lines(*key))
+
+
+MOST_ENTRIES = 100_000
+
+
+class Diagonal(NamedTuple):
+    """Entries first ≤ i < end of a field that are factors[i − first] · y[i − shift].
+
+    Attributes:
+        source: The cell of y that is read.
+        factors: One number for each entry, or a single one for all.
+    """
+
+    first: int
+    end: int
+    source: int
+    shift: int
+    factors: tuple[sympy.Expr, ...]
+
+    def scaled(self, text: str, writer: StepperSource) -> str:
+        """The entry i, if the text is that of y[i]."""
+        moved = text.replace("[i]", f"[i - {self.shift}]" if self.shift > 0 else f"[i + {-self.shift}]")
+        if self.factors == (1,):
+            return moved
+        if len(self.factors) == 1:
+            return f"{literal(simplest(self.factors[0]))}*{grouped(moved)}"
+        return f"{writer.constants(self.factors)}[i - {self.first}]*{grouped(moved)}"
+
+
+@remembered
+def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
+    """What a piece of the field puts into a cell, if that is a diagonal matrix times another cell.
+
+    Args:
+        structure: What the pieces are like.
+        piece: The piece.
+        cell: The cell.
+    """
+    flow = structure.flow(piece, cell)
+    ranges = structure.cells[cell]
+    if not flow.is_linear or len(flow.cells) != 1 or len(ranges) != 1 or ranges[0][1] - ranges[0][0] > MOST_ENTRIES:
+        return None
+    found: dict[int, tuple[int, sympy.Expr]] = {}
+    for term, output in structure.outputs(piece, (cell,)):
+        for index, source, factor in _entries(term, output):
+            if index in found or factor is None:
+                return None
+            found[index] = source, factor
+    first, end = ranges[0]
+    shifts = {index - source for index, (source, _) in found.items()}
+    if sorted(found) != list(range(first, end)) or len(shifts) != 1:
+        return None
+    factors = tuple(found[index][1] for index in range(first, end))
+    (source,), (shift,) = flow.cells, shifts
+    return Diagonal(first, end, source, shift, factors[:1] if len(set(factors)) == 1 else factors)
+
+
+def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr | None]]:
+    """Entries that a term writes, each with the entry that it reads and its factor; None: it reads several."""
+    import sympy
+
+    formula = output_formula(term, output)
+    used = [k for k in range(len(term.arguments)) if formula.has(sympy.Symbol(f"x{k}"))]
+    if len(used) != 1 or term.arguments[used[0]].minus is not None or term.sites.roles > 1:
+        return [(-1, -1, None)]
+    slope = formula.diff(sympy.Symbol(f"x{used[0]}"))
+    source = entries(term.arguments[used[0]].plus, term.sites)
+    factors = [
+        slope.xreplace({sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(term.data)})
+        for row in term.sites.rows()
+    ]
+    return list(zip(entries(output.place, term.sites), source, factors, strict=True))
+
+
+def derivative_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+    """Statements for the derivative at a point along a vector, which lie one behind the other in one array."""
+    at, along = call.node.points
+    dimension = writer.structure.scene.dimension
+    tangent = writer.array("tangent", 2 * dimension)
+    name = writer.functions.derivative(call.node.piece, call.cells)
+    return [
+        *writer.forms.point(at, tangent, copied=True)[0],
+        f"along = shifted({tangent}, {dimension})",
+        *writer.forms.point(along, "along", copied=True)[0],
+        f"{name}({tangent}, {target})",
+    ]
+
+
+def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) -> Iterator[LocalTerm]:
+    """The terms of (y, v) ↦ f′(y)v, where v comes behind y: Σ ∂φ/∂x_k v_k for each output φ of a term.
+
+    Args:
+        terms: The terms of the field.
+        outputs: Which outputs of a term belong to the piece.
+        dimension: The dimension of y, and of v.
+    """
+    import sympy
+
+    for term in terms:
+        count = len(term.arguments)
+        arguments = (*term.arguments, *(_moved(argument, dimension) for argument in term.arguments))
+        for output in outputs(term):
+            partial = _partial_derivatives(term, output)
+            formula = sympy.Add(*(formula * sympy.Symbol(f"x{count + k}") for k, formula in partial))
+            yield LocalTerm(formula, arguments, term.data, (Output(VALUE, output.place, 1),), term.sites, term.part)
+
+
+def _moved(argument: Argument, by: int) -> Argument:
+    """The argument for a state that lies further behind."""
+    plus, minus = (x and x._replace(offset=x.offset + by) for x in argument)
+    assert plus is not None
+    return Argument(plus, minus)
+
+
+def _partial_derivatives(term: LocalTerm, output: Output) -> Iterator[tuple[int, sympy.Expr]]:
+    """The derivatives by local variables that are not zero."""
+    import sympy
+
+    formula = output_formula(term, output)
+    for k in range(len(term.arguments)):
+        derivative = formula.diff(sympy.Symbol(f"x{k}"))
+        if derivative != 0:
+            yield k, derivative
+
+
+def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int, module: ModuleText) -> list[str]:
+    """Statements for the Jacobian matrix of a piece of the field, a full one by rows.
+
+    Args:
+        terms: The terms of the field.
+        outputs: Which outputs of a term belong to the piece.
+        dimension: The number of rows and columns.
+        module: The module that the lines are for.
+    """
+
+    def entries(term: LocalTerm) -> Iterator[tuple[tuple[Place, Place], sympy.Expr]]:
+        for output in outputs(term):
+            for k, formula in _partial_derivatives(term, output):
+                plus, minus = term.arguments[k]
+                yield (output.place, plus), formula
+                if minus is not None:
+                    yield (output.place, minus), -formula
+
+    lines = [f"for i in range({dimension**2}):", f"    out[i] = {module.zero}"]
+    for total in gathered(terms, entries):
+        targets = {
+            (row, column): f"out[{_position(row, column, dimension)}] +=" for row, column in sorted(total.outputs)
+        }
+        lines += total.lines(targets, module)
+    return lines
+
+
+def _position(row: Place, column: Place, dimension: int) -> str:
+    """The index of a matrix element whose row and column are places in the state."""
+    strides: dict[int, int] = {}
+    for place, factor in ((row, dimension), (column, 1)):
+        strides[place.role] = strides.get(place.role, 0) + place.stride * factor
+    offset = row.offset * dimension + column.offset
+    return " + ".join(
+        [str(offset), *(f"{stride}*{INDICES[role]}" for role, stride in sorted(strides.items()) if stride)]
+    )
+
+
+def field_call_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+    """A piece of the field at a point; cells where it only scales are written as loops, or not before they are read."""
+    point, piece, forms = call.node.points[0], call.node.piece, writer.forms
+    scaling = {cell: diagonal(writer.structure, piece, cell) for cell in call.cells}
+    if len(call.cells) == 1 and (call.evaluation, call.cells[0]) in writer.once and forms.in_group:
+        chosen = scaling[call.cells[0]]
+        assert chosen is not None  # read_once has found it
+        text = forms.entry(chosen.source, dict(point)[chosen.source])
+        forms.inlined[call.evaluation, call.cells[0]] = chosen.scaled(text, writer)
+        return []
+    lines, at = forms.point(point, "z")
+    others = []
+    for cell, chosen in scaling.items():
+        if chosen is None:
+            others.append(cell)
+            continue
+        text = chosen.scaled(f"{at}[i]", writer)
+        if (call.evaluation, cell) in writer.once:
+            forms.inlined[call.evaluation, cell] = text
+        else:
+            lines += forms.loop(cell, [f"{target}[i] = {text}"])
+    if others:
+        lines.append(f"{writer.functions.field(piece, others)}({at}, {target})")
+    return lines
+
+
+def resolvent_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+    """Statements for s = (I − hγ F′)⁻¹ r. Equal matrices are factorized once in a step.
+
+    References:
+        E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, section IV.7.
+    """
+    at, right = call.node.points
+    n, piece, own = writer.structure.scene.dimension, call.node.piece, call.node.detail
+    key = piece, at, own
+    is_new = key not in writer.matrices
+    name = writer.matrices.setdefault(key, str(len(writer.matrices)))
+    matrix, pivots = writer.array(f"matrix{name}", n * n), writer.array(f"pivots{name}", n)
+    lines: list[str] = []
+    if is_new:
+        lines, point = writer.forms.point(at, "z")
+        jacobian = writer.functions.jacobian(piece, writer.structure.writes(piece))
+        lines.append(f"{jacobian}({point}, {matrix})")
+        lines.append(f"subtract_from_identity({matrix}, {n}, h*{round_entry(own)!r})")
+        lines.append(f"factorize({matrix}, {pivots}, {n})")
+    for cell, form in right:
+        lines += writer.forms.loop(cell, [f"{target}[i] = {writer.forms.sum(cell, form.terms) or '0.0'}"])
+    return [*lines, f"solve({matrix}, {pivots}, {n}, {target})"]

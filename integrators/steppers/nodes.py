@@ -12,15 +12,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..errors import IntegratorError
-from ..evaluations import Average, Derivative, Evaluation, Field, Flow, operands
-from ..plain_stepper import rational_program
-from .structure import Structure
+from integrators.core.errors import IntegratorError
+from integrators.methods.program.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
+from integrators.methods.tableaux.rational_programs import rational_program
+from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
-    from ..linear_forms import LinearForm
-    from ..program import Program
-    from ..program_method import Method
+    from integrators.methods.program.evaluations import LinearForm
+    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Program
 
 DECIMALS = 40
 

@@ -6,8 +6,7 @@ import operator
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..errors import IntegratorError
-from ..expressions import shown
+from integrators.core.errors import IntegratorError, shown
 
 if TYPE_CHECKING:
     import numpy as np

@@ -9,32 +9,135 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..codegen import ModuleText
-from ..site_loops import indented
-from .adaptive import ControlText, control_text
-from .averages import average_lines
-from .carried_slopes import carrying_lines, end_lines, kick_lines, memory_lines
-from .derivatives import derivative_lines
-from .diagonals import diagonal
-from .field_calls import field_call_lines
-from .fixed_point import first_values, fixed_point_lines
-from .flows import flow_lines
-from .forms import FormWriter
-from .functions import Functions
-from .linear_systems import resolvent_lines
-from .newton import newton_lines
-from .plan import Call, Group, Plan, plan
-from .registers import allocate
-from .work_arrays import WorkArrays
+from integrators.compile.particle_loops import indented
+from integrators.compile.scene_source import ModuleText
+from integrators.steppers.adaptive import ControlText, control_text
+from integrators.steppers.averages import average_lines
+from integrators.steppers.fixed_point import first_values, fixed_point_lines
+from integrators.steppers.flows import flow_lines
+from integrators.steppers.forms import FormWriter
+from integrators.steppers.functions import Functions, derivative_lines, diagonal, field_call_lines, resolvent_lines
+from integrators.steppers.newton import newton_lines
+from integrators.steppers.nodes import Form, Key
+from integrators.steppers.plan import Call, Group, Plan, allocate, plan
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from .nodes import Key, Nodes
+    from integrators.compile.scene_source import ModuleText
+    from integrators.steppers.nodes import Key, Nodes
+    from integrators.steppers.plan import Plan
+    from integrators.steppers.structure import Structure
+
+
+MOST_STACK = 32_768
+"""Doubles of work arrays on the stack: a small thread has twice the room. Beyond, the caller brings an array."""
+
+
+class WorkArrays:
+    """Work arrays, constants, and numbers that depend on the step size.
+
+    Args:
+        dimension: The number of variables.
+        module: The module that they are for.
+
+    Attributes:
+        module: The same.
+        numbers: Functions of h that give, one after the other, the numbers that depend on it.
+    """
+
+    def __init__(self, dimension: int, module: ModuleText):
+        self.module = module
+        self.numbers: list[Callable[[float], np.ndarray]] = []
+        self._dimension, self._number_count = dimension, 0
+        self._sizes: dict[str, int] = {}
+        self._constants: dict[str, str] = {}
+
+    def array(self, name: str, size: int | None = None) -> str:
+        """The name of a work array; by default it has the size of the state."""
+        self._sizes[name] = max(self._sizes.get(name, 0), size or self._dimension)
+        return name
+
+    def constants(self, values: Sequence[sympy.Expr]) -> str:
+        """A pointer to constants: unlike an array it is not asked whether indices are negative."""
+        name = self.module.numbers(values)
+        return self._constants.setdefault(name, name.lower())
+
+    def number_array(self, count: int, values: Callable[[float], np.ndarray]) -> str:
+        """The beginning of an array of numbers that depend on the step size only, as a pointer.
+
+        Args:
+            count: How many there are.
+            values: Computes them from h.
+        """
+        self.numbers.append(values)
+        self._number_count += count
+        return f"shifted(constants, {self._number_count - count})"
+
+    def array_lines(self) -> tuple[list[str], int]:
+        """Statements that make the arrays, and how many doubles the caller must bring.
+
+        LLVM knows of arrays on the stack that they do not overlap, and puts short ones into registers.
+        """
+        lines = [f"{name} = pointer({array})" for array, name in self._constants.items()]
+        total = sum(self._sizes.values())
+        if total <= MOST_STACK:
+            return [*lines, *(f"{name} = stack({size})" for name, size in self._sizes.items())], 0
+        offset = 0
+        for name, size in self._sizes.items():
+            lines.append(f"{name} = shifted(w, {offset})")
+            offset += size
+        return lines, total
+
+
+def kick_lines(plan: Plan, forms: FormWriter) -> list[str]:
+    """Statements that begin a run whose steps begin after their first kick."""
+    starts = (forms.update(cell, Form(Fraction(1), kicks)) for cell, kicks in plan.staggered.items())
+    return [line for lines in starts for line in lines]
+
+
+def end_lines(plan: Plan, forms: FormWriter) -> list[str]:
+    """Statements for the state that others see: that before the first kick of the next step."""
+    lines: list[str] = []
+    for cell, kicks in plan.staggered.items():
+        lines += forms.loop(cell, [f"source[i] = y[i] - h*({forms.sum(cell, kicks)})"])
+    return lines
+
+
+def carrying_lines(plan: Plan, forms: FormWriter, registers: Mapping[int, int]) -> list[str]:
+    """Statements that hand slopes at the end of a step to the next one, where they are not in place already."""
+    lines: list[str] = []
+    for (start, cell), (end, _) in plan.carried.items():
+        if registers[start] != registers[end]:
+            lines += forms.loop(cell, [f"k{start}[i] = k{end}[i]"])
+    return lines
+
+
+def memory_lines(plan: Plan, structure: Structure, unknowns: Iterable[Key]) -> tuple[list[str], list[str], int]:
+    """Statements that load and store what is kept from step to step, and its size.
+
+    Args:
+        plan: The plan.
+        structure: The cells.
+        unknowns: Slopes from which the next step's are guessed.
+    """
+    kept = [(f"k{e}", cell) for e, cell in (*plan.carried, *unknowns)] + [("y", cell) for cell in plan.staggered]
+    load: list[str] = []
+    store: list[str] = []
+    size = 0
+    for name, cell in kept:
+        for a, b in structure.cells[cell]:
+            index = f"m[i + {size - a}]" if size >= a else f"m[i - {a - size}]"
+            load += [f"for i in range({a}, {b}):", f"    {name}[i] = {index}"]
+            store += [f"for i in range({a}, {b}):", f"    {index} = {name}[i]"]
+            size += b - a
+    return load, store, size
+
 
 SLOPE = re.compile(r"\bk(\d+)\b")
 
@@ -45,19 +148,19 @@ TEMPLATE = '''\
 """
 
 {imports}
-from integrators.lowering.units import lowered
+from integrators.compile.lowering.units import lowered
 {kernels}
 
 {constants}
 '''
 KERNELS = {
-    "flow_kernels": (
+    "integrators.steppers.kernels.flow_kernels": (
         "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_settled",
         "midpoint_step", "next_interval",
     ),
-    "iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
-    "linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
-    "machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
+    "integrators.steppers.kernels.iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
+    "integrators.steppers.kernels.linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
+    "integrators.compile.machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip
 """What generated steppers call, by the module where it is; they import what they need."""
 SIGNATURE = "source, lost, m, controls, constants, w, h, steps, fresh"
@@ -286,7 +389,7 @@ def _kernel_imports(text: str) -> str:
     """The statements that import what a text calls."""
     words = set(re.findall(r"\w+", text))
     used = {module: [name for name in names if name in words] for module, names in KERNELS.items()}
-    return "\n".join(f"from integrators.steppers.{module} import {', '.join(x)}" for module, x in used.items() if x)
+    return "\n".join(f"from {module} import {', '.join(x)}" for module, x in used.items() if x)
 
 
 def _renamed(lines: Iterable[str], registers: Mapping[int, int]) -> list[str]:

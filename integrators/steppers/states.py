@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..errors import IntegratorError
-from .adaptive import TIME
+from integrators.core.errors import IntegratorError
+from integrators.steppers.adaptive import TIME
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..trajectory import Trajectory
+    from integrators.runs.trajectory import Trajectory
 
 
 class StepError(IntegratorError):

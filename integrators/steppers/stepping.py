@@ -4,30 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from foundation.memory import refuse_beyond_memory
-
-from ..errors import IntegratorError
-from ..expressions import shorten
-from ..lowering import SOURCES
-from ..modules import load_module
-from ..program import Program
-from ..remembering import remembered
-from ..scenes.base import Scene
-from .adaptive import read_control, start_control
-from .averages import MOST_NODES
-from .nodes import Nodes
-from .run_input import check_end, check_rows, parts_key, read_number, read_vector, read_whole, rows_from
-from .source import KERNELS, Text, stepper_text
-from .states import State, StepError
-from .structure import Structure, method_pieces
+from integrators.compile.lowering import SOURCES
+from integrators.compile.modules import load_module
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.immutable import remembered
+from integrators.methods.program.program import Program
+from integrators.scenes.scene import Scene
+from integrators.steppers.adaptive import read_control, start_control
+from integrators.steppers.averages import MOST_NODES
+from integrators.steppers.nodes import Nodes
+from integrators.steppers.run_input import (
+    check_end,
+    check_rows,
+    parts_key,
+    read_number,
+    read_vector,
+    read_whole,
+    rows_from,
+)
+from integrators.steppers.source import KERNELS, Text, stepper_text
+from integrators.steppers.states import State, StepError
+from integrators.steppers.structure import Structure, method_pieces
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..program_method import Method
+    from integrators.methods.program.interface import Method
 
 
 MOST_STEPS = 2**63 - 1
@@ -70,8 +76,8 @@ class Stepper:
 
     @remembered
     def _address(self, solver: str) -> int:
-        """The address of the compiled steps (see `integrators.steppers.machine.steps_in_c`)."""
-        helpers = [Path(__file__).with_name(f"{module}.py") for module in (*KERNELS, "adaptive")]
+        """The address of the compiled steps (see `integrators.compile.machine.steps_in_c`)."""
+        helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]
         return load_module(self._text(solver).source, helpers=[*helpers, *SOURCES]).in_c.address
 
     def __repr__(self) -> str:
@@ -207,7 +213,7 @@ class Stepper:
             >>> state.n
             0
         """
-        from .repeating import repeated
+        from integrators.steppers.recording import repeated
 
         steps, to = self._checked(state, steps), state.copy()
         times = read_whole(times, "times", "a whole number, 0 or more", 0, MOST_STEPS)
@@ -229,7 +235,7 @@ class Stepper:
         """
         import numpy as np
 
-        from .recording import recorded
+        from integrators.steppers.recording import recorded
 
         made = recorded(
             self._address(state.solver), state.values, state.carry, state.memory, state.control, self._numbers(state),
@@ -321,7 +327,7 @@ class Stepper:
         """Whether the field is finite at a state."""
         import numpy as np
 
-        from ..codegen import compiled_scene
+        from integrators.compile.scene_source import compiled_scene
 
         slope = np.empty_like(y)
         compiled_scene(self.scene).field(y, slope)
@@ -372,7 +378,7 @@ def stepper(
     if not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
     if isinstance(method, str):
-        from ..methods import method as named
+        from integrators.methods.catalogue.registry import method as named
 
         method = named(method)
     if not isinstance(getattr(method, "program", None), Program):

@@ -11,17 +11,17 @@ from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ..remembering import remembered
-from ..scenes.degrees import Piece, degree
-from ..scenes.local_terms import output_formula
-from ..scenes.parts import check_kind, pieces_of
+from integrators.core.immutable import remembered
+from integrators.scenes.model.local_terms import output_formula
+from integrators.scenes.particles.degrees import Piece, degree
+from integrators.scenes.particles.parts import check_kind, pieces_of
 
 if TYPE_CHECKING:
-    from ..program_method import Method
-    from ..scenes.base import Scene
-    from ..scenes.local_terms import LocalTerm, Output, Place
-    from ..scenes.system import System
-    from ..scenes.terms import Sites
+    from integrators.methods.program.interface import Method
+    from integrators.scenes.model.local_terms import LocalTerm, Output, Place
+    from integrators.scenes.model.system import System
+    from integrators.scenes.model.terms import Sites
+    from integrators.scenes.scene import Scene
 
 Range: TypeAlias = tuple[int, int]
 

@@ -9,11 +9,11 @@ import pytest
 from steady_budgets import for_steps, stop_the_clock
 
 import bseries as bs
-from bseries.advice import recommendation, sweeps
-from bseries.advice.candidates import Candidate
-from bseries.advice.run_errors import Judge, RunErrors
-from bseries.advice.sweeps import Curve, Row
 from bseries.advice.timing import Timing
+from bseries.advice.work_precision import recommendation, sweeps
+from bseries.advice.work_precision.candidates import Candidate
+from bseries.advice.work_precision.run_errors import Judge, RunErrors
+from bseries.advice.work_precision.sweeps import Curve, Row
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))

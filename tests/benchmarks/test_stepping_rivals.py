@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import bseries as bs
-from integrators.plain_steps import block_parts, plain_steps
+from integrators.reference.plain_steps import block_parts, plain_steps
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))

@@ -6,7 +6,8 @@ from fractions import Fraction
 import pytest
 
 import trees.table
-from bseries import BSeries, flint_polynomials, flint_rings
+from bseries import BSeries
+from bseries.fields.symbolic import flint_polynomials, flint_rings
 
 
 @pytest.fixture(params=["compiled", "interpreted"])

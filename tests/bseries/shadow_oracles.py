@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import mpmath
 
-from bseries.shadow.coefficients import ShadowFormula
-from integrators.codegen import precise_scene
+from bseries.shadow.formulas import ShadowFormula
+from integrators.compile.scene_source import precise_scene
 
 
 def step_by_step(problem, masses, h, count):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bseries.advice import run_errors
-from bseries.advice.sweeps import LEAST_SECONDS
+from bseries.advice.work_precision import run_errors
+from bseries.advice.work_precision.sweeps import LEAST_SECONDS
 
 
 def stop_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.action_angle.canonical import CoordinateChange, canonical_transformation
-from bseries.action_angle.transformation_kinds import (
+from bseries.hamiltonians.action_angle.canonical import CoordinateChange, canonical_transformation
+from bseries.hamiltonians.action_angle.transformation_kinds import (
     generating_transformation,
     harmonic_action_angle,
     point_transformation,

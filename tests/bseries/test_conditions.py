@@ -6,8 +6,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.conditions import first_failure
-from bseries.simplifying import simplifying_assumptions
+from bseries.analysis.order import first_failure
+from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 
 FIXED = [entry for entry in bs.catalogue() if not entry.is_family and entry.is_tableau]
 FAMILIES = [

@@ -13,7 +13,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.hamiltonians.convergent import closed_hamiltonian
+from bseries.hamiltonians.closed_forms import closed_hamiltonian
 from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.oscillator_steps import OscillatorStep
 from bseries.hamiltonians.symplectic_stages import symplectic_stages

@@ -12,9 +12,9 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.precise import PreciseSeries
-from bseries.scene_trees import flat_fields
-from integrators.plain_steps import plain_step
+from bseries.fields.any_precision import PreciseSeries
+from bseries.fields.scene_trees import flat_fields
+from integrators.reference.plain_steps import plain_step
 
 DIGITS = 50
 FLOW = bs.method("gauss4")  # far more precise than the gap for such small steps

@@ -5,10 +5,11 @@ from fractions import Fraction
 import pytest
 import sympy
 
-from bseries import SeriesError, flint_polynomials, quotients
-from bseries.argument_lattices import Lattice
-from bseries.differential_rings import DifferentialRing
-from bseries.sparse_polynomials import GUARD, RewritingRing, TooLarge, exponents, generator
+from bseries import SeriesError
+from bseries.fields.symbolic import flint_polynomials, quotients
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.formula_rings import Lattice
+from bseries.fields.symbolic.sparse_polynomials import GUARD, RewritingRing, TooLarge, exponents, generator
 
 x, y, a, k = sympy.symbols("x y a k")
 sin, cos, tan, exp, log, sqrt = sympy.sin, sympy.cos, sympy.tan, sympy.exp, sympy.log, sympy.sqrt
@@ -127,7 +128,7 @@ def test_arguments_and_roots_share_generators():
 )
 def test_written_forms_are_kept(text):
     """Formulas that nobody would write otherwise come back as they are, even if their numerators are expanded first."""
-    from integrators.expressions import parse_expression
+    from integrators.exact.expressions import parse_expression
 
     names = ("p", "q", "x")
     formula = parse_expression(text, names=names)
@@ -207,8 +208,8 @@ def test_lattices_take_what_does_not_fit_as_it_is():
 
 def test_python_flint_changes_nothing():
     pytest.importorskip("flint")
-    from bseries.flint_rings import FlintRing
-    from bseries.written_forms import _factors_by_sympy
+    from bseries.fields.symbolic.flint_rings import FlintRing
+    from bseries.fields.symbolic.written_forms import _factors_by_sympy
 
     ring, f, g = ring_of(tan(x) / (x**2 + y**2), sqrt(x**2 + y**2) + sin(x) ** 3 * exp(-y))
     for _ in range(2):

@@ -15,11 +15,16 @@ import sympy
 
 import bseries as bs
 from bseries import BSeries, SeriesError
-from bseries.derivative_towers import DerivativeTowers
-from bseries.differential_rings import DifferentialRing
-from bseries.differentials import SymbolicSeries, elementary_differentials, symbolic_differential, symbolic_terms
-from bseries.sparse_polynomials import exponents
-from integrators.expressions import parse_expression
+from bseries.fields.differentials import (
+    DerivativeTowers,
+    SymbolicSeries,
+    elementary_differentials,
+    symbolic_differential,
+    symbolic_terms,
+)
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.sparse_polynomials import exponents
+from integrators.exact.expressions import parse_expression
 from trees import Tree, TreeTable
 
 pytestmark = pytest.mark.usefixtures("backend")

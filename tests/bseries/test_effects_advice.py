@@ -12,13 +12,13 @@ import pytest
 import tomli_w
 
 import bseries as bs
-from bseries.advice.effect_influences import _recommended
-from bseries.advice.effect_report import EffectRow, Influence
-from bseries.advice.effect_variants import effect_variants
+from bseries.advice.effects.influences import _recommended
+from bseries.advice.effects.report import EffectRow, Influence
+from bseries.advice.effects.variants import effect_variants
 from bseries.advice.timing import Timing
-from integrators.codegen import scene_source
-from integrators.observers import observers
-from integrators.scenes.outer_solar_system import BODIES, GRAVITATION
+from integrators.compile.scene_source import scene_source
+from integrators.runs.observers import observers
+from integrators.scenes.catalogue.gravity import BODIES, GRAVITATION
 
 WITH_EFFECTS = [entry.name for entry in bs.scene_catalogue() if entry.effects]
 DECLARED = [entry.name for entry in bs.scene_catalogue() if entry.effects and not entry.built_in_effects]

@@ -13,15 +13,14 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.differential_rings import DifferentialRing
-from bseries.drift.forms import breaks, common_period
-from bseries.drift.mean_rates import energy_drift
-from bseries.drift.orbits import closed_orbit
-from bseries.drift.periodic_means import mean_of_samples
-from bseries.drift.perturbations import Perturbation
-from bseries.drift.statistics import rate_statistics
-from bseries.drift.turn_integrals import takahashi_imada_integral
-from integrators.takahashi_imada import TakahashiImada
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.drift.forms import breaks, common_period
+from bseries.hamiltonians.drift.mean_rates import energy_drift
+from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples
+from bseries.hamiltonians.drift.perturbations import Perturbation
+from bseries.hamiltonians.drift.statistics import rate_statistics
+from bseries.hamiltonians.drift.takahashi_imada import takahashi_imada_integral
+from integrators.methods.kinds.takahashi_imada import TakahashiImada
 
 REFERENCE = Path(__file__).parent.parent / "reference"
 LECTURE = json.loads((REFERENCE / "lecture_values.json").read_text())["section4_takahashi_imada"]

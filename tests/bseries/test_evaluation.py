@@ -10,8 +10,8 @@ import sympy
 from numba import njit
 
 import bseries as bs
-from bseries.precise import PreciseSeries
-from bseries.scene_trees import trees_of_method
+from bseries.fields.any_precision import PreciseSeries
+from bseries.fields.scene_trees import trees_of_method
 
 SMALL = [entry.name for entry in bs.scene_catalogue() if bs.scene(entry.name).dimension <= 3]
 
@@ -118,7 +118,7 @@ def with_ten_effects(**options):
 
 @pytest.mark.parametrize("route", ["towers", "symbolic"])
 def test_effects_that_are_off_leave_no_trace(route):
-    from integrators.codegen import scene_source
+    from integrators.compile.scene_source import scene_source
 
     one = with_ten_effects().with_effects("wind3")
     start = {"p": [0], "q": [1]}

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 import bseries as bs
 import trees.table
-from bseries import operations, recursions
-from bseries.algebra import log_claim, wider_step
-from bseries.arithmetic import Exact, Majorant, majorants, primes_beyond
-from bseries.operations import Operation, combine, evaluate
-from bseries.rationals import RationalValues, smallest_step
+from bseries.algebra.composition import log_claim, wider_step
+from bseries.exact import operations, recursions
+from bseries.exact.arithmetic import Exact, Majorant, majorants, primes_beyond
+from bseries.exact.operations import Operation, combine, evaluate
+from bseries.exact.rationals import RationalValues, smallest_step
 
 ORDER = 6
 KINDS = "", "import numba\n"
@@ -36,7 +36,7 @@ FAST, PLAIN = table(ORDER, True), table(ORDER, False)
 
 
 def modified(method, on):
-    from bseries.coefficients import stages_of
+    from bseries.algebra.stages import stages_of
 
     def expression(arithmetic, weights):
         return recursions.logarithm(weights(field=True), on, arithmetic)
@@ -144,7 +144,7 @@ def test_a_wrong_claim_is_noticed():
     def expression(arithmetic, weights):
         return recursions.logarithm(weights(field=True), PLAIN, arithmetic)
 
-    from bseries.coefficients import stages_of
+    from bseries.algebra.stages import stages_of
 
     wrong = Operation(expression, lambda n, step: step**n, wider_step, field=True)
     with pytest.raises(ArithmeticError, match="claimed denominator is wrong"):

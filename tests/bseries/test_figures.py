@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.cli import layout
+from bseries.cli import table as layout
 from bseries.figures import (
     energy_error,
     lotka_volterra,
@@ -29,10 +29,8 @@ from bseries.figures import (
     truncation,
 )
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
-from bseries.figures.saving import FORMATS, picture, picture_format, table
-from bseries.figures.style import new_figure
 from bseries.figures.truncated_scenes import truncated_scene
-from bseries.print_figure import PrintFigure
+from bseries.plotting import FORMATS, PrintFigure, new_figure, picture, picture_format, table
 
 pytest.importorskip("matplotlib")
 
@@ -399,7 +397,7 @@ def test_the_same_bytes_each_time():
     code = (
         "import matplotlib; matplotlib.rcParams['font.size'] = 20\n"
         "from bseries.figures.registry import compute, drawn, figure_file\n"
-        "from bseries.figures.saving import FORMATS, picture\n"
+        "from bseries.plotting import FORMATS, picture\n"
         "from hashlib import sha256\n"
         "file = figure_file('riccati')\n"
         "figure = drawn(file, compute(file, {}))\n"

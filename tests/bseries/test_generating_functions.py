@@ -10,12 +10,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.differential_rings import DifferentialRing
-from bseries.hamiltonians.generating_functions import (
-    exact_generating_function,
-    generating_function,
-    generating_terms,
-)
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.generating_functions import exact_generating_function, generating_function, generating_terms
 from bseries.hamiltonians.hamilton_jacobi import generating_hamiltonian
 from bseries.hamiltonians.symplectic_stages import canonical_pairs
 from bseries.hamiltonians.variational import variational_generating_function

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.candidates import candidate
-from bseries.advice.dense_reference import DenseReference
-from bseries.advice.run_errors import Judge
+from bseries.advice.work_precision.candidates import candidate
+from bseries.advice.work_precision.dense_reference import DenseReference
+from bseries.advice.work_precision.run_errors import Judge
 
 
 def test_the_start_is_a_state_of_the_solution():

@@ -8,8 +8,8 @@ import sympy
 from power_series_oracle import ORDER, coefficients, partial, value
 
 import bseries as bs
-from integrators.methods.recommendations import RECOMMENDED, recommended
-from integrators.program import Program
+from integrators.methods.catalogue.recommendations import RECOMMENDED, recommended
+from integrators.methods.program.program import Program
 
 
 def differentials(table, fields, names, y):

@@ -13,14 +13,13 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.differential_rings import DifferentialRing
-from bseries.domains import make_values
-from bseries.hamiltonians.energy_scene import EnergyScene
-from bseries.hamiltonians.energy_series import EnergySeries
-from bseries.hamiltonians.from_trees import energy_series, energy_trees
-from bseries.hamiltonians.result import ModifiedHamiltonian
-from integrators.plain_steps import plain_steps
-from integrators.scenes.parts import pieces_of
+from bseries.exact.domains import make_values
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.evaluation import EnergySeries
+from bseries.hamiltonians.from_trees import EnergyScene, energy_series, energy_trees
+from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+from integrators.reference.plain_steps import plain_steps
+from integrators.scenes.particles.parts import pieces_of
 
 LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
 P, Q, H_ = sympy.symbols("p q h")

@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.differential_rings import DifferentialRing
-from bseries.potentials import potential
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.integration import potential
 
 pytestmark = pytest.mark.usefixtures("backend")
 

@@ -5,7 +5,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from integrators.plain_steps import plain_steps
+from integrators.reference.plain_steps import plain_steps
 
 MIDPOINT = bs.method("implicit-midpoint")
 STEPS = {"rigid-body": (4, {4: 20, 6: 20, 8: 15}), "kepler": (1, {4: 100, 6: 100, 8: 40})}

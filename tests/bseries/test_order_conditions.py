@@ -18,7 +18,7 @@ from series_oracles import weight
 from sympy.polys.matrices import DomainMatrix
 
 import bseries as bs
-from bseries.order_theory.lyndon import count_lyndon_words, lyndon_words
+from bseries.conditions.lyndon import count_lyndon_words, lyndon_words
 from trees.names import default_names
 
 F = Fraction

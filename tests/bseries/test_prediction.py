@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice import pilot as pilots
 from bseries.advice.distances import energy_size, relative_change, relative_distance, relative_distances, without_time
 from bseries.advice.growth import (
     EVEN,
@@ -21,7 +20,8 @@ from bseries.advice.growth import (
     window_means,
 )
 from bseries.advice.modified_terms import modified_terms
-from bseries.advice.pilot import pilot
+from bseries.advice.prediction import perturbation_run as pilots
+from bseries.advice.prediction.perturbation_run import pilot
 
 FACTOR = 3.0
 PENDULUM = bs.scene("pendulum")

@@ -5,8 +5,8 @@ from fractions import Fraction
 import pytest
 
 import bseries as bs
-from integrators.program import Program, ProgramBuilder
-from integrators.tableau_programs import tableau_program
+from integrators.methods.program.program import Program, ProgramBuilder
+from integrators.methods.tableaux.tableau_programs import tableau_program
 
 HALF = Fraction(1, 2)
 

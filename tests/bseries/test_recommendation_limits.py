@@ -9,12 +9,12 @@ import pytest
 from steady_budgets import for_steps, stop_the_clock
 
 import bseries as bs
-from bseries.advice.candidates import candidate
-from bseries.advice.outlook import Outlook, outlook
-from bseries.advice.recommendation import bracket, largest_step
-from bseries.advice.run_errors import Judge, RunErrors
-from bseries.advice.sweeps import Curve, Row
 from bseries.advice.timing import Timing
+from bseries.advice.work_precision.candidates import candidate
+from bseries.advice.work_precision.extrapolation import Outlook, outlook
+from bseries.advice.work_precision.recommendation import bracket, largest_step
+from bseries.advice.work_precision.run_errors import Judge, RunErrors
+from bseries.advice.work_precision.sweeps import Curve, Row
 
 BUDGET = for_steps(20_000)
 
@@ -103,7 +103,7 @@ def test_less_than_a_turn_does_not_tell_how_errors_grow(monkeypatch):
     """From half of Kepler's ellipse on, an error of 1e-3 after ten turns would have been one of 7e-3."""
     found = bs.work_precision("kepler", "stormer-verlet", span=3, errors=(1e-2, 1e-5), budget=BUDGET)
     assert found.best(1e-3, span=60).basis.endswith("as the modified equation tells")
-    monkeypatch.setattr("bseries.advice.outlook.foreseen", lambda *_: None)
+    monkeypatch.setattr("bseries.advice.work_precision.extrapolation.foreseen", lambda *_: None)
     for measure in found.measures:
         with pytest.raises(bs.IntegratorError, match="from 3 to 60 may be unknown, since the motion turned too seldom"):
             found.best(1e-3, span=60, measure=measure)

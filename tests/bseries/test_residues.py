@@ -8,9 +8,9 @@ import pytest
 
 import bseries as bs
 import trees.table
-from bseries import recursions, substitution_recursions
-from bseries.arithmetic import Exact, majorants, prime_field
-from bseries.recursions import Stages
+from bseries.exact import recursions, substitution_recursions
+from bseries.exact.arithmetic import Exact, majorants, prime_field
+from bseries.exact.recursions import Stages
 
 with pytest.MonkeyPatch.context() as patch:
     patch.setattr(trees.table, "compiling_pays", lambda work: True)

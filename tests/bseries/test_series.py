@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.presentation import terms
+from bseries.algebra.presentation import terms
 
 RK4 = bs.method("rk4")
 X = sympy.Symbol("x")

@@ -15,12 +15,12 @@ from shadow_oracles import evaluated
 
 import bseries as bs
 from bseries.shadow import files, kernels, trajectory_energies
-from bseries.shadow.coefficients import shadow_formula
+from bseries.shadow.formulas import shadow_formula
 from bseries.shadow.measurement import formula_arrays
-from bseries.shadow.picture import check_picture
+from bseries.shadow.report import check_picture
 from bseries.shadow.roundings import written
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
-from integrators import stored_arrays, text_files
+from integrators.core import stored_arrays, text_files
 
 H = 0.1
 

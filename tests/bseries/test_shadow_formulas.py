@@ -9,7 +9,7 @@ import pytest
 import sympy
 from shadow_oracles import evaluated, step_by_step
 
-from bseries.shadow.coefficients import ShadowFormula, shadow_formula
+from bseries.shadow.formulas import ShadowFormula, shadow_formula
 from integrators import Scene, scene
 
 ORDERS = range(2, 26, 2)

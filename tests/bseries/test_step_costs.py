@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.step_costs import Work, step_costs
+from bseries.advice.work_precision.step_costs import Work, step_costs
 from integrators.steppers.stepping import Stepper
 
 

@@ -9,7 +9,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.structure_conditions import (
+from bseries.analysis.structure_conditions import (
     cubic_conditions,
     energy_conditions,
     hamiltonian_conditions,

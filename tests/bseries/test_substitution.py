@@ -6,8 +6,7 @@ import pytest
 from series_oracles import partitions, substituted
 
 import bseries as bs
-from trees.partitions import partitions_of
-from trees.table import TreeTable
+from trees.table import TreeTable, partitions_of
 
 SIZES = [(6, 1), (4, 2), (3, 3)]
 METHODS = [

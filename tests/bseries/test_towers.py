@@ -7,9 +7,9 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries import jets
-from bseries.precise import PreciseSeries
-from integrators.expressions import ELEMENTARY
+from bseries.fields import taylor as jets
+from bseries.fields.any_precision import PreciseSeries
+from integrators.exact.expressions import ELEMENTARY
 
 X, Y = sympy.symbols("x y")
 PLANE = bs.Scene({"z": ["x", "y"]}, field={"x": "x*y^2 - sin(x + 2*y)", "y": "exp(x/2)/(1 + y^2) - x^3"})

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.turns import first_turn
+from bseries.advice.work_precision.extrapolation import first_turn
 
 PHASES = [k * math.pi / 4 for k in range(8)]
 

@@ -11,16 +11,15 @@ import pytest
 from steady_budgets import for_steps, stop_the_clock
 
 import bseries as bs
-from bseries.advice import run_errors
-from bseries.advice.candidates import candidate, candidates
-from bseries.advice.dense_reference import DenseReference
 from bseries.advice.distances import relative_distance
-from bseries.advice.modifying_scenes import modifying_scene
-from bseries.advice.outlook import Outlook, outlook
-from bseries.advice.recommendation import largest_step
-from bseries.advice.run_errors import Judge, RunErrors
-from bseries.advice.sweeps import Curve, Row, time_scale
 from bseries.advice.timing import Timing
+from bseries.advice.work_precision import run_errors
+from bseries.advice.work_precision.candidates import candidate, candidates, modifying_scene
+from bseries.advice.work_precision.dense_reference import DenseReference
+from bseries.advice.work_precision.extrapolation import Outlook, outlook
+from bseries.advice.work_precision.recommendation import largest_step
+from bseries.advice.work_precision.run_errors import Judge, RunErrors
+from bseries.advice.work_precision.sweeps import Curve, Row, time_scale
 
 METHODS = ("stormer-verlet", "rk4", "gauss2")
 ROTATING = bs.scene("pendulum").with_start(p=[3], q=[0])
@@ -275,7 +274,7 @@ def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
 @pytest.fixture
 def laws(monkeypatch):
     """The modified equation says nothing, so that laws count."""
-    monkeypatch.setattr("bseries.advice.outlook.foreseen", lambda *_: None)
+    monkeypatch.setattr("bseries.advice.work_precision.extrapolation.foreseen", lambda *_: None)
 
 
 @pytest.mark.usefixtures("laws")
@@ -464,7 +463,7 @@ def test_bad_wishes(pendulum, arguments, message):
 
 def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
     pytest.importorskip("matplotlib")
-    from bseries.advice.cost_picture import draw
+    from bseries.advice.work_precision.diagram import draw
 
     figure = draw(pendulum)
     assert len(figure.axes) == 3

@@ -125,21 +125,21 @@ def test_existing_output_survives_a_refusal(run, tmp_path):
 
 @pytest.mark.parametrize("error", [MemoryError, OSError(28, "No space left on device")])
 def test_what_the_machine_lacks(run, monkeypatch, error):
-    import bseries.modified
+    import bseries.algebra.modified
 
     def fail(*arguments, **options):
         raise error
 
-    monkeypatch.setattr(bseries.modified, "modified_equation", fail)
+    monkeypatch.setattr(bseries.algebra.modified, "modified_equation", fail)
     monkeypatch.setattr("bseries.cli.application.discard_output", lambda: None)
     refused(run("modified", "rk4"), "more memory" if error is MemoryError else "No space left on device")
 
 
 def test_a_bug_is_not_hidden(run, monkeypatch):
-    import bseries.modified
+    import bseries.algebra.modified
 
     def fail(*arguments, **options):
         raise ValueError("a bug")
 
-    monkeypatch.setattr(bseries.modified, "modified_equation", fail)
+    monkeypatch.setattr(bseries.algebra.modified, "modified_equation", fail)
     assert isinstance(run("modified", "rk4").exception, ValueError)

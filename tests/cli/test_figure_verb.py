@@ -10,7 +10,7 @@ import pytest
 
 from bseries.figures import registry, riccati, toda
 from bseries.figures.registry import compute, drawn, figure_file, figure_names
-from bseries.figures.saving import picture, table
+from bseries.plotting import picture, table
 
 pytest.importorskip("matplotlib")
 

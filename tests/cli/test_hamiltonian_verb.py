@@ -12,7 +12,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from integrators.expressions import parse_expression
+from integrators.exact.expressions import parse_expression
 
 REFERENCE = Path(__file__).parent.parent / "reference" / "lecture_values.json"
 LECTURE = json.loads(REFERENCE.read_text(encoding="utf-8"))

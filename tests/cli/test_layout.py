@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from bseries.cli import layout
-from bseries.cli.layout import Column
-from bseries.cli.method_argument import split_row
+from bseries.cli import table as layout
+from bseries.cli.options.method_argument import split_row
 from bseries.cli.progress import Progress
+from bseries.cli.table import Column
 
 COLUMNS = (Column("n", True), Column("coefficient"), Column("formula"))
 ROWS = [

@@ -122,7 +122,7 @@ def test_help_imports_no_library():
     code = (
         "import sys; from bseries.cli.application import application\n"
         "application(['--help'], standalone_mode=False)\n"
-        "print(sorted({'numpy', 'fractions', 'bseries.modified'} & set(sys.modules)), file=sys.stderr)"
+        "print(sorted({'numpy', 'fractions', 'bseries.algebra.modified'} & set(sys.modules)), file=sys.stderr)"
     )
     job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert job.stderr == b"[]\n"

@@ -8,9 +8,9 @@ import re
 import pytest
 
 from integrators import method, scene
-from integrators.ensemble_results import load_ensemble
-from integrators.ensembles import ensemble
-from integrators.random_starts import perturbed_start, thermal_momenta
+from integrators.runs.ensemble_results import load_ensemble
+from integrators.runs.ensembles import ensemble
+from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
 VERB = "simulate", "pendulum", "--method", "stormer-verlet", "--step", "1/10", "--steps", "20"
 MANY = *VERB, "--ensemble", "6"

@@ -7,8 +7,8 @@ import json
 import pytest
 
 import bseries as bs
-from bseries.cli import expectation
-from bseries.cli.expectation import Expectation
+from bseries.cli.options import expectation
+from bseries.cli.options.expectation import Expectation
 from bseries.cli.progress import Progress
 
 RUN = ("simulate", "pendulum", "--method", "rk4", "--step", "0.1", "--steps", "2000")
@@ -111,13 +111,13 @@ class TestExpectation:
     def clock(self, monkeypatch):
         """A clock that stands still unless it is set."""
         now = [100.0]
-        for module in ("bseries.advice.calibration", "bseries.cli.expectation"):
+        for module in ("bseries.advice.prediction.calibration", "bseries.cli.options.expectation"):
             monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
         return now
 
     @staticmethod
     def expected(seconds=None):
-        from bseries.advice.prediction import time_only
+        from bseries.advice.prediction.prediction import time_only
 
         return time_only(0.1, 10, "nobody looked", seconds)
 

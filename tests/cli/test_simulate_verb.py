@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from integrators import scene
-from integrators.loop import integrate
-from integrators.trajectory_files import load_trajectory
+from integrators.runs.loop import integrate
+from integrators.runs.trajectory import load_trajectory
 
 RUN = ("simulate", "pendulum", "--method", "stormer-verlet", "--step", "0.1", "--steps", "1000")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bseries.advice.machine import machine
+from bseries.advice.timing import machine
 
 PAGE = Path(__file__).parents[2] / "docs" / "hard-cases.md"
 HEAD = "| case | promised | measured | test |\n|---|---|---|---|\n"

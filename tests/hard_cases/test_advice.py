@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice import pilot as pilots
+from bseries.advice.prediction import perturbation_run as pilots
 
 COMET = bs.scene("kepler", eccentricity="0.999")
 PENDULUM, RICCATI, STIFF = bs.scene("pendulum"), bs.scene("riccati"), bs.scene("van-der-pol")

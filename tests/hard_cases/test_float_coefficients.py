@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries import recursions, substitution_recursions
-from bseries.arithmetic import Exact, Float, floats
-from bseries.coefficients import stages_of
+from bseries.algebra.stages import stages_of
+from bseries.exact import recursions, substitution_recursions
+from bseries.exact.arithmetic import Exact, Float, floats
 
 METHODS = [
     "implicit-euler", "explicit-midpoint", "implicit-midpoint", "heun3", "rk4", "ssprk33", "rkf45",

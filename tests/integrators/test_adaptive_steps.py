@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from integrators import IntegratorError, ProgramBuilder, Scene, scene
-from integrators.codegen import compiled_scene
+from integrators.compile.scene_source import compiled_scene
 from integrators.steppers.adaptive import DENSITY, RATE, TIME
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper

@@ -16,7 +16,7 @@ import pytest
 import sympy
 
 from integrators import IntegratorError, Scene, scene, scene_catalogue
-from integrators.expressions import parse_expression
+from integrators.exact.expressions import parse_expression
 
 ORBIT = ("relativity", "oblateness", "drag")
 # name: (variables in the order of the state, effects)

@@ -11,8 +11,8 @@ import pytest
 import sympy
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta
-from integrators.methods import MethodEntry, catalogue, method
-from integrators.methods.entry import PROGRAM_KINDS, TABLEAU_KINDS
+from integrators.methods.catalogue.entry import PROGRAM_KINDS, TABLEAU_KINDS, MethodEntry
+from integrators.methods.catalogue.registry import catalogue, method
 
 ENTRIES = catalogue()
 FIXED = [entry for entry in ENTRIES if not entry.is_family and entry.is_tableau]

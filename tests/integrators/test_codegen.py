@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators import IntegratorError, codegen
-from integrators.codegen import compiled_scene, precise_scene, scene_source
-from integrators.expressions import ELEMENTARY
-from integrators.scenes.base import Scene
-from integrators.scenes.effects import Effect
-from integrators.scenes.registry import scene, scene_catalogue
-from integrators.scenes.terms import Term
+from integrators import IntegratorError
+from integrators.compile import scene_source as codegen
+from integrators.compile.scene_source import compiled_scene, precise_scene, scene_source
+from integrators.exact.expressions import ELEMENTARY
+from integrators.scenes.catalogue.registry import scene, scene_catalogue
+from integrators.scenes.model.effects import Effect
+from integrators.scenes.model.terms import Term
+from integrators.scenes.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 DISTANCE = "((qx_i - qx_j)^2 + (qy_i - qy_j)^2)"
@@ -249,9 +250,9 @@ def test_exact_code_stays_no_longer_than_its_users():
 
 PROGRAM = """
 import numpy as np
-from integrators.codegen import compiled_scene, scene_source
-from integrators.scenes.base import Scene
-from integrators.scenes.terms import Term
+from integrators.compile.scene_source import compiled_scene, scene_source
+from integrators.scenes.scene import Scene
+from integrators.scenes.model.terms import Term
 system = Scene({"p": [3, 2], "q": [3, 2]}, terms=[
     Term(over="each", hamiltonian="(px_i^2 + py_i^2)/(2*m_i)"),
     Term(over="pairs", hamiltonian="m_i*m_j*exp(qx_i - qx_j)/((qx_i - qx_j)^2 + (qy_i - qy_j)^2)^3"),

@@ -10,9 +10,9 @@ import order_oracle as oracle
 import pytest
 
 from integrators import IntegratorError, RungeKutta, catalogue, method
-from integrators.continuous_extensions import continuous_extension
-from integrators.elementary_weights import order_of_difference, order_of_weights, weight_conditions
-from integrators.embedded_pairs import embedded_pair
+from integrators.bindings.continuous_extensions import continuous_extension
+from integrators.bindings.embedded_pairs import embedded_pair
+from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights, weight_conditions
 
 EXPLICIT = [e for e in catalogue() if e.kind in ("explicit", "embedded pair") and not e.is_family and not e.parameters]
 PAIRS = {"merson4": 3, "bogacki-shampine32": 2, "fehlberg45": 4, "cash-karp45": 4, "dormand-prince54": 4}

@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators import (
-    IntegratorError,
-    RungeKutta,
-    StabilityFunction,
-    catalogue,
-    is_algebraically_stable,
-    linear_order,
-    linear_ssp_coefficient,
-    method,
-    ssp_coefficient,
-    stability_function,
-)
+from bseries.analysis.stability.contractivity import is_algebraically_stable, linear_ssp_coefficient, ssp_coefficient
+from bseries.analysis.stability.functions import stability_function
+from bseries.analysis.stability.phase_errors import linear_order
+from bseries.analysis.stability.rational_functions import StabilityFunction
+from integrators import IntegratorError, RungeKutta, catalogue, method
 
 TABLEAUX = ("explicit", "embedded pair", "diagonally implicit")
 NUMERIC = [

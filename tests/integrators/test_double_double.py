@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from integrators import double_double as dd
-from integrators import double_double_functions as functions
-from integrators.expressions import ELEMENTARY
+from integrators.exact.expressions import ELEMENTARY
+from integrators.reference import double_double as dd
+from integrators.reference import double_double_functions as functions
 
 UNIT = 2.0**-106
 TOLERANCE = 6 * UNIT

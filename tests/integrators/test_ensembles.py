@@ -13,15 +13,15 @@ from random import Random
 import numpy as np
 import pytest
 
-import integrators.ensembles
+import integrators.runs.ensembles
 from integrators import IntegratorError, Scene, scene
-from integrators.ensemble_members import Members, member_generator
-from integrators.ensemble_results import load_ensemble
-from integrators.ensemble_statistics import Gathering, member_statistics
-from integrators.ensembles import ensemble
-from integrators.executors import MOST_LOSSES, Workers, cluster_executor
-from integrators.loop import integrate
-from integrators.random_starts import perturbed_start, thermal_momenta
+from integrators.runs.ensemble_members import Members, member_generator
+from integrators.runs.ensemble_results import load_ensemble
+from integrators.runs.ensemble_statistics import Gathering, member_statistics
+from integrators.runs.ensembles import ensemble
+from integrators.runs.executors import MOST_LOSSES, Workers, cluster_executor
+from integrators.runs.loop import integrate
+from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
 ATOMS = scene("lennard-jones", particles=3)
 PENDULUM = scene("pendulum")
@@ -115,7 +115,7 @@ def test_the_order_of_blocks_does_not_change_a_bit(reference):
 
 @pytest.mark.parametrize("blocks", [1, 2, 5])
 def test_the_size_of_blocks_does_not_change_a_bit(blocks, reference, monkeypatch):
-    monkeypatch.setattr(integrators.ensembles, "BLOCKS", blocks)
+    monkeypatch.setattr(integrators.runs.ensembles, "BLOCKS", blocks)
     assert content(run()) == reference
 
 

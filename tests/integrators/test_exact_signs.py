@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators.inexact import Inexact
-from integrators.number_fields import to_number_field
-from integrators.resolvents import adjugate_terms, characteristic
-from integrators.sturm import count_roots, first_crossing, is_hurwitz, squarefree_factors, sturm_chain
+from bseries.analysis.stability.inexact import Inexact
+from bseries.analysis.stability.number_fields import to_number_field
+from bseries.analysis.stability.resolvents import adjugate_terms, characteristic
+from bseries.analysis.stability.sturm import count_roots, first_crossing, is_hurwitz, squarefree_factors, sturm_chain
 
 
 def rational(*values):

@@ -10,8 +10,8 @@ from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from integrators import IntegratorError
-from integrators.exact import MAX_DIGITS
-from integrators.expressions import check_names, decimal_text, format_number, parse_expression, parse_number
+from integrators.exact.arithmetic import MAX_DIGITS
+from integrators.exact.expressions import check_names, decimal_text, format_number, parse_expression, parse_number
 
 RATIONAL = {
     "1": 1,
@@ -275,7 +275,7 @@ def test_floats_are_written_shortest():
 def test_rational_formulas_do_not_import_sympy():
     code = """
 import sys
-from integrators.expressions import parse_number
+from integrators.exact.expressions import parse_number
 parse_number("1/2 - 0.25*(3 + sqrt(4))^2")
 sys.exit("sympy" in sys.modules or "numpy" in sys.modules)
 """

@@ -8,7 +8,7 @@ import order_oracle as oracle
 import pytest
 import sympy
 
-from integrators.methods import method
+from integrators.methods.catalogue.registry import method
 
 # family: (fewest stages, p − 2s, s − q of C(q), s − r of D(r), symplectic, symmetric).
 # HW IV.5, Table 5.13; L. O. Jay, Lobatto methods (2015).

@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
-from integrators import files as module
 from integrators import method as catalogue_method
-from integrators.files import atomic_write, dumps_method, loads_method, save_method
-from integrators.text_files import MAX_BYTES, replacing
+from integrators.core.text_files import MAX_BYTES, replacing
+from integrators.methods.tableaux import files as module
+from integrators.methods.tableaux.files import atomic_write, dumps_method, loads_method, save_method
 
 HEUN = RungeKutta([[0, 0], [1, 0]], ["1/2", "1/2"], name="heun2", reference="Heun 1900")
 GAUSS2 = RungeKutta([["1/4", "1/4 - sqrt(3)/6"], ["1/4 + sqrt(3)/6", "1/4"]], ["1/2", "1/2"])
@@ -325,7 +325,7 @@ def test_interrupted_writing_leaves_the_old_file_alone(tmp_path, monkeypatch, er
 def test_what_a_killed_process_leaves_goes_with_the_next_write(tmp_path):
     path = tmp_path / "file"
     script = (
-        "import os, sys; from integrators.text_files import replacing\n"
+        "import os, sys; from integrators.core.text_files import replacing\n"
         "with replacing(sys.argv[1]) as file:\n"
         "    file.write(b'half'); file.flush(); os.kill(os.getpid(), 9)\n"
     )

@@ -10,12 +10,12 @@ import pytest
 import sympy
 
 from integrators import IntegratorError, ProgramBuilder, Scene, Term, method, scene, strang
-from integrators.codegen import compiled_scene
-from integrators.plain_steps import plain_step
-from integrators.scenes.local_terms import output_formula
-from integrators.scenes.parts import pieces_of
+from integrators.compile.scene_source import compiled_scene
+from integrators.reference.plain_steps import plain_step
+from integrators.scenes.model.local_terms import output_formula
+from integrators.scenes.particles.parts import pieces_of
+from integrators.steppers.averages import gauss_legendre
 from integrators.steppers.phi_functions import BITS, doubles, fixed_point, phi_functions
-from integrators.steppers.quadrature import gauss_legendre
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 

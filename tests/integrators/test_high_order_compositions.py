@@ -19,12 +19,11 @@ from mpmath import mpf
 from power_series_oracle import random_field
 
 from integrators import IntegratorError, Splitting, adjoint_method, catalogue, composition, lie_trotter, method, strang
-from integrators.composition_schemes import adjoint_composition, symmetric_composition
-from integrators.force_gradient import ForceGradient
-from integrators.methods.recommendations import RECOMMENDED, recommended
-from integrators.methods.symmetric_compositions import SCHEMES
-from integrators.nystrom_splitting import NystromSplitting
-from integrators.plain_steps import block_parts, plain_step
+from integrators.methods.catalogue.recommendations import RECOMMENDED, recommended
+from integrators.methods.kinds.composition_schemes import SCHEMES, adjoint_composition, symmetric_composition
+from integrators.methods.kinds.force_gradient import ForceGradient
+from integrators.methods.kinds.nystrom_splitting import NystromSplitting
+from integrators.reference.plain_steps import block_parts, plain_step
 
 SPLITTINGS = [entry for entry in catalogue() if entry.kind == "splitting"]
 NYSTROM = [entry for entry in catalogue() if entry.kind == "nystrom splitting"]

@@ -12,8 +12,8 @@ import pytest
 import sympy
 
 from integrators import IntegratorError, ProgramBuilder, method, scene
-from integrators.codegen import compiled_scene
-from integrators.plain_steps import block_parts, plain_steps
+from integrators.compile.scene_source import compiled_scene
+from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 

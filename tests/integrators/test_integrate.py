@@ -14,12 +14,14 @@ import numpy as np
 import psutil
 import pytest
 
-from integrators import IntegratorError, Scene, loop, method, runs, scene
-from integrators.loop import integrate
-from integrators.observers import observers
-from integrators.plain_steps import block_parts, plain_steps
+from integrators import IntegratorError, Scene, method, scene
+from integrators.reference.plain_steps import block_parts, plain_steps
+from integrators.runs import loop
+from integrators.runs import loop as runs
+from integrators.runs.loop import integrate
+from integrators.runs.observers import observers
+from integrators.runs.trajectory import load_trajectory
 from integrators.steppers.states import StepError
-from integrators.trajectory_files import load_trajectory
 
 PENDULUM = scene("pendulum")
 KEPLER = scene("kepler")
@@ -243,7 +245,7 @@ def test_an_interrupt_without_checkpoint_leaves_a_readable_file(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path):
     script = (
-        "import sys; from integrators import scene; from integrators.loop import integrate\n"
+        "import sys; from integrators import scene; from integrators.runs.loop import integrate\n"
         "integrate(scene('kepler'), 'gauss2', h=0.02, steps=300_007, save_every=20, observe='energy',\n"
         "          observe_every=50, to=sys.argv[1], checkpoint=sys.argv[2], checkpoint_every=0.0)\n"
     )

@@ -8,10 +8,10 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from integrators.lowering import vectors
-from integrators.lowering.units import Unit, lowered
-from integrators.lowering.vectors import VectorLoop
-from integrators.steppers.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
+from integrators.compile.lowering import vectors
+from integrators.compile.lowering.units import Unit, lowered
+from integrators.compile.lowering.vectors import VectorLoop
+from integrators.compile.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
 
 NUMBERS = np.array([0.5, -2.0, 3.25])
 PLACES = np.array([2, 0, 1])

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from integrators import modules
-from integrators.modules import load_module
+from integrators.compile import modules
+from integrators.compile.modules import load_module
 
 ROOT = Path(__file__).parents[2]
 SOURCE = "def answer():\n    return {}\n"
@@ -29,7 +29,7 @@ def cube(x):
 '''
 
 PROGRAM = f"""
-from integrators.modules import load_module
+from integrators.compile.modules import load_module
 module = load_module({COMPILED!r})
 assert module.cube(3.0) == 27.0
 stats = module.cube.stats

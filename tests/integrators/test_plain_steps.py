@@ -13,16 +13,9 @@ from method_definitions import CASES, POINT, second_order_fields, start
 from mpmath import mpf
 from power_series_oracle import add, coefficients, random_field, run
 
-from integrators import (
-    IntegratorError,
-    ProgramBuilder,
-    RungeKutta,
-    catalogue,
-    composition,
-    method,
-    stability_function,
-)
-from integrators.plain_steps import block_parts, plain_step, plain_steps
+from bseries.analysis.stability.functions import stability_function
+from integrators import IntegratorError, ProgramBuilder, RungeKutta, catalogue, composition, method
+from integrators.reference.plain_steps import block_parts, plain_step, plain_steps
 
 LINEAR = [{(1, 0): Fraction(1, 3), (0, 1): Fraction(-1, 2)}, {(1, 0): Fraction(1), (0, 1): Fraction(1, 5)}]
 

@@ -17,10 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import IntegratorError
-from integrators.expressions import ELEMENTARY, parse_expression
-from integrators.modules import load_module
-from integrators.number_text import exact_text, literal, nearest_double
-from integrators.printer import FUNCTIONS, count_operations, operation_cost, source_lines
+from integrators.compile.modules import load_module
+from integrators.compile.printer import FUNCTIONS, count_operations, operation_cost, source_lines
+from integrators.exact.expressions import ELEMENTARY, parse_expression
+from integrators.exact.number_text import exact_text, literal, nearest_double
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
 NAMES = {symbol: symbol.name for symbol in SYMBOLS}
@@ -293,7 +293,7 @@ def test_exact_text_has_the_value_of_the_number(formula):
 
 PROGRAM = """
 import sympy
-from integrators.printer import source_lines
+from integrators.compile.printer import source_lines
 x, y, z = sympy.symbols("x y z")
 r = sympy.sqrt(x**2 + y**2 + z**2)
 V = sympy.exp(-r)/r**6 + sympy.sin(x*y)*sympy.cos(x*y)*z**3 - (x + y)**5*(x - z)**2/3

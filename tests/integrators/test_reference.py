@@ -12,11 +12,13 @@ import pytest
 import sympy
 import taylor_oracle
 
-from integrators import IntegratorError, Scene, reference, taylor, taylor_operations, taylor_program
-from integrators.codegen import compiled_scene, precise_scene
-from integrators.expressions import ELEMENTARY
-from integrators.reference import reference_solution
-from integrators.scenes.registry import scene
+from integrators import IntegratorError, Scene
+from integrators.compile.scene_source import compiled_scene, precise_scene
+from integrators.exact.expressions import ELEMENTARY
+from integrators.reference import solution as reference
+from integrators.reference import taylor, taylor_operations, taylor_program
+from integrators.reference.solution import reference_solution
+from integrators.scenes.catalogue.registry import scene
 
 GROWTH = Scene({"y": 1}, field={"y": "y"}, start={"y": [1]})
 PENDULUM = scene("pendulum")

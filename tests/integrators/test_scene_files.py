@@ -11,8 +11,8 @@ import pytest
 import sympy
 
 from integrators import Effect, IntegratorError, Scene, Term, load_scene, save_scene, scene, scene_catalogue
+from integrators.core.text_files import MAX_BYTES
 from integrators.scenes.files import loads_scene
-from integrators.text_files import MAX_BYTES
 
 PENDULUM = """
 name = "pendulum"

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import Effect, IntegratorError, Scene, Term
-from integrators.scenes import formulas
 from integrators.scenes.domain import guards
-from integrators.scenes.formulas import formula_text, read_formula
+from integrators.scenes.model import formulas
+from integrators.scenes.model.formulas import formula_text, read_formula
 
 PQ = {"p": 1, "q": 1}
 PENDULUM = "p^2/2 - cos(q)"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from integrators import IntegratorError, Scene, method, scene
-from integrators.embedded_pairs import embedded_pair
-from integrators.scipy_bridge import right_hand_side, scipy_solver
-from integrators.scipy_tableaux import from_scipy
+from integrators.bindings.embedded_pairs import embedded_pair
+from integrators.bindings.scipy_bridge import right_hand_side, scipy_solver
+from integrators.bindings.scipy_tableaux import from_scipy
 
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
@@ -240,7 +240,7 @@ def test_what_is_no_tableau_is_refused(wrong):
 
 def test_without_scipy_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
-    monkeypatch.delitem(sys.modules, "integrators.pair_solver", raising=False)
+    monkeypatch.delitem(sys.modules, "integrators.bindings.scipy_pairs", raising=False)
     with pytest.raises(ImportError, match=r"pip install '\.\[scipy\]' in the clone"):
         scipy_solver(method("tsit5"))
 

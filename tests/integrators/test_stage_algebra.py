@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from integrators import IntegratorError, RungeKutta, StageAlgebra
-from integrators import polynomials as poly
+from integrators.exact import polynomials as poly
 
 
 def legendre(stages):

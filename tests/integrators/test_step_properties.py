@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 from integrators import adjoint_method, catalogue, method, scene, stepper
-from integrators.plain_steps import block_parts, plain_step, plain_steps
+from integrators.reference.plain_steps import block_parts, plain_step, plain_steps
 
 STEPS = 20
 

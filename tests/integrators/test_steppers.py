@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import integrators as bi
-from integrators.codegen import compiled_scene
-from integrators.plain_steps import plain_steps
-from integrators.steppers import work_arrays
+from integrators.compile.scene_source import compiled_scene
+from integrators.reference.plain_steps import plain_steps
+from integrators.steppers import source as work_arrays
 
 PENDULUM = bi.scene("pendulum")
 ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]

@@ -11,11 +11,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from integrators import IntegratorError, scene, stored_arrays
-from integrators.loop import integrate
+from integrators import IntegratorError, scene
+from integrators.core import stored_arrays
+from integrators.runs.loop import integrate
+from integrators.runs.trajectory import Trajectory, load_trajectory
 from integrators.scenes.files import loads_scene
-from integrators.trajectory import Trajectory
-from integrators.trajectory_files import load_trajectory
 
 PENDULUM = scene("pendulum")
 OPTIONS = {"h": 0.1, "steps": 103, "save_every": 10, "observe": ["energy", {"double energy": "energy"}]}

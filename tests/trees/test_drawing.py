@@ -12,9 +12,8 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from tree_oracles import grown, random_trees
 
-from trees.drawing import PALETTE, draw, svg
+from trees.display.drawing import PALETTE, RADIUS, STEP, arrange, draw, svg
 from trees.errors import TreeError
-from trees.layout import RADIUS, STEP, arrange
 from trees.tree import Tree
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -1,0 +1,1 @@
+"""Effects of a scene: their influence on a run, and their cost."""

@@ -1,0 +1,197 @@
+"""What effects cost: time for a step and for an evaluation of the field, and trees, against the effects that are on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+from bseries.advice.effects.variants import effect_variants
+from bseries.advice.timing import Timing
+from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
+from bseries.algebra.stages import auxiliary_colors, check_method
+from integrators.core.immutable import Frozen
+from integrators.methods.catalogue.registry import method as named
+from integrators.steppers.run_input import read_number
+
+if TYPE_CHECKING:
+    from bseries.advice.effects.variants import EffectVariants, Names
+    from bseries.algebra.stages import Method
+    from integrators.scenes.scene import Scene
+
+ORDER = 6
+
+
+class CostRow(NamedTuple):
+    """What some effects cost.
+
+    Attributes:
+        effects: Those that are on.
+        step: Seconds for a step.
+        field: Seconds for an evaluation of the field.
+        trees: How many trees the modified equation needs.
+        all_trees: How many there are.
+
+    Example:
+        >>> import bseries as bs
+        >>> row = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")[-1]
+        >>> row.effects, 0 < row.step.seconds < 1e-3
+        (('damping',), True)
+    """
+
+    effects: Names
+    step: Timing
+    field: Timing
+    trees: int | None
+    all_trees: int | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The row as plain data."""
+        return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
+
+
+class EffectCosts(Frozen, Sequence[CostRow]):
+    """What the effects of a scene cost, as `effect_costs` measures it: a sequence of rows.
+
+    Attributes:
+        scene: The name of the scene.
+        method: The name of the method.
+        h: The step size.
+        order: How many nodes the trees have at most.
+        rows: What none of the effects costs, the first one, the first two, … all.
+
+    Example:
+        >>> import bseries as bs
+        >>> costs = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")
+        >>> costs
+        <EffectCosts of pendulum, rk4: 2 rows>
+        >>> costs.order, len(costs), costs[-1].effects
+        (6, 2, ('damping',))
+    """
+
+    scene: str
+    method: str
+    h: float
+    order: int
+    rows: tuple[CostRow, ...]
+
+    def __init__(self, scene: str, method: str, h: float, order: int, rows: Iterable[CostRow]):
+        self.__dict__.update(scene=scene, method=method, h=h, order=order, rows=tuple(rows))
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.scene, self.method, self.h, self.order, self.rows
+
+    def __repr__(self) -> str:
+        return f"<EffectCosts of {self.scene}, {self.method}: {len(self)} rows>"
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, index: int) -> CostRow: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[CostRow, ...]: ...
+    def __getitem__(self, index: int | slice) -> CostRow | tuple[CostRow, ...]:
+        return self.rows[index]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All figures as JSON can hold them."""
+        return {
+            "schema": 1,
+            "kind": "effect-costs",
+            "method": self.method,
+            "scene": self.scene,
+            "h": self.h,
+            "order": self.order,
+            "rows": [row.to_dict() for row in self.rows],
+        }
+
+
+def effect_costs(
+    scene: Scene | str,
+    method: Method | str,
+    *,
+    h: float,
+    effects: str | Iterable[str] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    start: Mapping[str, Any] | None = None,
+    parts: Mapping[str, Any] | None = None,
+    solver: str = "auto",
+    order: int = ORDER,
+) -> EffectCosts:
+    """What a scene costs against the number of effects that are on: none, the first one, the first two, … all.
+
+    Times are CPU seconds of compiled code, in turn. The field is timed as the step of the explicit Euler method without
+    compensation, which is one evaluation and one sum.
+
+    Args:
+        scene: The scene, or the name of a built-in one; see `effect_influence`.
+        method: The method, or its name.
+        h: The step size, on which the costs of implicit steps depend.
+        effects: The effects; by default those that are on, and all if none is.
+        parameters: Options of a built-in scene, and values of its parameters and of those of the effects.
+        start: Start values of some blocks.
+        parts: What the parts of the method are in the scene with all effects.
+        solver: How implicit stages are found.
+        order: How many nodes the trees of the modified equation have at most.
+
+    Raises:
+        SeriesError: The scene has no effects.
+        IntegratorError: The method does not fit the scene with some effects, or an argument is not of its kind; as a
+            StepError, a step failed.
+
+    Example:
+        >>> import bseries as bs
+        >>> rows = bs.effect_costs("kepler", "stormer-verlet", h=0.02, effects="oblateness")
+        >>> [(row.effects, row.trees, row.all_trees) for row in rows]
+        [((), 37, 1202), (('oblateness',), 37, 1202)]
+    """
+    variants, step = effect_variants(scene, effects, parameters, start), read_number(h, "h")
+    method = check_method(named(method) if isinstance(method, str) else method)
+    nested = [variants.names[:k] for k in range(len(variants.names) + 1)]
+    options = {"solver": solver}
+    steps = variant_costs(variants, nested, method, step, parts=parts, options=options)
+    fields = variant_costs(variants, nested, "explicit-euler", step / MOST_STEPS, options={"compensated": False})
+    rows = (
+        CostRow(names, steps[names], fields[names], *_trees(variants, names, method, parts, order)) for names in nested
+    )
+    return EffectCosts(variants.full.name, method.name, step, order, rows)
+
+
+def variant_costs(
+    variants: EffectVariants,
+    chosen: Iterable[Names],
+    method: Method | str,
+    h: float,
+    *,
+    parts: Any = None,
+    options: Mapping[str, Any],
+    most_steps: int = MOST_STEPS,
+) -> dict[Names, Timing]:
+    """Seconds for a step with each of several choices of effects, timed in turn.
+
+    Raises:
+        StepError: The first step failed.
+    """
+    work: dict[str, Work] = {}
+    chosen = tuple(chosen)
+    for k, names in enumerate(chosen):
+        scene = variants.build(names)
+        work[str(k)] = Work(
+            scene, method, h, options={**options, "parts": variants.parts(parts, scene)}, most_steps=most_steps
+        )
+    found = step_costs(work)
+    return dict(zip(chosen, found.values(), strict=True))
+
+
+def _trees(
+    variants: EffectVariants, names: Names, method: Method, parts: Any, order: int
+) -> tuple[int | None, int | None]:
+    """How many trees the modified equation has on the scene, and on any; of methods with a matrix it is unknown."""
+    from bseries.fields.scene_trees import trees_of_method
+
+    scene = variants.build(names)
+    if auxiliary_colors(method):
+        return None, None
+    trees = trees_of_method(method, order, scene, variants.parts(parts, scene))
+    return len(trees.table), trees.total

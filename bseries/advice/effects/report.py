@@ -1,0 +1,204 @@
+"""What `effect_influence` found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from bseries.advice.timing import Timing
+
+MEASURABLE = 0.03
+"""Steps whose times differ by a smaller part take the same: so much code is moved by whatever else changes."""
+
+
+class Influence(NamedTuple):
+    """How far two runs are apart in the variables that they share.
+
+    Attributes:
+        solution: The largest distance of their states, as a part of the largest size of the state; infinite where one
+            run failed.
+        energy: The largest difference of their energies, the Hamiltonian without the effects, as a part of that at the
+            start; None if there is none.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("pendulum", "rk4", h=0.05, span=1, effects="damping")
+        >>> report.rows[0].alone == report.rows[0].left_out, f"{report.own_error.solution:.0e}"
+        (True, '2e-08')
+    """
+
+    solution: float
+    energy: float | None
+
+
+class EffectRow(NamedTuple):
+    """One effect.
+
+    Attributes:
+        name: The effect.
+        summary: What it is.
+        alone: What it does when it is switched on in the scene without effects.
+        left_out: What leaving it out of the scene with all effects does.
+        seconds: Seconds that it adds to a step of the scene with all others; None if a run without it failed.
+        uncertainty: How far that may be off, by the quartiles of both times.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("pendulum", "rk4", h=0.05, span=1, effects="damping")
+        >>> [(row.name, f"{row.left_out.solution:.0e}") for row in report.rows]
+        [('damping', '3e-02')]
+    """
+
+    name: str
+    summary: str
+    alone: Influence
+    left_out: Influence
+    seconds: float | None = None
+    uncertainty: float | None = None
+
+    def with_costs(self, full: Timing, less: Timing | None) -> EffectRow:
+        """The row with what the effect costs: the difference of a step with all effects and without this one."""
+        if less is None:
+            return self
+        uncertainty = (full.high - full.low + less.high - less.low) / 2
+        return self._replace(seconds=full.seconds - less.seconds, uncertainty=uncertainty)
+
+
+class EffectReport(NamedTuple):
+    """Which effects of a scene matter for a run; made by `effect_influence`.
+
+    Attributes:
+        scene: The scene and its effects.
+        method: The method.
+        h: The step size.
+        steps: How many steps.
+        measure: What the recommendation is about: ``"solution"`` or ``"energy"``.
+        accept: The error that is accepted in it.
+        margin: By what factor influences are taken too large, since effects act on each other.
+        own_error: The error of the method itself, with all effects.
+        rows: The effects.
+        leave_out: Those that the recommendation leaves out.
+        apart: How far the runs with all effects and with the recommended ones are apart: measured, not predicted.
+        bare: Seconds for a step without effects; None if that run failed.
+        full: Seconds for a step with all of them.
+        kept: Seconds for a step with the recommended ones.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("kepler", "rk4", h=0.02, span=6, accept=0.06, effects=["oblateness", "drag"])
+        >>> report.leave_out, report.keep
+        (('oblateness',), ('drag',))
+        >>> report.apart.solution <= report.promised <= report.accept
+        True
+    """
+
+    scene: str
+    method: str
+    h: float
+    steps: int
+    measure: str
+    accept: float
+    margin: float
+    own_error: Influence
+    rows: tuple[EffectRow, ...]
+    leave_out: tuple[str, ...]
+    apart: Influence
+    bare: Timing | None
+    full: Timing
+    kept: Timing
+
+    @property
+    def keep(self) -> tuple[str, ...]:
+        """The effects that are recommended."""
+        return tuple(row.name for row in self.rows if row.name not in self.leave_out)
+
+    @property
+    def promised(self) -> float:
+        """What the two runs differ by at most: the sum of the influences of what is left out, times the margin."""
+        influences = (getattr(row.left_out, self.measure) for row in self.rows if row.name in self.leave_out)
+        return self.margin * sum(influences, 0.0)
+
+    @property
+    def saved(self) -> float:
+        """The part of the time that the recommendation saves."""
+        return 1 - self.kept.seconds / self.full.seconds
+
+    @property
+    def times(self) -> dict[str, Timing | None]:
+        """Seconds for a step by what is on."""
+        return {"no effects": self.bare, "all": self.full, "the recommended ones": self.kept}
+
+    def __str__(self) -> str:
+        lines = [f"{self.method} on {self.scene}: {self.steps:,} steps of {self.h:g}"]
+        for row in self.rows:
+            cost = "" if row.seconds is None else f"; {row.seconds * 1e9:+.3g} ns a step"
+            lines.append(f"  without {row.name}: {_shown(row.left_out)}{cost}")
+        return "\n".join([*lines, f"  error of the method: {_shown(self.own_error)}", *self.advice()])
+
+    def advice(self) -> Iterator[str]:
+        """The recommendation in sentences."""
+        yield from self._recommendation()
+        own = getattr(self.own_error, self.measure)
+        if not own <= self.accept:
+            yield f"The method's own error, {own:.2g}, is more than what is accepted: that takes a smaller step."
+
+    def _recommendation(self) -> Iterator[str]:
+        if not self.leave_out:
+            least = min(getattr(row.left_out, self.measure) for row in self.rows)
+            yield (
+                f"Keep all effects: leaving out any of them changes the {self.measure} by {least:.2g} or more, and "
+                f"{self.accept:.2g} is accepted, with a margin of {self.margin:g}."
+            )
+            return
+        left_out, kept = ", ".join(self.leave_out), ", ".join(self.keep) or "none"
+        accepted = f"{self.accept:.2g} is accepted for the {self.measure}"
+        yield f"Leave out {left_out}{self._saving()}; keep {kept}: {accepted}."
+        yield (
+            f"Promised: the {self.measure} changes by at most {self.promised:.2g}, {self.margin:g} times the sum of "
+            f"influences; a run without them: {getattr(self.apart, self.measure):.2g}."
+        )
+
+    def _saving(self) -> str:
+        """What the recommendation does to the time of a step."""
+        if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
+            return ", which changes the time of a step by less than it varies"
+        if self.saved < 0:
+            return f", though a step takes {-self.saved:.0%} longer"
+        return f", which saves {self.saved:.0%} of a step's time"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON can hold it."""
+        rows = [
+            {**row._asdict(), "alone": _numbers(row.alone), "left_out": _numbers(row.left_out)} for row in self.rows
+        ]
+        times = {"bare": self.bare, "full": self.full, "kept": self.kept}
+        return {
+            "schema": 1,
+            "kind": "effects",
+            "method": self.method,
+            "scene": self.scene,
+            "h": self.h,
+            "steps": self.steps,
+            "measure": self.measure,
+            "accept": self.accept,
+            "margin": self.margin,
+            "own_error": _numbers(self.own_error),
+            "keep": self.keep,
+            "leave_out": self.leave_out,
+            "promised": self.promised,
+            "apart": _numbers(self.apart),
+            "seconds_per_step": {name: None if time is None else time._asdict() for name, time in times.items()},
+            "rows": rows,
+        }
+
+
+def _shown(influence: Influence) -> str:
+    energy = "" if influence.energy is None else f", energy {influence.energy:.2g}"
+    return f"solution {influence.solution:.2g}{energy}"
+
+
+def _numbers(influence: Influence) -> dict[str, float | None]:
+    """Infinite numbers, which JSON does not have, become null."""
+    from math import isfinite
+
+    return {key: value if value is not None and isfinite(value) else None for key, value in influence._asdict().items()}

@@ -1,0 +1,312 @@
+"""A pilot: the exact flow over a part of a run, and what the modified equation adds to it, to first order.
+
+A method follows y' = f(y) + r(y) with a small r = h^p f_{p+1} + … Along the exact flow y(t) the energy changes by
+∫ ∇H(y) · r(y) dt, and the solution by e(t) with e' = f'(y) e + r(y). Both integrands are smooth functions along the
+orbit, and trapezoidal sums see them well: r is evaluated at grid points of y(t), all at once. For e a second solution
+of y' = f(y) receives at every grid point a kick proportional to r(y(t)), of such a size that its distance from the
+first one is linear in r and not yet rounding. A third one receives r(y(t)) itself: where that is more than rounding, it
+tells also what is not linear, as next to a separatrix, or with terms whose own effects cancel in the long run.
+"""
+
+from __future__ import annotations
+
+import math
+from time import thread_time
+from typing import TYPE_CHECKING, NamedTuple
+
+from bseries.advice.conservation import gradient
+from bseries.advice.distances import largest_size, norms, without_time
+from bseries.exceptions import SeriesError
+from bseries.fields.optimal_truncation import Reach
+from bseries.fields.scene_series import modified_field
+from integrators.steppers.states import StepError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bseries.advice.modified_terms import ModifiedTerms
+    from bseries.fields.optimal_truncation import Reach
+    from bseries.fields.scene_series import SceneSeries
+    from integrators import Scene
+
+
+CHECKED = 512
+"""As long as there are not so many grid points, errors are also computed with fewer terms."""
+RESOLUTION = 6
+"""Grid points in the time τ with τ² = |f|/|f'f'f + f"(f, f)/4| in which f turns at most: 1/ω for an oscillator."""
+SUBSTEPS = 3
+"""Steps of the flow between grid points."""
+METHOD = "dop853"
+PASSES, AT_ONCE, SETTLED = 10, 32, 1e-4
+"""How often r is evaluated along the solution that it leads to, over how many points, and what the last may change."""
+DISTANCE = 1e-9
+"""How far, relative to its size, kicks take the second solution while f turns."""
+FIRST_ORDER, FEWER_TERMS, FOLLOWED = range(3)
+"""The solutions that receive kicks: small multiples of r with all powers, and with one less, and r itself."""
+CANCELLED = 2.0**-46
+"""Sums that are so small a part of their terms are 0 but for rounding."""
+
+
+def exact_states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float) -> np.ndarray:
+    """The exact flow at a grid point and so many next ones."""
+    from integrators import integrate
+
+    step = spacing / SUBSTEPS
+    return integrate(scene, METHOD, h=step, steps=SUBSTEPS * points, save_every=SUBSTEPS, y0=y0, t0=t0).y
+
+
+class Walk:
+    """A pilot under way: the flow, and solutions that are kicked, as strongly as the first states tell."""
+
+    def __init__(
+        self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, reach: Reach, size: float
+    ):
+        import numpy as np
+
+        from integrators.steppers.stepping import stepper
+
+        self.spacing, self.done = spacing, 0
+        self._terms, self._h, self._t0, self._last = terms, h, t0, y0
+        scene = terms.field.scene
+        self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
+        self.powers = _shrinking(reach, terms.powers)
+        self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
+        first = y0[:, None]
+        values = self._terms_at(first)
+        whole, rates = values.sum(axis=0), self._rates(first, values)
+        self._scales = self.scale, self.scale, 1.0
+        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
+        for state, scale, r in zip(self._kicked, self._scales, (whole, self._fewer(values), whole), strict=True):
+            state.values += scale * spacing / 2 * r[:, 0]
+        nothing = np.zeros_like(first)
+        self.pieces, self.checked = [(first, nothing, nothing, rates)], [nothing]
+
+    def _terms_at(self, y: np.ndarray) -> np.ndarray:
+        """The terms whose sum is r, (powers, variables, n)."""
+        import numpy as np
+
+        return self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
+
+    @staticmethod
+    def _fewer(values: np.ndarray) -> np.ndarray:
+        """r with one power less, if there are two."""
+        return values[: max(1, len(values) - 1)].sum(axis=0)
+
+    def _rates(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The rates of change of the energy by power, (powers, n); none without an energy."""
+        import numpy as np
+
+        if self._gradient is None:
+            return np.empty((0, y.shape[1]))
+        products = self._gradient(y) * values
+        rates = products.sum(axis=1)
+        rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
+        return rates
+
+    def go_on(self, points: int) -> None:
+        """Follow the flow for so many grid points."""
+        t = self._t0 + self.done * self.spacing
+        y = exact_states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
+        values = self._terms_at(y)
+        errors = self._errors(FIRST_ORDER, values.sum(axis=0), y)
+        self.pieces.append((y, errors, self._followed(y), self._rates(y, values)))
+        if self.done < CHECKED:
+            self.checked.append(self._errors(FEWER_TERMS, self._fewer(values), y))
+        self._last, self.done = y[:, -1].copy(), self.done + points
+
+    def _followed(self, y: np.ndarray) -> np.ndarray:
+        """How far the solution that r itself is added to is from the flow; nan from where on that is not found.
+
+        r is evaluated where the pass before has led: along the flow it would be a force with the period of the orbit,
+        to which orbits lock that have a period of their own.
+        """
+        import numpy as np
+
+        found = np.full(y.shape, np.nan)
+        last = self.pieces[-1][2][:, -1:]
+        if not np.isfinite(last).all():
+            return found
+        for first in range(0, y.shape[1], AT_ONCE):
+            here, begin = slice(first, first + AT_ONCE), self._kicked[FOLLOWED]
+            errors = last
+            for _ in range(PASSES):
+                self._kicked[FOLLOWED], before = begin.copy(), errors
+                errors = self._errors(FOLLOWED, self._terms_at(y[:, here] + errors).sum(axis=0), y[:, here])
+                if abs(errors - before).max() <= SETTLED * abs(errors).max():
+                    break
+            else:
+                break
+            found[:, here], last = errors, errors[:, -1:]
+        return found
+
+    def _errors(self, which: int, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """How far a kicked solution is from the flow, between the two halves of the kicks."""
+        import numpy as np
+
+        from bseries.advice.prediction.impulses import kick
+
+        state, scale = self._kicked[which], self._scales[which]
+        rows, first = np.empty((y.shape[1], len(y) + 1)), state.n
+        rows[:, 0], rows[:, 1:] = len(y), scale * self.spacing / 2 * r.T
+        steps = SUBSTEPS * len(rows)
+        try:
+            self._stepper.record(state, steps, o_every=SUBSTEPS, observer=kick.address, o_rows=rows)
+        except StepError:
+            if which != FOLLOWED:
+                raise
+            rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # what r leads to may end where the flow does not
+        return (rows[:, 1:].T - y) / scale
+
+
+def _shrinking(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
+    """The powers of h whose terms shrink: two if there are, for of a single one nothing tells how good it is."""
+    found = tuple(k for k in powers if k <= reach.optimal_power)
+    if len(found) < min(2, len(powers)):
+        before, power = [(0, *powers)[len(found) + i] for i in (0, 1)]
+        if reach.sizes[power]:
+            raise SeriesError(
+                f"h must be small enough for the terms of the modified equation to shrink, but was {reach.h:g}, where "
+                f"the one with h^{power} is {reach.sizes[power] / reach.sizes[before]:.1g} times that with h^{before}"
+            )
+    return found
+
+
+SECONDS = 4.0
+"""CPU time for a pilot of a large scene; those of small ones have all points in a tenth of that on any machine."""
+FIRST_BLOCK, MOST_POINTS = 256, 2**14
+FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
+UNIT = 2.0**-53
+"""What rounding does to a number, relative to it."""
+
+
+class Pilot(NamedTuple):
+    """What was found at grid points (n,) of a pilot.
+
+    Attributes:
+        t: The times since the start.
+        y: The states, (variables, n).
+        reach: The mean sizes of the terms, and where to stop.
+        powers: The powers of h that were taken.
+        errors: The errors of the solution, (variables, n), to first order in r; the time has none.
+        followed: The same of a solution that r was added to, as it is; nan from where on it could not be followed.
+        checked: Those at the first grid points with one power less; with all where there is but one.
+        changes: The changes of the energy, (powers, n); None without one.
+        sizes: How large variables get, see `ModifiedTerms.sizes`.
+        kicked: How far the kicked solution got at most: errors are linear in r as long as that is little.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    reach: Reach
+    powers: tuple[int, ...]
+    errors: np.ndarray
+    followed: np.ndarray
+    checked: np.ndarray
+    changes: np.ndarray | None
+    sizes: np.ndarray
+    kicked: float
+
+
+def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0) -> Pilot | None:
+    """Follow a run for a while.
+
+    Args:
+        terms: The first terms of the modified equation, of which there are some.
+        y0: The start.
+        h: The step size.
+        span: How long the run is, with the sign of h.
+        t0: The time of the start.
+
+    Returns:
+        The pilot, over the whole span or as far as the budget of time goes; None if the span ends before f
+        has turned, and all that r adds is less than the rounding of a single step.
+
+    Raises:
+        SeriesError: The terms do not shrink from the first one on, are not finite or all 0, or f changes ever faster.
+        IntegratorError: The solution ends within the pilot.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.modified_terms import modified_terms
+        >>> pendulum = bs.scene("pendulum")
+        >>> found = pilot(modified_terms(bs.method("rk4"), pendulum), pendulum.y0, 0.1, 50.0)
+        >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
+        (50.0, (4, 5, 6), '4e-06')
+    """
+    import numpy as np
+
+    total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
+    first = exact_states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
+    reach, size = _reach(terms, first, h), largest_size(without_time(terms.field.scene, first))
+    if total <= RESOLUTION and abs(span) * sum(reach.sizes[k] for k in terms.powers) < UNIT * size:
+        return None
+    walk = Walk(terms, y0, h, span / total, t0, reach, size)
+    walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
+    began = thread_time()
+    while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
+        walk.go_on(min(walk.done, total - walk.done))
+    y, errors, followed, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*walk.pieces, strict=True))
+    changes = None
+    if rates.size:
+        changes = np.zeros(rates.shape)
+        changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (walk.spacing / 2), axis=1)
+    t = np.linspace(0.0, span * (walk.done / total), walk.done + 1)  # ends with the run, to the last bit
+    kicked = float(walk.scale * norms(errors).max())
+    checked = np.concatenate(walk.checked, axis=1)
+    return Pilot(t, y, reach, walk.powers, errors, followed, checked, changes, terms.sizes(y), kicked)
+
+
+def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> float:
+    """The distance of grid points: a part of the time in which f turns, along the beginning of the orbit."""
+    from integrators import method
+
+    field, whole = modified_field(method("explicit-euler"), terms.field.scene, 3), abs(span)
+    spacing, went_down = min(whole, _turning_time(field, y0[:, None], all_terms=True) / RESOLUTION), False
+    for _ in range(MOST_REFINEMENTS):
+        points = min(FIRST_BLOCK, math.ceil(whole / spacing))
+        states = exact_states(field.scene, y0, math.copysign(spacing, span), points, t0)
+        wanted = _turning_time(field, states) / RESOLUTION
+        if spacing > FINER * wanted:
+            spacing, went_down = wanted, True
+        elif went_down or wanted < COARSER * spacing or points < FIRST_BLOCK:
+            return math.copysign(spacing, span)
+        else:
+            spacing *= COARSER
+    raise SeriesError("scene must have a field that does not turn ever faster, but along this solution it does")
+
+
+def _turning_time(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
+    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method.
+
+    Args:
+        field: The modified equation of that method.
+        y: The points.
+        all_terms: Whether |f|/|f'f| counts, too: where a motion begins f may be special.
+    """
+    import numpy as np
+
+    f, once, twice = (norms(term) for term in field.terms(y))
+    least = np.sqrt(f[twice > 0] / (3 * twice[twice > 0])).min(initial=math.inf)
+    return float((f[once > 0] / (2 * once[once > 0])).min(initial=least) if all_terms else least)
+
+
+def _reach(terms: ModifiedTerms, y: np.ndarray, h: float) -> Reach:
+    """The mean sizes of the terms at some states."""
+    import numpy as np
+
+    sizes, each = np.zeros(terms.field.order), np.array([norms(values) for values in terms.values(y)])
+    sizes[0] = norms(terms.field.terms(y)[0]).mean()
+    sizes[list(terms.powers)] = each.mean(axis=1)
+    if not np.isfinite(sizes).all():
+        raise SeriesError("y0 must be where terms of the modified equation are finite, but there are some that are not")
+    if not sizes[list(terms.powers)].any():
+        raise SeriesError("y0 must be where the modified equation has terms besides f, but there all vanish")
+    if len(each) > 1:
+        first, second = each[:2, each[0].argmax()]
+        ratio = second / first * np.float64(abs(h)) ** (terms.powers[1] - terms.powers[0])
+        if ratio > 1:
+            raise SeriesError(
+                f"h must be small enough for the terms of the modified equation to shrink where they are largest, but "
+                f"was {h:g}, where the one with h^{terms.powers[1]} is {ratio:.1g} times that with h^{terms.powers[0]}"
+            )
+    return Reach(f"{terms.field.label} on {terms.field.scene.name}", h, tuple(sizes.tolist()))

@@ -1,0 +1,1 @@
+"""Work and precision: what accuracy costs, and the cheapest method and step."""

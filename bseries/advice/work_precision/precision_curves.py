@@ -1,0 +1,283 @@
+"""Work and precision: for every suitable method a range of steps, what they cost and how wrong they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from bseries.advice.measures import MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure
+from bseries.advice.timing import machine
+from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
+from bseries.advice.work_precision.dense_reference import affordable_span
+from bseries.advice.work_precision.run_errors import Judge
+from bseries.advice.work_precision.sweeps import Curve, Row, sweep, time_scale, timed_curves
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.catalogue.registry import scene as built_in
+from integrators.scenes.scene import Scene
+from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number, read_positive
+from integrators.steppers.states import StepError
+
+if TYPE_CHECKING:
+    from bseries.advice.work_precision.candidates import Methods
+    from bseries.advice.work_precision.recommendation import Recommendation
+
+BUDGET = 0.2
+"""CPU seconds for the longest run of a method."""
+TRIAL_STEP = 1e-9
+"""The size of a step that is made for nothing but compiling."""
+LOOSEST, FINEST = 1.0, 1e-15
+SPAN = 200.0
+"""How long runs are by default, in times |y|/|f| at the start."""
+REFERENCE_SECONDS = 10.0
+"""By default spans are so short that their reference solution takes no more CPU time."""
+SHORTER, TRIALS = 2.2, 8
+"""By this factor default spans are shortened while there is no reference solution, so many times at most."""
+
+
+class WorkPrecision:
+    """What accuracy costs on a scene; made by `work_precision`.
+
+    Attributes:
+        scene: The scene.
+        span: How long all runs were.
+        errors: The largest and the smallest error of interest.
+        measures: What was measured, of ``solution``, ``energy`` and ``modified-energy``.
+        curves: The methods with their rows.
+        left_out: Methods that were asked for and do not fit, with the reason.
+        notes: What else is to be known, in sentences.
+        machine: On what it was measured.
+
+    Example:
+        >>> import bseries as bs
+        >>> found = bs.work_precision(bs.scene("pendulum"), ["rk4"], span=10, errors=(1e-2, 1e-4), measure="energy")
+        >>> found.measures, [curve.candidate.name for curve in found.curves]
+        (('energy',), ['rk4'])
+    """
+
+    def __init__(self, judge: Judge, errors: tuple[float, float], curves: Sequence[Curve], left_out: dict[str, str]):
+        self._judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
+        self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
+        self.machine = machine()
+
+    def __repr__(self) -> str:
+        rows = sum(len(curve.rows) for curve in self.curves)
+        return f"<WorkPrecision of {len(self.curves)} methods on {self.scene.title}: {rows} runs over {self.span:g}>"
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What else is to be known."""
+        return tuple(_notes(self))
+
+    def best(self, error: float, span: float | None = None, measure: str | None = None) -> Recommendation:
+        """The cheapest method for an error, and the largest step that meets it.
+
+        The step is interpolated from the rows, and then bisected with runs: it is the largest one, within some per
+        cent, that meets the error as all smaller ones tried do. Methods that are near the cheapest are treated alike,
+        and timed anew in turn.
+
+        Args:
+            error: The error that is accepted.
+            span: For how long; by default as long as was measured, and not less. What errors grow to afterwards is
+                taken from how they grew in the runs.
+            measure: Which error; by default the first of `measures`.
+
+        Raises:
+            IntegratorError: An argument cannot be used, or no method is known to meet the error.
+        """
+        from bseries.advice.work_precision.recommendation import choose
+
+        return choose(self, error, span, self.measures[0] if measure is None else measure)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All figures as JSON-ready data."""
+        return {
+            "schema": 1,
+            "kind": "work-precision",
+            "scene": self.scene.name,
+            "effects": list(self.scene.active),
+            "span": self.span,
+            "errors": list(self.errors),
+            "measures": list(self.measures),
+            "machine": self.machine,
+            "notes": list(self.notes),
+            "left_out": self.left_out,
+            "methods": [
+                {"method": curve.candidate.name, "rows": [_row_dict(row) for row in curve.rows]}
+                for curve in self.curves
+            ],
+        }
+
+
+def _row_dict(row: Row) -> dict[str, Any]:
+    cost = (
+        {} if row.cost is None else {"seconds_per_step": row.cost.seconds, "quartiles": [row.cost.low, row.cost.high]}
+    )
+    found = row.errors._asdict()
+    kept = ("solution", "energy", "modified_energy", "modified_order", "failure")
+    return {"h": row.h, "steps": row.steps, **cost, "seconds": row.seconds, **{key: found[key] for key in kept}}
+
+
+def work_precision(
+    scene: Scene | str,
+    methods: Methods = None,
+    *,
+    span: float | None = None,
+    errors: tuple[float, float] = (1e-3, 1e-12),
+    measure: str = "all",
+    budget: float = BUDGET,
+    progress: Callable[[int, int], object] | None = None,
+) -> WorkPrecision:
+    """Errors and CPU times of methods on a scene, from its start, for a range of step sizes.
+
+    Errors and times are measured in separate runs: the timed ones look at nothing, are compiled and warm, and take
+    turns. Steps shrink until the error is below the range, stops falling, or the budget is used up.
+
+    Args:
+        scene: The scene, with a start, or the name of a built-in one.
+        methods: Methods or their names, or one; ``modifying-midpoint4`` and others with an even number behind are
+            modifying integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those
+            known to be good on scenes of this structure.
+        span: How long; by default about two hundred times |y|/|f| at the start, or as long as a reference solution
+            goes, and can be had in some seconds.
+        errors: The largest and the smallest error of interest.
+        measure: ``"solution"`` (against the reference), ``"energy"``, ``"modified-energy"``, or ``"all"`` of them.
+        budget: CPU seconds for the longest run of a method.
+        progress: Called with the number of steps of the work that are done and of all.
+
+    Returns:
+        All that was measured; `WorkPrecision.best` recommends.
+
+    Raises:
+        IntegratorError: An argument cannot be used, no method fits, or nothing of what is asked for can be measured.
+
+    Example:
+        >>> import bseries as bs
+        >>> found = bs.work_precision("pendulum", ["stormer-verlet", "rk4"], span=10, errors=(1e-2, 1e-4))
+        >>> found
+        <WorkPrecision of 2 methods on pendulum: ... runs over 10>
+        >>> found.best(1e-3).method
+        'rk4'
+
+    References:
+        E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, section II.10 (diagrams of
+        work and precision).
+    """
+    if isinstance(scene, str):
+        scene = built_in(scene)
+    elif not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene or the name of one, but was {shorten(repr(scene))}")
+    _ = scene.y0  # refuses a scene without a start before anything is compiled
+    loosest, finest = check_errors(errors)
+    limit = read_number(budget, "budget")
+    if limit <= 0:
+        raise IntegratorError(f"budget must be a positive number of seconds, but was {limit:g}")
+    check_progress(progress)
+    measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
+    if SOLUTION not in measures and not scene.is_hamiltonian:
+        raise _unmeasurable(scene, measures, "it has no energy that is conserved")
+    length = None if span is None else read_positive(span, "span")
+    if length is not None and not length < (longest := MOST_STEPS * time_scale(scene)):
+        raise IntegratorError(
+            f"span must be below {longest:.3g} for {scene.name}, whose f is so large, but was {length:g}"
+        )
+    chosen = candidates(scene, methods)
+    total = 2 * len(chosen.found)
+    report = progress or (lambda done, total: None)
+    for k, candidate in enumerate(chosen.found):
+        report(k, total)
+        _compile(candidate, scene)
+    judge = _judge(scene, length, measures)
+    if not judge.available:
+        raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
+    found, left_out = _measurable(judge, chosen)
+    swept = []
+    for k, candidate in enumerate(found):
+        report(len(chosen.found) + k, total)
+        swept.append(sweep(judge, candidate, finest, limit))
+    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
+
+
+def _measurable(judge: Judge, chosen: Candidates) -> tuple[list[Candidate], dict[str, str]]:
+    """The methods of which something can be measured: where only modified energies count, those that have one."""
+    if judge.available != (MODIFIED_ENERGY,):
+        return chosen.found, chosen.left_out
+    found = [candidate for candidate in chosen.found if judge.modified_energy(candidate) is not None]
+    if not found:
+        raise _unmeasurable(judge.scene, judge.available, "none of the methods has a modified Hamiltonian there")
+    without = [candidate.name for candidate in chosen.found if candidate not in found]
+    return found, chosen.left_out | dict.fromkeys(without, f"it has no modified Hamiltonian on {judge.scene.name}")
+
+
+def _unmeasurable(scene: Scene, measures: tuple[str, ...], reason: str) -> IntegratorError:
+    wanted = " and ".join(measures)
+    return IntegratorError(f"measure must be one that can be had on {scene.name}, but {wanted} cannot: {reason}")
+
+
+def _compile(candidate: Candidate, scene: Scene) -> None:
+    """Compile the steps of a method, by making one."""
+    steps = candidate.stepper()
+    with suppress(StepError):
+        steps.advance(steps.start(candidate.start(scene.y0, TRIAL_STEP), h=TRIAL_STEP), 1)
+
+
+def check_errors(errors: Any) -> tuple[float, float]:
+    """The largest and the smallest error of interest.
+
+    Raises:
+        IntegratorError: They are no two numbers from 1 to 1e-15, falling.
+    """
+    try:
+        loosest, finest = (read_number(error, "errors") for error in errors)
+    except (TypeError, ValueError):
+        loosest = finest = math.nan
+    if not LOOSEST >= loosest > finest >= FINEST:
+        raise IntegratorError(
+            f"errors must be two numbers from {LOOSEST:g} to {FINEST:g}, the larger one first, but was "
+            f"{shorten(repr(errors))}"
+        )
+    return loosest, finest
+
+
+def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
+    """What measures errors; the default span is shortened until there is a reference solution."""
+    if span is not None:
+        return Judge(scene, span, measures)
+    length = _rounded(SPAN * time_scale(scene))
+    if SOLUTION in measures:
+        length = _rounded(affordable_span(scene, length, REFERENCE_SECONDS))
+    judge = Judge(scene, length, measures)
+    for _ in range(TRIALS):
+        if judge.problem is None:
+            break
+        length = _rounded(length / SHORTER)
+        judge = Judge(scene, length, measures)
+    return judge
+
+
+def _rounded(value: float) -> float:
+    """The nearest of 1, 2 and 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    nearest = min((1, 2, 5, 10), key=lambda digit: abs(math.log(value / (digit * power))))
+    return float(f"{nearest * power:.0e}")
+
+
+def _notes(found: WorkPrecision) -> list[str]:
+    """What else is to be known, in sentences."""
+    rows = [row for curve in found.curves for row in curve.rows]
+    spreads = sorted(row.cost.spread for row in rows if row.cost is not None)
+    notes = [f"Measured {found.machine['date']}: {found.machine['processor']}; {found.machine['versions']}."]
+    if spreads:
+        middle, widest = spreads[len(spreads) // 2], spreads[-1]
+        notes.append(
+            f"CPU time of steps, compiled and warm, medians of interleaved rounds; distance of the quartiles: "
+            f"{middle:.0%} in the middle, {widest:.0%} at most."
+        )
+    failed = sum(row.errors.failure is not None for row in rows)
+    if failed:
+        notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
+    if found._judge.problem:
+        notes.append(f"The solution was not measured: {found._judge.problem}.")
+    return notes

@@ -1,0 +1,249 @@
+"""What a run gets wrong: its energy, its modified energy, and its solution, looked at many times on the way."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from time import thread_time
+from typing import TYPE_CHECKING, NamedTuple
+
+from bseries.advice.conservation import may_drift
+from bseries.advice.distances import energy_size, relative_distances, without_time
+from bseries.advice.growth import EVEN, size_of_states_after
+from bseries.advice.measures import MEASURES
+from bseries.advice.modified_terms import modified_terms
+from bseries.advice.work_precision.dense_reference import DenseReference
+from bseries.advice.work_precision.step_costs import Work
+from bseries.exceptions import SeriesError
+from bseries.hamiltonians.routes import modified_hamiltonian
+from integrators.core.errors import IntegratorError
+from integrators.runs.loop import integrate
+from integrators.steppers.states import StepError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bseries.advice.work_precision.candidates import Candidate
+    from bseries.algebra.stages import Method
+    from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+    from integrators.runs.trajectory import Trajectory
+    from integrators.scenes.scene import Scene
+
+UNSOLVED = "did not converge"
+LOOKS = 400
+"""How often the solution and the modified energy are looked at."""
+ENERGY_LOOKS = 4000
+ORDERS = {2: 5, 4: 7, 6: 7}
+"""For methods of an order, that of the modified Hamiltonian: beyond, compiling takes longer than all runs."""
+MOST_ORDER = 7
+
+
+class RunErrors(NamedTuple):
+    """The errors of a run; None for what was not, or could not be, measured.
+
+    Attributes:
+        solution: The largest distance from the reference solution, in parts of the largest size of the state.
+        energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero but for rounding.
+        modified_energy: The same of the truncated modified Hamiltonian.
+        modified_order: The number of its terms that was best.
+        courses: By the name of the measure, at equidistant times from 0 on and in the same parts: the distances from
+            the reference, and the changes of the energies.
+        seconds: CPU time of the run, looks included.
+        failure: Why the run did not come to its end; None if it did.
+    """
+
+    solution: float | None = None
+    energy: float | None = None
+    modified_energy: float | None = None
+    modified_order: int | None = None
+    courses: Mapping[str, np.ndarray] = {}
+    seconds: float = 0.0
+    failure: str | None = None
+
+    def error(self, measure: str) -> float | None:
+        """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
+        return None if self.failure else getattr(self, measure.replace("-", "_"))
+
+
+class Judge:
+    """Runs methods on a scene from its start, over one span, and says how wrong they are.
+
+    Args:
+        scene: The scene.
+        span: How long runs are.
+        measures: What of `MEASURES` is measured.
+
+    Attributes:
+        reference: The reference solution; None if the solution is not measured or there is none.
+        problem: Why there is none.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.work_precision.candidates import candidate
+        >>> pendulum = bs.scene("pendulum")
+        >>> judge = Judge(pendulum, 10.0, ("solution", "energy"))
+        >>> found = judge.run(candidate(pendulum, "stormer-verlet"), 100)
+        >>> f"{found.solution:.1e} {found.energy:.1e}"
+        '3.1e-03 2.8e-02'
+    """
+
+    def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES):
+        self.scene, self.span, self.measures = scene, span, measures
+        self.y0 = scene.y0
+        self.reference: DenseReference | None = None
+        self.problem: str | None = None
+        if "solution" in measures:
+            try:
+                self.reference = DenseReference(scene, self.y0, span)
+            except IntegratorError as error:
+                self.problem = str(error)
+
+    @property
+    def available(self) -> tuple[str, ...]:
+        """The measures that can be had on this scene."""
+        has = {"solution": self.reference is not None, "energy": self._has_energy, "modified-energy": self._has_energy}
+        return tuple(measure for measure in self.measures if has[measure])
+
+    @cached_property
+    def _has_energy(self) -> bool:
+        return self.scene.is_hamiltonian
+
+    @cached_property
+    def _energy_size(self) -> float:
+        return energy_size(self.scene, self.y0)
+
+    def run(self, candidate: Candidate, steps: int) -> RunErrors:
+        """Run a method with so many steps."""
+        h, began = self.span / steps, thread_time()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # what is not finite is said here
+                run = self._made(candidate, h, steps)
+        except StepError as error:
+            reason = UNSOLVED if UNSOLVED in str(error) else "did not end in finite numbers"
+            return RunErrors(seconds=thread_time() - began, failure=f"step {error.step} of {steps} {reason}")
+        seconds = thread_time() - began
+        values, y = run.observed.get("energy"), run.y[: self.scene.dimension]
+        courses: dict[str, np.ndarray] = {}
+        order = None
+        if self.reference is not None:
+            courses["solution"] = self._distances(run.t, y, self.reference)
+        if values is not None:
+            courses["energy"] = (values - values[0]) / self._energy_size
+            modified, order = self._modified(candidate, y, h)
+            courses |= {} if modified is None else {"modified-energy": modified}
+        largest = {measure: float(abs(course).max()) for measure, course in courses.items()}
+        if not all(math.isfinite(error) for error in largest.values()):
+            return RunErrors(seconds=seconds, failure="its errors were not finite")
+        looks = {"energy": ENERGY_LOOKS}
+        kept = {m: course[: 1 + steps // _every(steps, looks.get(m, LOOKS))] for m, course in courses.items()}
+        solution, energy, modified_energy = (largest.get(measure) for measure in MEASURES)
+        return RunErrors(solution, energy, modified_energy, order, kept, seconds)
+
+    def drifts(self, candidate: Candidate, steps: int) -> bool:
+        """Whether the energy may drift in runs of a method: unless the first modified terms are Hamiltonian.
+
+        Where these cannot be had it may. A modifying integrator drifts if its basic method does, as the modified
+        and the modifying equation have the same structure.
+
+        Args:
+            candidate: The method.
+            steps: The number of steps of a run, at whose states terms are looked at.
+        """
+        import numpy as np
+
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")  # terms that are not finite are not Hamiltonian
+                terms = modified_terms(candidate.method, self.scene)
+                y = self._made(candidate, self.span / steps, steps).y[: self.scene.dimension]
+                return may_drift(terms, y)
+        except (SeriesError, IntegratorError):
+            return True
+
+    def growth(self, times: float) -> float | None:
+        """How many times as large the solution gets in so many times the span; None if that cannot be told."""
+        import numpy as np
+
+        if self.reference is None:
+            return None
+        y = without_time(self.scene, self.reference(np.linspace(0.0, self.span, LOOKS + 1)))
+        later, now = (size_of_states_after(y, factor) for factor in (times, 1.0))
+        return later.value / now.value if later.disagreement <= EVEN else None
+
+    def _made(self, candidate: Candidate, h: float, steps: int) -> Trajectory:
+        return integrate(
+            candidate.scene,
+            candidate.method,
+            h=h,
+            steps=steps,
+            y0=candidate.start(self.y0, h),
+            solver=candidate.solver,
+            save_every=_every(steps, LOOKS),
+            observe="energy" if self._has_energy else None,
+            observe_every=_every(steps, ENERGY_LOOKS),
+        )
+
+    def work(self, candidate: Candidate, steps: int) -> Work:
+        """The steps of such a run, to be timed."""
+        h = self.span / steps
+        y0, options = candidate.start(self.y0, h), {"solver": candidate.solver}
+        return Work(candidate.scene, candidate.method, h, y0, options, steps)
+
+    def _distances(self, t: np.ndarray, y: np.ndarray, reference: DenseReference) -> np.ndarray:
+        """The errors of the solution."""
+        import numpy as np
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            states, exact = (without_time(self.scene, found) for found in (y, reference(t)))
+            return relative_distances(states, exact, reference.size)
+
+    def _modified(self, candidate: Candidate, y: np.ndarray, h: float) -> tuple[np.ndarray | None, int | None]:
+        """The changes of the modified energy, and the number of its terms that was best."""
+        import numpy as np
+
+        energy = self.modified_energy(candidate)
+        if energy is None:
+            return None, None
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms = energy.terms(y) * h ** np.arange(energy.order)[:, None]
+            sums = np.cumsum(terms, axis=0)
+            changes = (sums - sums[:, :1]) / self._energy_size
+            largest = abs(changes).max(axis=1)
+        if not np.isfinite(largest).any():
+            return None, None
+        best = int(np.nanargmin(largest))
+        return changes[best], best + 1
+
+    def modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
+        """The modified Hamiltonian of a method, if it has one that is quick to compile."""
+        if "modified-energy" not in self.available or candidate.is_modifying:
+            return None
+        return _modified_energy(candidate)
+
+
+def _every(steps: int, looks: int) -> int:
+    """How many steps there are from one look to the next."""
+    return max(1, steps // looks)
+
+
+@lru_cache(maxsize=64)
+def _modified_energy(candidate: Candidate) -> ModifiedHamiltonian | None:
+    order = ORDERS.get(_order(candidate.method))
+    try:
+        return None if order is None else modified_hamiltonian(candidate.method, candidate.scene, order)
+    except (SeriesError, IntegratorError):
+        return None
+
+
+def _order(method: Method) -> int:
+    """The order as far as it matters; that of the catalogue if there is one, for decimals are slow to check."""
+    from bseries.analysis.order import order_of
+    from integrators.methods.catalogue.registry import catalogue
+    from integrators.methods.catalogue.registry import method as named
+
+    claims = {entry.name: entry.order for entry in catalogue() if isinstance(entry.order, int)}
+    claim = claims.get(method.name)
+    return claim if claim and named(method.name) == method else order_of(method, MOST_ORDER)

@@ -1,0 +1,1 @@
+"""The algebra of B-series: series of methods, composition, logarithm, substitution, modified equations."""

@@ -1,0 +1,386 @@
+"""BSeries: a truncated series, as a mapping from trees to coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from bseries.exact.domains import FloatValues, RingValues, alike, as_floats, exact_number, make_values, public
+from bseries.exact.rationals import RationalValues
+from bseries.exceptions import SeriesError
+from trees.counting import check_order
+from trees.names import check_names, default_names
+from trees.table import TreeTable, tree_table
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient, Values
+
+EMPTY = "∅"
+
+
+class BSeries(Mapping[Tree, Any]):
+    """A B-series (or P-series, on coloured trees) up to some number of nodes.
+
+    B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
+    has a(∅) = 1, a *field* has b(∅) = 0 and stands for h · f_h. As a mapping it runs over the trees in the order of its
+    table; ``s["∅"]`` is the coefficient of the empty tree, which iteration and `len` leave out.
+
+    A series of a method published as decimals has `digits` and knows its `uncertainty`. What arithmetic makes of it has
+    digits only: it takes the printed decimals for exact, and is shown rounded to as many.
+
+    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
+
+    Example:
+        >>> import bseries as bs
+        >>> s = bs.series(bs.method("explicit-midpoint"), 3)
+        >>> s["[τ]"], s["[τ,τ]"], s["∅"], len(s)
+        (Fraction(1, 2), Fraction(1, 4), Fraction(1, 1), 4)
+        >>> (s - bs.exact_flow(3))["[τ,τ]"]
+        Fraction(-1, 12)
+
+    References:
+        E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed., definition III.1.8.
+        The conventions are those of `docs/conventions.md`.
+    """
+
+    __slots__ = ("_values", "digits", "empty", "label", "names", "table", "uncertainty")
+
+    def __init__(
+        self,
+        table: TreeTable,
+        values: Values,
+        empty: Coefficient,
+        *,
+        names: Sequence[str] = (),
+        label: str = "",
+        digits: int | None = None,
+        uncertainty: Callable[[int], float] | None = None,
+    ):
+        own = {
+            "table": table,
+            "_values": values,
+            "empty": exact_number(empty),
+            "names": _checked_names(names, table.colors),
+            "label": label,
+            "digits": digits,
+            "uncertainty": uncertainty,
+        }
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a series is immutable: {name} cannot be set")
+
+    def __copy__(self) -> BSeries:
+        return self
+
+    def __deepcopy__(self, memo: object) -> BSeries:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, tuple(getattr(self, name) for name in sorted(self.__slots__))
+
+    @classmethod
+    def from_rule(
+        cls,
+        rule: Callable[[Tree], object],
+        order: int,
+        *,
+        empty: object = 1,
+        colors: int = 1,
+        max_children: Any = None,
+        names: Sequence[str] = (),
+    ) -> BSeries:
+        """The series with the coefficients rule(tree).
+
+        Args:
+            rule: Gives a number (int, Fraction, float) or SymPy expression for every tree.
+            order: Largest number of nodes.
+            empty: Coefficient of the empty tree: 1 for a flow, 0 for a field.
+            colors: Number of colours of the trees.
+            max_children: Which trees to include, as for `trees.TreeTable`.
+            names: Names of the colours.
+
+        Raises:
+            SeriesError: A value is not a finite number or expression.
+            TreeError: `order`, `colors` or `max_children` is out of its range.
+
+        Example:
+            >>> from fractions import Fraction
+            >>> exact = BSeries.from_rule(lambda tree: Fraction(1, tree.density), 4)
+            >>> exact["[τ,[τ]]"]
+            Fraction(1, 8)
+        """
+        table = tree_table(order, colors, max_children)
+        values = make_values(table, (rule(tree) for tree in table))
+        return cls(table, values, exact_number(empty), names=names)
+
+    @property
+    def order(self) -> int:
+        """Largest number of nodes."""
+        return self.table.max_order
+
+    @property
+    def domain(self) -> str:
+        """The smallest domain that holds all coefficients: ``QQ``, ``RR``, ``QQ<sqrt(3)>``, ``QQ[gamma]``, …"""
+        return self._values.name
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether no float went in."""
+        return not isinstance(self._values, FloatValues)
+
+    def __getitem__(self, tree: Tree | str) -> Any:
+        if isinstance(tree, str) and tree.strip() == EMPTY:
+            return self.empty
+        return self._values[self.table.index(self._tree(tree))]
+
+    def _tree(self, tree: Tree | str) -> Tree:
+        """The tree that a text denotes in the names of this series."""
+        return Tree(tree, names=self.names if self.table.colors > 1 else None)
+
+    def __contains__(self, tree: object) -> bool:
+        return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
+
+    def get(self, tree: Any, default: Any = None) -> Any:
+        """The coefficient of a tree, or `default` if the series does not reach it."""
+        return self[tree] if tree == EMPTY or tree in self else default
+
+    def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """All coefficients in the order of the table; the same as `coefficients`."""
+        return self.coefficients()
+
+    def __iter__(self) -> Iterator[Tree]:
+        return iter(self.table)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def items(self) -> ItemsView[Tree, Any]:
+        """Pairs (tree, coefficient) in the order of the table."""
+        return _Items(self)
+
+    def coefficients(self) -> list[Any]:
+        """All coefficients in the order of the table."""
+        return public(self._values)
+
+    def is_zero(self, tree: Tree | str) -> bool:
+        """Whether a coefficient is zero, as far as the digits of a method's decimals can tell."""
+        return self._is_zero(self.table.index(self._tree(tree)))
+
+    def _is_zero(self, at: int) -> bool:
+        if self._values.is_zero(at):
+            return True
+        return self.uncertainty is not None and abs(self._values[at]) <= self.uncertainty(at)
+
+    def nonzero(self) -> list[tuple[Tree, Any]]:
+        """Pairs (tree, coefficient) whose coefficient is not zero (see `is_zero`)."""
+        return [(self.table[at], value) for at, value in enumerate(self.coefficients()) if not self._is_zero(at)]
+
+    def weights(self) -> list[Any]:
+        """Coefficient/σ of every tree, what multiplies its elementary differential; 0 where `is_zero` says so."""
+        pairs = enumerate(zip(self.coefficients(), self.table.symmetry.tolist(), strict=True))
+        return [0 if self._is_zero(at) else value / sigma for at, (value, sigma) in pairs]
+
+    def truncate(self, order: int) -> BSeries:
+        """The same series with trees of at most `order` nodes.
+
+        Raises:
+            SeriesError: `order` is larger than this series' order.
+        """
+        if check_order(order) > self.order:
+            raise SeriesError(f"order must be at most {self.order}, the order of the series, but was {order}")
+        table = tree_table(order, self.table.colors, self.table.limits)
+        values, size = self._values, len(table)
+        if isinstance(values, RationalValues):
+            values = RationalValues(table, values.numerators[:size], values.denominators[: order + 1], values.step)
+        elif isinstance(values, RingValues):
+            values = RingValues(table, values.ring, values.elements[:size], values.step)
+        else:
+            values = FloatValues(table, values.raw[:size])
+        return self._like(table, values, self.empty)
+
+    def _like(self, table: TreeTable, values: Values, empty: Any) -> BSeries:
+        return BSeries(
+            table, values, empty, names=self.names, label=self.label, digits=self.digits, uncertainty=self.uncertainty
+        )
+
+    def with_empty(self, empty: object) -> BSeries:
+        """The same series with another coefficient of the empty tree."""
+        return BSeries(self.table, self._values, exact_number(empty), names=self.names, digits=self.digits)
+
+    def with_label(self, label: str) -> BSeries:
+        """The same series under another name."""
+        return BSeries(
+            self.table, self._values, self.empty, names=self.names, label=label, digits=self.digits,
+            uncertainty=self.uncertainty,
+        )  # fmt: skip
+
+    def to_float(self) -> BSeries:
+        """The series with every coefficient rounded to the nearest float.
+
+        Raises:
+            SeriesError: A coefficient holds symbols.
+        """
+        return self._like(self.table, as_floats(self._values), self.empty)
+
+    def check_same_trees(self, other: BSeries) -> None:
+        """Raise a SeriesError unless the other series has the same trees."""
+        if self.table != other.table:
+            raise SeriesError(
+                f"both series must have the same trees, but were on {self.table!r} and {other.table!r}; "
+                "use truncate(order) for a common order"
+            )
+        if self.names != other.names:
+            raise SeriesError(f"both series must name their colours alike, but have {self.names} and {other.names}")
+
+    def _combine(self, other: object, function: Callable[[Any, Any], Any]) -> BSeries:
+        if not isinstance(other, BSeries):
+            return NotImplemented
+        self.check_same_trees(other)
+        values = make_values(self.table, map(function, self.coefficients(), other.coefficients()))
+        empty = function(self.empty, other.empty)
+        return BSeries(self.table, values, empty, names=self.names, digits=fewest_digits(self, other))
+
+    def _map(self, function: Callable[[Any], Any]) -> BSeries:
+        try:
+            values, empty = make_values(self.table, map(function, self.coefficients())), function(self.empty)
+        except OverflowError:
+            raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
+        return BSeries(self.table, values, empty, names=self.names, digits=self.digits)
+
+    __array_ufunc__ = None  # a NumPy number times a series is a series
+
+    def __add__(self, other: BSeries) -> BSeries:
+        return self._combine(other, lambda x, y: x + y)
+
+    def __radd__(self, other: object) -> BSeries:
+        return self if other == 0 else NotImplemented  # where `sum` begins
+
+    def __sub__(self, other: BSeries) -> BSeries:
+        return self._combine(other, lambda x, y: x - y)
+
+    def __neg__(self) -> BSeries:
+        return self._map(lambda x: -x)
+
+    def __mul__(self, number: object) -> BSeries:
+        if isinstance(number, BSeries):
+            raise SeriesError("number must be a number, but was a series; compose(a, b) applies a and then b")
+        factor: Any = exact_number(number, "number")
+        return self._map(lambda x: x * factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, number: object) -> BSeries:
+        divisor: Any = exact_number(number, "number")
+        if divisor == 0:
+            raise SeriesError("number must not be zero to divide by")
+        return self._map(lambda x: x / divisor)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, BSeries):
+            return NotImplemented
+        if self.table != other.table or self.names != other.names or self.empty != other.empty:
+            return False
+        first, second = self.coefficients(), other.coefficients()
+        if isinstance(self._values, RingValues) or isinstance(other._values, RingValues):
+            mine, others = alike([self._values, other._values])
+            first, second = (mine.elements, others.elements) if isinstance(mine, RingValues) else (mine.raw, others.raw)
+        return all(x == y for x, y in zip(first, second, strict=True))
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __repr__(self) -> str:
+        of = f" of {self.label}" if self.label else ""
+        return f"<BSeries{of}: {len(self)} trees to order {self.order}, {self.domain}>"
+
+    def scale_step(self, factor: object) -> BSeries:
+        """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ)."""
+        number: Any = exact_number(factor, "factor")
+        powers = [number**n for n in range(self.order + 1)]
+        values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table._order, strict=True))
+        return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
+
+    # What follows is computed in `bseries.algebra.composition` and shown by `bseries.algebra.presentation`.
+
+    def log(self) -> BSeries:
+        """The field whose exact flow this series is; see `bseries.algebra.composition.log`."""
+        from bseries.algebra.composition import log
+
+        return log(self)
+
+    def exp(self) -> BSeries:
+        """The exact flow of this field; see `bseries.algebra.composition.exp`."""
+        from bseries.algebra.composition import exp
+
+        return exp(self)
+
+    def inverse(self) -> BSeries:
+        """The inverse map; see `bseries.algebra.composition.inverse`."""
+        from bseries.algebra.composition import inverse
+
+        return inverse(self)
+
+    def adjoint(self) -> BSeries:
+        """The adjoint method, Φ*_h = (Φ_{−h})^{−1}; see `bseries.algebra.composition.adjoint`."""
+        from bseries.algebra.composition import adjoint
+
+        return adjoint(self)
+
+    def __pow__(self, exponent: object) -> BSeries:
+        from bseries.algebra.composition import power
+
+        return power(self, exponent)
+
+    def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
+        """The series as JSON-ready data; see `bseries.algebra.presentation.to_dict`."""
+        from bseries.algebra.presentation import to_dict
+
+        return to_dict(self, kind, nonzero=nonzero)
+
+    def to_latex(self, *, nonzero: bool = False) -> str:
+        """The series written out as a formula; see `bseries.algebra.presentation.to_latex`."""
+        from bseries.algebra.presentation import to_latex
+
+        return to_latex(self, nonzero=nonzero)
+
+    def __str__(self) -> str:
+        from bseries.algebra.presentation import to_text
+
+        return to_text(self)
+
+    def _repr_html_(self) -> str:
+        from bseries.algebra.presentation import to_html
+
+        return to_html(self)
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.to_latex(nonzero=True)}$"
+
+
+class _Items(ItemsView[Tree, Any]):
+    """Items that look nothing up."""
+
+    _mapping: BSeries
+
+    def __iter__(self) -> Iterator[tuple[Tree, Any]]:
+        return zip(self._mapping.table, self._mapping.coefficients(), strict=True)
+
+
+def fewest_digits(*operands: BSeries) -> int | None:
+    """Digits of what is made of these series; None if all are exact."""
+    return min((operand.digits for operand in operands if operand.digits is not None), default=None)
+
+
+def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
+    if not names or colors == 1:
+        return default_names(colors)
+    checked = check_names(names)
+    if len(checked) != colors:
+        raise SeriesError(f"names must be {colors} names, one for each colour, but were {len(checked)}")
+    return checked
+
+
+def _rebuilt(values: Any, digits: Any, empty: Any, label: Any, names: Any, table: Any, uncertainty: Any) -> BSeries:
+    return BSeries(table, values, empty, names=names, label=label, digits=digits, uncertainty=uncertainty)

@@ -1,0 +1,238 @@
+"""The series of a method, of the exact flow, and the modified equation."""
+
+from __future__ import annotations
+
+import math
+import random
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.composition import log, log_claim, wider_step
+from bseries.algebra.flow_chains import FlowChain
+from bseries.algebra.stages import RationalStages, check_method, inputs_of, own_trees
+from bseries.exact import recursions
+from bseries.exact.domains import apply, public
+from bseries.exact.operations import Operation
+from bseries.exact.rationals import RationalValues, primorial
+from bseries.exceptions import SeriesError
+from integrators.exact.entries import round_entry
+from trees.counting import count_trees
+from trees.table import TreeTable, tree_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from bseries.algebra.stages import Method, MethodStages
+    from bseries.exact.domains import Values
+
+
+def series(method: Method, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
+    """The B-series (P-series) of a Runge–Kutta (partitioned) method: its elementary weights.
+
+    Args:
+        method: The method; each part of a partitioned one is a colour of the trees.
+        order: Largest number of nodes, or a table of trees to work on.
+        max_children: Which trees to include, as for `trees.TreeTable`; None for all, or all that a method for special
+            systems, such as y'' = g(y), is meant for.
+
+    Returns:
+        The flow series; a(τ) = Σ b_i Φ_i(τ), so that order conditions read a(τ) = 1/γ(τ).
+
+    Raises:
+        SeriesError: `method` is no method, or has too many stages.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
+
+    Example:
+        >>> import bseries as bs
+        >>> series(bs.method("rk4"), 5)["[[[[τ]]]]"]
+        Fraction(0, 1)
+
+    References:
+        HLW, theorems III.1.4 and III.2.4.
+    """
+
+    def expression(arithmetic: Any, weights: Any) -> Any:
+        return weights(field=False)
+
+    table = table_of(method, order, max_children)
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
+    return of_method(method, table, lambda _: operation, 1, inputs_of(method, table.max_order))
+
+
+def modified_equation(
+    method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
+) -> BSeries:
+    """The modified equation: the field whose exact flow the numerical method follows, as a formal series.
+
+    With b the result, the method's numerical solution is formally the exact solution of
+    y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y).
+
+    Args:
+        method: A method, or any flow series.
+        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation. For a method a table of trees
+            to work on is welcome too; for a series None means its own order.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+
+    Returns:
+        The field series b = log a; b(τ) vanishes for 2 ≤ |τ| ≤ p if the method has order p.
+
+    Raises:
+        SeriesError: `method` is neither a method nor a flow, or `order` exceeds the order of the series.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
+
+    Example:
+        >>> import bseries as bs
+        >>> b = modified_equation(bs.method("explicit-midpoint"), 3)
+        >>> [(str(tree), str(value)) for tree, value in b.items() if value]
+        [('τ', '1'), ('[[τ]]', '-1/6'), ('[τ,τ]', '-1/12')]
+
+    References:
+        HLW, theorem IX.9.2; E. Hairer, *Backward analysis of numerical integrators and symplectic methods*,
+        Annals of Numerical Mathematics 1 (1994).
+    """
+    if isinstance(method, BSeries):
+        return log(series_to(method, order, max_children))
+
+    def expression(arithmetic: Any, weights: Any) -> Any:
+        return recursions.logarithm(weights(field=True), table, arithmetic)
+
+    def operation(inputs: MethodStages | FlowChain) -> Operation:
+        return Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
+
+    table = table_of(method, order, max_children)
+    return of_method(method, table, operation, 0, inputs_of(method, table.max_order))
+
+
+def series_to(s: BSeries, order: Any, max_children: Any = None) -> BSeries:
+    """A series that stands for a method, up to some order (None: its own), on its own trees."""
+    if max_children is not None:
+        raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
+    return s if order is None else s.truncate(order)
+
+
+def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:
+    """The B-series of the exact flow: 1/γ(τ).
+
+    Args:
+        order: Largest number of nodes.
+        colors: Number of colours of the trees.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+        names: Names of the colours.
+
+    Returns:
+        The flow series with coefficients 1/γ(τ).
+
+    Raises:
+        TreeError: An argument is out of its range.
+
+    Example:
+        >>> exact_flow(4)["[τ,[τ]]"]
+        Fraction(1, 8)
+
+    References:
+        HLW, theorem III.1.3.
+    """
+    table = tree_table(order, colors, max_children)
+    return BSeries(table, exact_values(table), 1, names=names)
+
+
+@lru_cache(maxsize=4)
+def exact_values(table: TreeTable) -> RationalValues:
+    """1/γ for every tree of a table."""
+    denominators = [math.factorial(n) for n in range(table.max_order + 1)]
+    density, nodes = table.density.tolist(), table.order.tolist()
+    numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
+    return RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
+
+
+def _compact(table: TreeTable, numerators: list[int]) -> Any:
+    if not table._compiled or table.max_order > 20:
+        return numerators
+    import numpy as np
+
+    return np.array(numerators, np.int64)
+
+
+def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:
+    """The table of trees that a method's series is asked for on."""
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+    colors = len(check_method(method).names)
+    if max_children is None and not isinstance(order, TreeTable):
+        max_children = own_trees(method)
+    if isinstance(order, TreeTable):
+        if order.colors != colors:
+            raise SeriesError(f"order must be a table of trees in {colors} colours, but was {order!r}")
+        if max_children is not None:
+            raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
+        return order
+    if max_children is None and isinstance(order, int):
+        _fits(order, colors)
+    else:
+        recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
+    return tree_table(order, colors, max_children)
+
+
+@lru_cache(maxsize=64, typed=True)
+def _fits(order: int, colors: int) -> None:
+    """Refuse what would not fit in memory; asked once for each size."""
+    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
+
+
+def of_method(
+    method: Method,
+    table: TreeTable,
+    operation: Callable[[Any], Operation],
+    empty: int,
+    inputs: MethodStages | FlowChain,
+) -> BSeries:
+    """The series that the operation for a method's stages, or for its chain of flows, makes of them."""
+
+    def values_of(inputs: MethodStages | FlowChain) -> Values:
+        return apply(table, [inputs], operation(inputs))
+
+    values, digits, uncertainty = values_of(inputs), method.digits, None
+    if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
+        uncertainty = Uncertainty(inputs, values_of, digits, values)
+    return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
+
+
+class Uncertainty:
+    """How far each coefficient may be from that of the method whose entries were rounded to so many digits.
+
+    The coefficients are computed again, exactly, with every entry x changed to x (1 ± 5 · 10^−digits), up or down at
+    random (but reproducibly); three times the largest change seen is the answer. Rounding errors are smaller than that
+    and as random. A rigorous bound would be of no use: with the signs of the entries lost it exceeds the true
+    coefficients of methods such as tsit5. Nothing is computed before somebody asks.
+    """
+
+    def __init__(
+        self,
+        inputs: RationalStages | FlowChain,
+        values_of: Callable[[RationalStages | FlowChain], Values],
+        digits: int,
+        values: Values,
+    ):
+        self._compute = (inputs, values_of, digits, values)
+
+    @cached_property
+    def _spread(self) -> list[float]:
+        inputs, values_of, digits, values = self._compute
+        exact, source = public(values), random.Random(digits)
+        largest = [0.0] * len(exact)
+        for _ in range(3):
+            changed = public(values_of(inputs.perturbed(source, digits)))
+            largest = [max(s, abs(round_entry(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
+        return [3 * s for s in largest]
+
+    def __call__(self, at: int) -> float:
+        """The uncertainty of the coefficient of the tree with this id."""
+        return self._spread[at]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _known, (self._spread,)
+
+
+def _known(spread: list[float]) -> Callable[[int], float]:
+    return spread.__getitem__

@@ -1,0 +1,292 @@
+"""Substitution: another field in place of f, in a method or in a series; its inverse; the modifying integrator.
+
+For a method the work goes stage by stage, as compositions of the substituted field with the series of the stages (see
+`bseries.exact.substitution_kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series without
+stages needs the sum over all partitions of a tree, 2^(n−1) of them; no polynomial way is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries, fewest_digits
+from bseries.algebra.composition import check_field, check_flow
+from bseries.algebra.modified import exact_values, of_method, series_to, table_of
+from bseries.algebra.stages import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
+from bseries.exact import substitution_recursions as recursions
+from bseries.exact.arithmetic import WrappedParts, wrapped_parts
+from bseries.exact.domains import RingValues, alike, apply, divided, ring_element
+from bseries.exact.operations import Operation
+from bseries.exact.rationals import RationalValues, twos
+from bseries.exact.substitution_recursions import solved_denominators, substituted_denominators
+from bseries.exceptions import SeriesError
+from trees.counting import normal_limits, refuse_table_beyond_memory
+from trees.table import TreeTable
+
+if TYPE_CHECKING:
+    from bseries.algebra.stages import Method, MethodStages
+
+
+def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
+    """b ★ a: the field b in place of f in a series or in a method.
+
+    With f_b the field of b, B(b ★ a, y) for f is B(a, y) for f_b. On coloured trees every part f^[ν] is replaced by
+    the terms of b whose root has the colour ν.
+
+    Args:
+        b: A field.
+        a: A method, or a series (flow or field) on the same trees. Methods are faster by far, and take any table.
+
+    Returns:
+        b ★ a, on the trees of b: a flow if a is one, a field if a is one.
+
+    Raises:
+        SeriesError: b is no field; a has other trees or colours; a is a series, and the table is restricted.
+        TreeError: a is a series, and the partitions of all trees do not fit in memory.
+
+    Example:
+        The exact flow of the modified equation is the method:
+
+        >>> import bseries as bs
+        >>> rk4 = bs.method("rk4")
+        >>> substitute(bs.modified_equation(rk4, 6), bs.exact_flow(6)) == bs.series(rk4, 6)
+        True
+
+    References:
+        P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010),
+        theorem 3.2, doi:10.1007/s10208-010-9065-1.
+    """
+    check_field(b, "b")
+    if isinstance(a, BSeries):
+        return _into_series(b, a)
+    method = check_method(a)
+    if b.names != method.names:
+        raise SeriesError(f"b must have the colours of the method, {_listed(method.names)}, but has {_listed(b.names)}")
+    _check_memory(b.table, method)
+    stages, (values,) = in_one_domain(method, b.order, [b._values])
+
+    def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
+        return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
+
+    operation = _operation(expression, _denominators_after(values, stages), _bounds_after(values, stages))
+    digits = [x for x in (b.digits, method.digits) if x is not None]
+    result = apply(b.table, [values, stages], operation)
+    return BSeries(b.table, result, 1, names=b.names, digits=min(digits, default=None))
+
+
+def _into_series(b: BSeries, a: BSeries) -> BSeries:
+    b.check_same_trees(a)
+    _check_all_trees(a, "a")
+    first, second = _without_denominators(alike([b._values, a._values]))
+
+    def expression(arithmetic: Any, field: Any, base: Any) -> Any:
+        return recursions.into_series(base(field=False), b.table, arithmetic, field=field(field=True))
+
+    operation = _operation(expression, _denominators_after(first, second), _bounds_after(first, second))
+    if isinstance(second, RationalValues):
+        integers = _integers(first.denominators, second.denominators)
+        operation = operation._replace(units=1 if integers else 2, integers=integers)
+    values = apply(b.table, [first, second], operation)
+    return BSeries(b.table, values, a.empty, names=b.names, digits=fewest_digits(a, b))
+
+
+def modifying_integrator(
+    method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
+) -> BSeries:
+    """The modifying integrator: the field for which the method gives the exact solution of y' = f(y).
+
+    With b the result, the method applied to y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y) follows the exact flow of
+    f, as far as the series goes: truncated, it is a method of higher order made of the given one.
+
+    Args:
+        method: A method, or any flow series.
+        order: Largest number of nodes N. For a method a table of trees to work on is welcome too; for a series None
+            means its own order.
+        max_children: Which trees to include, as for `trees.TreeTable`.
+
+    Returns:
+        The field b with substitute(b, method) = exact_flow.
+
+    Raises:
+        SeriesError: `method` is neither a method nor a flow; its weights sum to 0, for one part of the field at least;
+            it has parts that are none of the field; `order` exceeds the order of the series.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
+
+    Example:
+        >>> import bseries as bs
+        >>> b = modifying_integrator(bs.method("implicit-midpoint"), 3)
+        >>> [(str(tree), str(value)) for tree, value in b.items() if value]
+        [('τ', '1'), ('[[τ]]', '-1/12'), ('[τ,τ]', '1/12')]
+
+    References:
+        P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*, Math.
+        Comp. 76 (2007) 1941–1953, doi:10.1090/S0025-5718-07-01967-9.
+    """
+    if isinstance(method, BSeries):
+        return _modifying_of_series(method, order, max_children)
+    table = table_of(method, order, max_children)
+    for color in auxiliary_colors(method):
+        raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
+    _check_memory(table, method)
+    operation = partial(_solving, method, table)
+    return of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+
+
+def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
+    """The operation that gives the modifying integrator of a method with these stages."""
+    target, sums = exact_values(table), stages.weight_sums(table.colors)
+    inverses = _inverses(sums, stages, f"sums of the weights of {method.name}", method.names)
+
+    def expression(arithmetic: Any, stages: Any) -> Any:
+        exact = target.load(table, arithmetic, field=True)
+        return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
+
+    def claimed(step: int) -> tuple[int, ...]:
+        powers = tuple(step**n for n in range(table.max_order + 1))
+        return solved_denominators(powers, target.denominators, _numerators(sums))
+
+    integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
+    return Operation(
+        expression,
+        lambda n, step: claimed(step)[n],
+        lambda _, step: math.lcm(*claimed(step)),
+        field=True,
+        units=1 if integers else 2,
+        avoid=_numerators(sums),
+        integers=integers,
+    )
+
+
+def _modifying_of_series(a: BSeries, order: Any, max_children: Any) -> BSeries:
+    a = series_to(a, order, max_children)
+    check_flow(a, "method")
+    return _solved(a, exact_values(a.table), "method")
+
+
+def substitution_inverse(b: BSeries) -> BSeries:
+    """The field x with substitute(x, b) = substitute(b, x) = f: the inverse in the group of substitution.
+
+    Args:
+        b: A field with b(•) ≠ 0, on all trees of a table.
+
+    Returns:
+        The inverse.
+
+    Raises:
+        SeriesError: b is no field, vanishes at a single node, or its table is restricted.
+
+    Example:
+        >>> import bseries as bs
+        >>> b = bs.modified_equation(bs.method("explicit-euler"), 4)
+        >>> x = substitution_inverse(b)
+        >>> substitute(x, b) == substitute(b, x) == bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
+        True
+        >>> x == bs.modifying_integrator(bs.method("explicit-euler"), 4)
+        True
+
+    References:
+        D. Calaque, K. Ebrahimi-Fard, D. Manchon, *Two interacting Hopf algebras of trees*, Adv. Appl. Math. 47 (2011)
+        282–308, doi:10.1016/j.aam.2009.08.003.
+    """
+    check_field(b, "b")
+    identity = RationalValues(b.table, [int(at < b.table.colors) for at in range(len(b))], [1] * (b.order + 1), 1)
+    return _solved(b, identity, "b")
+
+
+def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
+    """The field b with b ★ a = target."""
+    _check_all_trees(a, name)
+    (values,) = _without_denominators([a._values])
+    roots = [values.elements[c] if isinstance(values, RingValues) else values[c] for c in range(a.table.colors)]
+    inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
+
+    def expression(arithmetic: Any, base: Any) -> Any:
+        wanted = arithmetic.raised(target.load(a.table, arithmetic, field=True), a.table)
+        return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
+
+    skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
+    claims = solved_denominators(skeletons, target.denominators, _numerators(roots))
+    operation = _operation(expression, claims)._replace(avoid=_numerators(roots))
+    result = apply(a.table, [values], operation)
+    return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
+
+
+def _operation(expression: Any, claims: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
+    """An operation with known denominators, computed modulo odd primes: nothing scales it homogeneously."""
+    return Operation(
+        expression, lambda n, _: claims[n], lambda *_: math.lcm(*claims), field=True, units=2, bounds=bounds
+    )
+
+
+def _bounds_after(b: Any, a: Any) -> list[float] | None:
+    """Bounds on b ★ a: at most 2^(n−1) partitions, whose products do not exceed 2^(κ n), κ for a and b together."""
+    if not isinstance(b, RationalValues):
+        return None
+    growth = a.growth + b.growth + 1
+    return [growth * n - 1 for n in range(1, b.table.max_order + 1)]
+
+
+def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | None:
+    """The arithmetic modulo 2^64 in which these denominators become odd; None if a skeleton • has an even one."""
+    if skeletons[1] % 2 == 0:
+        return None
+    offset = max((-(-twos(d) // (m - 1)) for m, d in enumerate(skeletons) if m > 1), default=0)
+    slope = max(-(-(twos(d) + offset) // n) for n, d in enumerate(parts) if n > 0)
+    return wrapped_parts(slope, offset)
+
+
+def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
+    """Claims for b ★ a; only rational values need them."""
+    if not isinstance(b, RationalValues):
+        return ()
+    if isinstance(a, RationalStages):
+        skeletons = tuple(a.step**n for n in range(b.table.max_order + 1))
+    else:
+        skeletons = a.denominators
+    return substituted_denominators(skeletons, b.denominators)
+
+
+def _without_denominators(operands: Sequence[Any]) -> list[Any]:
+    """Values over the smallest denominators there are: substitution is not homogeneous in the coefficients of a."""
+    return [
+        x.reduced if isinstance(x, RationalValues) else divided(x) if isinstance(x, RingValues) else x for x in operands
+    ]
+
+
+def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str]) -> list[Any]:
+    """1/x for each colour."""
+    if not all(sums):
+        name = names[[bool(x) for x in sums].index(False)]
+        raise SeriesError(f"{what} must not be 0, to be divided by, but {f'those for {name} are' if name else 'are'}")
+    if domain.kind == "ring":
+        return [domain.ring.exquo(ring_element(domain.ring, Fraction(1)), x) for x in sums]
+    return [1 / x for x in sums]
+
+
+def _numerators(sums: Sequence[Any]) -> int:
+    """What divisions by these numbers can bring into denominators."""
+    return math.lcm(*(abs(x.numerator) for x in sums if isinstance(x, Fraction)))
+
+
+def _check_all_trees(a: BSeries, name: str) -> None:
+    table = a.table
+    if table.limits != normal_limits(table.colors, None):
+        raise SeriesError(
+            f"{name} must be a method, or a series on all trees up to an order (skeletons leave restricted tables), "
+            f"but was a series on {table!r}"
+        )
+
+
+def _check_memory(table: TreeTable, method: Method) -> None:
+    """Refuse before any work what would not fit: two rows for each tree and stage."""
+    trees = table.offsets[-2]
+    rows = 2 * (table.max_order + 3) * trees * max(1, getattr(method, "stages", 1))
+    refuse_table_beyond_memory(8 * (rows + 4 * len(table)), f"substitution into {method.name} on {len(table)} trees")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if any(names) else "none but one"

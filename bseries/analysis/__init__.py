@@ -1,0 +1,1 @@
+"""Analysis of methods: order, structure, conjugation, and the report of `check`."""

@@ -1,0 +1,251 @@
+"""Lie bracket, conjugation, and what a method gains by it: effective order, conjugate symplecticity.
+
+A method conjugate to a better one behaves like that one in the long run: n steps of χ⁻¹ ∘ Φ ∘ χ are χ⁻¹ ∘ Φⁿ ∘ χ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.composition import check_field, check_flow, compose, exp, inverse, lie_derivative, log
+from bseries.analysis.homological_equation import ConjugateSymplectic, EffectiveOrder, Step
+from bseries.analysis.structure import has_blocks
+from bseries.analysis.verdicts import failing, flows_of
+from bseries.exact.domains import RingValues, divided, make_values, ring_element
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    from bseries.algebra.stages import Method
+    from bseries.analysis.structure import Coloring
+    from trees.tree import Tree
+
+
+def bracket(b: BSeries, c: BSeries) -> BSeries:
+    """The Lie bracket of two fields: ∂_b c − ∂_c b.
+
+    With B and C the vector fields that the series stand for, it stands for [B, C] = C'B − B'C: the derivative of C
+    along B minus that of B along C.
+
+    Args:
+        b: A field.
+        c: A field on the same trees.
+
+    Returns:
+        A field.
+
+    Raises:
+        SeriesError: One of them is no field, or their trees differ.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.exact_flow(3).log()
+        >>> tall = bs.BSeries.from_rule(lambda tree: int(str(tree) == "[τ]"), 3, empty=0)
+        >>> [(str(tree), str(value)) for tree, value in bracket(f, tall).nonzero()]
+        [('[τ,τ]', '2')]
+
+    References:
+        HLW, section III.5.1 and lemma IX.9.1.
+    """
+    check_field(b, "b")
+    check_field(c, "c")
+    return lie_derivative(b, c) - lie_derivative(c, b)
+
+
+def conjugate(a: BSeries, c: BSeries) -> BSeries:
+    """The conjugate method χ⁻¹ ∘ Φ ∘ χ: first c, then a, then the inverse of c.
+
+    With Φ and χ the maps of a and c, this is compose(compose(c, a), c.inverse()), which Butcher writes as the product
+    c a c⁻¹: c is the starting method, its inverse the finishing method. n steps of the conjugate method are c, n steps
+    of a, and the inverse of c.
+
+    Args:
+        a: A flow.
+        c: The flow to conjugate with.
+
+    Returns:
+        A flow.
+
+    Raises:
+        SeriesError: One of them is no flow, or their trees differ.
+
+    Example:
+        The trapezoidal rule and the implicit midpoint rule are conjugate by half a step of the explicit Euler method:
+
+        >>> import bseries as bs
+        >>> half = bs.series(bs.method("explicit-euler"), 6).scale_step(Fraction(1, 2))
+        >>> midpoint = bs.series(bs.method("implicit-midpoint"), 6)
+        >>> conjugate(midpoint, half) == bs.series(bs.method("trapezoidal"), 6)
+        True
+
+    References:
+        HLW, section VI.8; J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, section 389.
+    """
+    check_flow(a, "a")
+    check_flow(c, "c")
+    return compose(compose(c, a), inverse(c))
+
+
+class ConjugateVerdict(NamedTuple):
+    """Up to which order a method is conjugate to one with a property.
+
+    Attributes:
+        order: The largest k ≤ `tested_to` such that a conjugate method has the property for all trees to k nodes.
+        breaks: The first tree for which no further processor gives it the property, or None.
+        tested_to: The largest number of nodes that was looked at.
+        processor: The flow c such that conjugate(a, c) has the property up to `order`.
+
+    Example:
+        >>> import bseries as bs
+        >>> verdict = bs.effective_order(bs.method("trapezoidal"), 4)
+        >>> verdict.order, verdict.holds
+        (2, False)
+    """
+
+    order: int
+    breaks: Tree | None
+    tested_to: int
+    processor: BSeries
+
+    @property
+    def holds(self) -> bool:
+        """Whether no tree breaks the property."""
+        return self.breaks is None
+
+
+def effective_order(method: Method | BSeries, order: int | None = None) -> ConjugateVerdict:
+    """The effective order: the largest order of accuracy of a conjugate method, and the processor that reaches it.
+
+    Order by order, [f, g_n] = b_{n+1} is solved for the next term of g, the logarithm of the processor, with b the
+    modified equation of what has been conjugated so far. The solution is unique up to multiples of f in g₁, which make
+    no difference: they are time shifts.
+
+    Args:
+        method: A method, or a flow.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+
+    Returns:
+        A `ConjugateVerdict`: conjugate(a, processor) has the order found.
+
+    Raises:
+        SeriesError: `method` is neither a method nor a flow, `order` exceeds the order of the series, or its trees are
+            neither all trees nor those of separable or of Nyström systems.
+
+    Example:
+        In separable systems the symplectic Euler method is conjugate to that of Störmer and Verlet, of order 2:
+
+        >>> import bseries as bs
+        >>> euler = bs.series(bs.method("symplectic-euler-p"), 5, max_children=[[0, None], [None, 0]])
+        >>> verdict = effective_order(euler)
+        >>> bs.order_of(euler), verdict.order, bs.order_of(conjugate(euler, verdict.processor))
+        (1, 2, 2)
+
+    References:
+        J. C. Butcher, *The effective order of Runge–Kutta methods*, Lecture Notes in Mathematics 109 (1969),
+        doi:10.1007/BFb0060019; S. Blanes, F. Casas, A. Murua, SIAM J. Numer. Anal. 42 (2004), 531–552 (processing).
+    """
+    flows = flows_of(method, order)
+    table = flows[0].table
+    node = _inconsistent(flows)
+    if node is not None:
+        return ConjugateVerdict(0, table[node], table.max_order, flows[0] ** 0)
+    return _sought(flows, EffectiveOrder(table))
+
+
+def conjugate_symplecticity(
+    method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None
+) -> ConjugateVerdict:
+    """How far a method is conjugate to a symplectic one, by a map with a B-series.
+
+    Order by order, the next term g_n of the processor's logarithm makes b_{n+1} + [g_n, f] Hamiltonian. It is
+    determined up to Hamiltonian fields, and these make no difference: they conjugate symplectic methods to symplectic
+    ones. (With ρ(u, v) = g(u ∘ v) + g(v ∘ u) the equations read Σ ρ(u without a leaf, v) + Σ ρ(u, v without a leaf) =
+    r(u, v). They determine ρ, and any symmetric function ρ belongs to some g.)
+
+    Args:
+        method: A consistent method, or its flow.
+        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        colors_are: As for `symplecticity`.
+
+    Returns:
+        A `ConjugateVerdict`: conjugate(a, processor) is symplectic up to the order found.
+
+    Raises:
+        SeriesError: `method` is neither a method nor a flow, or is inconsistent; `order` exceeds the order of the
+            series; or its trees are neither all trees nor those of a separable system.
+
+    Example:
+        >>> import bseries as bs
+        >>> conjugate_symplecticity(bs.method("trapezoidal"), 6).holds
+        True
+        >>> conjugate_symplecticity(bs.method("rk4"), 6).order
+        4
+
+    References:
+        E. Hairer, C. J. Zbinden, *On conjugate symplecticity of B-series integrators*, IMA J. Numer. Anal. 33 (2013).
+        P. Chartier, E. Faou, A. Murua, Numer. Math. 103 (2006), 575–590.
+    """
+    flows = flows_of(method, order)
+    table = flows[0].table
+    node = _inconsistent(flows)
+    if node is not None:
+        found = flows[0]._values[node]
+        raise SeriesError(f"method must be consistent, with the coefficient 1 of {table[node]}, but has {found!s:.60}")
+    return _sought(flows, ConjugateSymplectic(table, has_blocks(flows[0], colors_are)))
+
+
+class _Problem(Protocol):
+    def step(self, n: int, b: list[Any], number: Callable[[Fraction], Any]) -> Step: ...
+
+
+def _sought(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
+    """Order by order the logarithm g of the processor, for a flow and its samples."""
+    table = flows[0].table
+    logarithms: list[list[Any]] = [[Fraction(0)] * len(table) for _ in flows]
+    order, broken = table.max_order, None
+    for n in range(1, table.max_order):
+        steps, outs = [], []
+        for s, g in zip(flows, logarithms, strict=True):
+            b, number, public = field_elements(log(conjugate(s.truncate(n + 1), _processor(s, g, n + 1))))
+            steps.append(problem.step(n, b, number))
+            outs.append(public)
+        residuals, *nearby = (step.residuals for step in steps)
+        broken = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
+        if broken is not None:
+            order = n
+            break
+        for step, g, public in zip(steps, logarithms, outs, strict=True):
+            for tree, value in step.term.items():
+                g[tree] = _shortened(public(value), flows[0].digits)
+    breaks = None if broken is None else table[broken]
+    return ConjugateVerdict(order, breaks, table.max_order, _processor(flows[0], logarithms[0], table.max_order))
+
+
+def _shortened(value: Any, digits: int | None) -> Any:
+    """A coefficient of the processor of a method in decimals, to more digits than those tell: any number will do."""
+    return value if digits is None else Fraction(round(value * 10 ** (digits + 10)), 10 ** (digits + 10))
+
+
+def _inconsistent(flows: Sequence[BSeries]) -> int | None:
+    """The first single node whose coefficient is not 1."""
+    nodes = range(flows[0].table.colors)
+    residuals, *nearby = ([s._values[node] - 1 for node in nodes] for s in flows)
+    return next(failing(residuals, nearby), None)
+
+
+def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:
+    """exp g on the trees of a series up to some order."""
+    table = s.truncate(order).table
+    return exp(BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names))
+
+
+def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
+    """Coefficients in a field, how a Fraction gets into it, and how an element gets out."""
+    values: Any = b._values
+    if isinstance(values, RingValues):
+        values = divided(values)
+        return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
+    return values.fractions(), Fraction, Fraction

@@ -1,0 +1,224 @@
+"""All that is found out about a method: order, principal error, structure, and what its tableau tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.algebra.modified import modified_equation, series
+from bseries.algebra.presentation import number_text
+from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.analysis import conjugation, structure
+from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
+from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
+from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
+from bseries.exceptions import SeriesError
+from integrators import PartitionedRungeKutta, RungeKutta
+from trees.counting import check_order, count_trees
+
+if TYPE_CHECKING:
+    from bseries.algebra.stages import Method
+    from bseries.analysis.conjugation import ConjugateVerdict
+    from bseries.analysis.order import ErrorCoefficients
+
+
+class Report(NamedTuple):
+    """What `check` found.
+
+    Attributes:
+        method: The method.
+        order: The order of accuracy.
+        tested_to: Up to how many nodes order conditions were looked at.
+        error: The principal error; None where its trees are too many.
+        embedded_orders: The orders of the embedded weights.
+        properties: What coefficients alone decide, for every order: true or false.
+        structure: Properties that hold up to some order, each with its verdict.
+        assumptions: How far B(p), C(q), D(r) hold; None where they are not decided.
+        stability: What the stability function and the tableau tell (see `integrators.tableau_properties`).
+    """
+
+    method: Method
+    order: int
+    tested_to: int
+    error: ErrorCoefficients | None
+    embedded_orders: tuple[int, ...]
+    properties: dict[str, bool]
+    structure: dict[str, Verdict | ConjugateVerdict]
+    assumptions: Assumptions | None
+    stability: dict[str, Any]
+
+    @property
+    def row_sums(self) -> tuple[tuple[Any, ...], ...]:
+        """Row sums of A for each part; in floats where they are roots of high degree, which fill pages."""
+        parts = self.method.partitions if isinstance(self.method, RungeKutta | PartitionedRungeKutta) else ()
+        return tuple((p.to_float() if p.algebra is not None and p.stages > 3 else p).row_sums for p in parts)
+
+    @property
+    def stage_order(self) -> int | None:
+        """The largest q for which B(q) and C(q) hold."""
+        return None if self.assumptions is None else min(self.assumptions.quadrature, self.assumptions.stage)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON-ready data."""
+        method = self.method
+        names = method.names if len(method.names) > 1 else None
+        data: dict[str, Any] = {
+            "schema": 1,
+            "kind": "check",
+            "method": method.name,
+            "stages": method.stages,
+            "order": self.order,
+            "tested_to": self.tested_to,
+        }
+        if self.embedded_orders:
+            data["embedded_orders"] = list(self.embedded_orders)
+        verdicts = {
+            name: {"order": v.order, "breaks": None if v.breaks is None else v.breaks.text(names)}
+            for name, v in self.structure.items()
+        }
+        data["properties"] = {**self.properties, **verdicts}
+        data["structure_tested_to"] = max((v.tested_to for v in self.structure.values()), default=0)
+        if self.assumptions is not None:
+            data["stage_order"] = self.stage_order
+            data["assumptions"] = dict(zip("BCD", self.assumptions, strict=True))
+        if self.stability:
+            data["stability"] = self.stability
+        digits = method.digits
+        data["row_sums"] = [[number_text(x, digits) for x in sums] for sums in self.row_sums]
+        data["issues"] = list(method.issues)
+        if self.error is not None:
+            terms = [{"tree": t.text(names), "coefficient": number_text(e, digits)} for t, e in self.error.terms]
+            norms = {"norm_squared": number_text(self.error.norm_squared, digits), "norm": self.error.norm}
+            largest = None if self.error.largest is None else number_text(self.error.largest, digits)
+            data["error"] = {**norms, "largest": largest, "terms": terms}
+        return data
+
+
+def check(method: Method, order: int | None = None) -> Report:
+    """Order, principal error, structure, and what the coefficients alone tell about a method.
+
+    Args:
+        method: A method.
+        order: How far to test order conditions and structure; by default the former as far as is needed, the latter
+            beyond the order of the method. Structure is tested on some 1,300 trees at most (10 nodes without colours,
+            6 with two); its own functions go further.
+
+    Returns:
+        A `Report`.
+
+    Raises:
+        SeriesError: `method` is no method.
+        TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = check(bs.method("implicit-midpoint"))
+        >>> report.order, report.properties["symplectic_tableau"], report.properties["explicit"]
+        (2, True, False)
+        >>> report.structure["energy_preserving"][:2], report.stability["a_stable"]
+        ((2, Tree('[τ,τ]')), True)
+
+    References:
+        HLW, theorems V.2.3 (symmetry) and VI.4.3, VI.4.6 (symplecticity); `bseries.analysis.structure` and
+        `bseries.analysis.conjugation` name the sources of the other tests.
+    """
+    found, tested_to = decide_order(method, order)
+    affordable = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
+    return Report(
+        method,
+        found,
+        tested_to,
+        error_coefficients(method, found) if affordable else None,
+        _embedded_orders(method),
+        {"consistent": found >= 1, **_properties(method)},
+        structure_of(method, structure_order(method, found) if order is None else _affordable(method, order)),
+        _assumptions(method),
+        _stability(method),
+    )
+
+
+def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVerdict]:
+    """The verdicts of all structure tests up to some order; none where a part is no part of the field.
+
+    Args:
+        method: A method.
+        order: Up to how many nodes to look.
+
+    Returns:
+        The keys symmetric, symplectic, quadratic_invariants, hamiltonian, conjugate_symplectic, energy_preserving,
+        cubic_invariants, volume_preserving and effective_order; those that the colours of the method leave without
+        meaning are missing.
+
+    Raises:
+        SeriesError: `method` is no method.
+    """
+    if auxiliary_colors(check_method(method)):
+        return {}
+    if order > LEAST_NODES:
+        import numba  # noqa: F401  # many passes over a larger table: let kernels be compiled
+
+    exact = trusted(method)
+    flow = series(exact, order)
+    # What decimals leave uncertain about the field is known for a method only.
+    field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
+    tests: dict[str, Callable[[], Verdict | ConjugateVerdict]] = {
+        "symmetric": lambda: structure.symmetry(flow),
+        "symplectic": lambda: structure.symplecticity(flow),
+        "hamiltonian": lambda: structure.hamiltonian_field(field),
+        "conjugate_symplectic": lambda: conjugation.conjugate_symplecticity(flow),
+        "energy_preserving": lambda: structure.energy_preservation(field),
+        "cubic_invariants": lambda: structure.cubic_invariants(field),
+        "volume_preserving": lambda: structure.volume_preservation(field),
+        "effective_order": lambda: conjugation.effective_order(flow),
+    }
+    found: dict[str, Verdict | ConjugateVerdict] = {}
+    for name, test in tests.items():
+        try:
+            found[name] = test()
+        except SeriesError:  # not for inconsistent methods, or not on the trees of special systems
+            continue
+        if name == "symplectic":
+            found["quadratic_invariants"] = found[name]
+    return found
+
+
+def _affordable(method: Method, order: int) -> int:
+    """How far to test structure where an order is asked for: as far as the table allows."""
+    return min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
+
+
+def _properties(method: Method) -> dict[str, bool]:
+    """What the coefficients decide for every order."""
+    own = getattr(method, "is_explicit", None)
+    found = {"explicit": bool(method.program.is_explicit if own is None else own)}
+    if isinstance(method, RungeKutta):
+        found["diagonally_implicit"] = method.is_diagonally_implicit
+    if isinstance(method, PartitionedRungeKutta):
+        found["explicit_if_separable"] = method.is_explicit_if_separable
+    if isinstance(method, RungeKutta | PartitionedRungeKutta):
+        found["symmetric_tableau"] = method.is_symmetric
+        found["symplectic_tableau"] = method.is_symplectic
+    return found
+
+
+def _assumptions(method: Method) -> Assumptions | None:
+    if not isinstance(method, RungeKutta) or (method.algebra is None and method.domain != "QQ"):
+        return None
+    return simplifying_assumptions(method, 2 * method.stages + 1)
+
+
+def _stability(method: Method) -> dict[str, Any]:
+    if not isinstance(method, RungeKutta):
+        return {}
+    from bseries.analysis.stability.tableau_facts import tableau_properties
+
+    return tableau_properties(method)
+
+
+def _embedded_orders(method: Method) -> tuple[int, ...]:
+    if not isinstance(method, RungeKutta):
+        return ()
+    rows = (
+        RungeKutta(method.A, weights, method.c, digits=method.digits, warn=False) for weights in method.embedded or ()
+    )
+    return tuple(order_of(row) for row in rows)

@@ -1,0 +1,1 @@
+"""Linear stability and contractivity of methods, decided exactly."""

@@ -1,0 +1,202 @@
+"""Contractivity for nonlinear problems: algebraic stability, and strong stability preservation.
+
+Both are inequalities between numbers of the tableau and are decided exactly for exact tableaux. For decimals and
+floats, what must not be negative may be so within the error of its terms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from bseries.analysis.stability import sturm
+from bseries.analysis.stability.field_elements import dot, has_sign, midpoint, stage_matrix, to_elements, upper
+from bseries.analysis.stability.functions import Method, checked_method, function_of
+from bseries.analysis.stability.inexact import Inexact, nearest_float
+from bseries.analysis.stability.resolvents import adjugate_terms, over, to_integers
+
+if TYPE_CHECKING:
+    from integrators.methods.tableaux.runge_kutta import RungeKutta
+
+MOST_EXACT_STAGES = 3
+"""Tableaux on irrational nodes have entries in the splitting field of the node polynomial, too large beyond."""
+
+
+def is_algebraically_stable(method: RungeKutta) -> bool | None:
+    """Whether b_i ≥ 0 and the matrix M with m_ij = b_i a_ij + b_j a_ji − b_i b_j is positive semidefinite.
+
+    Such a method is B-stable: it contracts wherever the flow does. For methods without equivalent or superfluous stages
+    the converse holds too (for DJ-irreducible methods all b_i are then positive). What is decided is the tableau as it
+    stands, which for reducible methods is sufficient only.
+
+    Args:
+        method: a Runge–Kutta method. Methods on the roots of a rational polynomial are decided by rational forms in the
+            basis 1, x, …: a change of basis changes no sign.
+
+    Returns:
+        The answer; None where it depends on symbols, or hangs on roots of too high a degree.
+
+    Raises:
+        IntegratorError: `method` is no `RungeKutta`.
+
+    Example:
+        >>> from integrators import method
+        >>> [is_algebraically_stable(method(name)) for name in ("gauss3", "radau-iia3", "lobatto-iiia3", "trapezoidal")]
+        [True, True, False, False]
+
+    References:
+        K. Burrage, J. C. Butcher, *Stability criteria for implicit Runge–Kutta methods*, SIAM J. Numer. Anal. 16 (1979)
+        46–57;
+        Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.12.
+    """
+    rows, weights, _ = stage_matrix(checked_method(method))
+    if not all(map(has_sign, (*weights, *(a for row in rows for a in row)))):
+        # For explicit methods m_ii = −b_i², and not all b_i are 0.
+        return False if method.is_explicit and method.weight_sum == 1 else None
+    stages = range(method.stages)
+    gram = _gram(method, weights)
+    product = [[dot(gram[i], [rows[k][j] for k in stages]) for j in stages] for i in stages]
+    gap = [[product[i][j] + product[j][i] - weights[i] * weights[j] for j in stages] for i in stages]
+    return _is_semidefinite(gram) and _is_semidefinite(gap)
+
+
+def _gram(method: RungeKutta, weights: Sequence[Any]) -> list[list[Any]]:
+    """The matrix of the form Σ b_i f(c_i) g(c_i): diagonal, or in the basis 1, x, … the moments b(x^(k+l))."""
+    size = len(weights)
+    if method.algebra is None:
+        return [[b if i == j else Fraction(0) for j in range(size)] for i, b in enumerate(weights)]
+    moments = method.algebra.moments(2 * size - 1)
+    return [list(moments[k : k + size]) for k in range(size)]
+
+
+def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
+    """Whether a symmetric matrix has no negative eigenvalue, by symmetric elimination.
+
+    Errors of the entries of row i move eigenvalues by no more than their sum on the diagonal would (Gershgorin), so the
+    benefit of the doubt is given there.
+    """
+    rows = [list(map(midpoint, row)) for row in matrix]
+    for i, row in enumerate(matrix):
+        errors = [Fraction(a.error) for a in row if isinstance(a, Inexact) and math.isfinite(a.error)]
+        rows[i][i] = rows[i][i] + sum(errors, Fraction(0))
+    while rows:
+        first, *others = rows
+        if first[0] < 0 or (not first[0] and any(first)):
+            return False
+        rows = [row[1:] for row in others]
+        if first[0]:
+            for row, full in zip(rows, others, strict=True):
+                if full[0]:
+                    factor = full[0] / first[0]
+                    row[:] = [a - factor * b for a, b in zip(row, first[1:], strict=True)]
+    return True
+
+
+def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
+    """The SSP coefficient: the largest r such that steps h ≤ r h_E preserve what Euler steps h ≤ h_E preserve.
+
+    It is Kraaijevanger's radius of absolute monotonicity: with K the matrix A with the row b below it and a column of
+    zeros, the largest r with K (I + rK)⁻¹ ≥ 0 and r K (I + rK)⁻¹ 1 ≤ 1. The entries are rational functions of r, and
+    the r that satisfy the conditions form an interval from 0 on: its end is the smallest of the first roots at which a
+    numerator changes its sign. What is decided is the tableau as it stands; equivalent stages may lower it.
+
+    Args:
+        method: a Runge–Kutta method.
+
+    Returns:
+        A `Fraction` where the coefficient is recognised as rational, and verified, else the nearest float; 0 if no step
+        preserves, ``inf`` if every step does; None where it depends on symbols, or hangs on roots of too high a degree.
+
+    Raises:
+        IntegratorError: `method` is no `RungeKutta`.
+
+    Example:
+        >>> from integrators import method
+        >>> names = ("explicit-euler", "ssprk33", "ssprk104", "rk4", "implicit-midpoint", "implicit-euler")
+        >>> [str(ssp_coefficient(method(name))) for name in names]
+        ['1', '1', '6', '0', '2', 'inf']
+
+    References:
+        J. F. B. M. Kraaijevanger, BIT 31 (1991) 482–528, doi:10.1007/BF01933264;
+        S. Gottlieb, D. Ketcheson, C.-W. Shu, *Strong Stability Preserving Runge–Kutta and Multistep Time
+        Discretizations* (2011), chapter 3, doi:10.1142/7498.
+    """
+    checked_method(method)
+    if method.algebra is not None and not method.algebra.has_rational_nodes:
+        rows, weights, _ = method.algebra.tableau_float()  # within 10^-40
+        if any(value < -1e-30 for row in (*rows, weights) for value in row):
+            return Fraction(0)
+        if method.stages > MOST_EXACT_STAGES:
+            return None
+    size = method.stages
+    elements = to_elements([v for row in (*method.A, method.b) for v in row], method.precision)
+    if not all(map(has_sign, elements)):
+        return None
+    if any(upper(a) < 0 for a in elements):
+        return Fraction(0)
+    exact = method.domain in ("QQ", "algebraic")
+    return _first(_numerators([elements[k : k + size] for k in range(0, len(elements), size)]), exact=exact)
+
+
+def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[sturm.Coefficients]:
+    """The polynomials in r that must not become negative: det(I + rA), and what stands above it in the conditions.
+
+    With C the adjugate of I + rA these are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.
+    """
+    whole, scale = to_integers(rows)
+    terms = list(adjugate_terms(whole[:-1]))
+    determinant = [over(d, scale**k) for k, (d, _) in enumerate(terms)]
+    adjugate = [[[over(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
+    columns = [list(zip(*c, strict=True)) for c in adjugate]
+    products = [[[dot(row, column) for column in c] for c in columns] for row in rows]
+    row_sums = [[sum(row, Fraction(0)) for row in c] for c in adjugate]
+    for coefficients in (*products, row_sums):
+        yield from map(sturm.strip, zip(*coefficients, strict=True))
+    yield sturm.strip(determinant)
+    sums = [sum(values, Fraction(0)) for values in products[-1]]
+    yield sturm.strip(sturm.combine(determinant, [Fraction(0), *sums[:-1]], -1))
+
+
+def _first(conditions: Iterable[sturm.Coefficients], *, exact: bool) -> Fraction | float:
+    """The smallest r > 0 at which one of some polynomials becomes negative, ``inf`` if there is none."""
+    polynomials = {tuple(map(upper, p)) for p in conditions}
+    crossings = [x for x in map(sturm.first_crossing, polynomials) if x is not None]
+    least = min(crossings, default=math.inf)
+    # A root that is not rational may round to one that is: the conditions themselves are asked.
+    if exact and isinstance(least, Fraction) and not any(sturm.sign_at(p, least) < 0 for p in polynomials):
+        return least
+    return nearest_float(least) if isinstance(least, Fraction) else least
+
+
+def linear_ssp_coefficient(method: Method) -> Fraction | float | None:
+    """The threshold factor: the SSP coefficient for linear problems with constant coefficients.
+
+    It is the radius of absolute monotonicity of the stability function, the largest r with R^(k)(x) ≥ 0 for all k and
+    −r ≤ x ≤ 0. For polynomials it is enough to ask this at x = −r.
+
+    Args:
+        method: an explicit Runge–Kutta method or its stability function.
+
+    Returns:
+        As `ssp_coefficient`; None also where R is no polynomial: it then has infinitely many derivatives.
+
+    Example:
+        >>> from integrators import method
+        >>> [str(linear_ssp_coefficient(method(name))) for name in ("rk4", "ssprk33", "ssprk104")]
+        ['1', '1', '6']
+
+    References:
+        M. N. Spijker, *Contractivity in the numerical solution of initial value problems*, Numer. Math. 42 (1983)
+        271–290;
+        J. F. B. M. Kraaijevanger, *Absolute monotonicity of polynomials occurring in the numerical solution of initial
+        value problems*, Numer. Math. 48 (1986) 303–322.
+    """
+    R = function_of(method)
+    if len(R.q) > 1 or not R.has_signs:
+        return None
+    derivatives = [R.p]
+    while derivatives[-1]:
+        derivatives.append(sturm.derivative(derivatives[-1]))
+    return _first(map(sturm.reflect, derivatives), exact=not R.is_inexact)

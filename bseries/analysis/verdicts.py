@@ -1,0 +1,160 @@
+"""Verdicts on properties that hold up to some order, and how they are reached for exact numbers and for decimals.
+
+Exact series are decided exactly: a residual is zero or it is not. Coefficients of a method published as decimals are
+known within their `uncertainty` only; residuals are computed again with all coefficients changed at random by as much,
+and one that changes by about its own size counts as zero.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.composition import check_flow, log
+from bseries.algebra.modified import series, series_to
+from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.analysis.order import affordable_order, order_of, trusted
+from bseries.exact.domains import RingValues, make_values, public
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    from bseries.algebra.stages import Method
+    from bseries.analysis.structure_conditions import Conditions
+    from trees.table import TreeTable
+    from trees.tree import Tree
+
+MOST_STRUCTURE_TREES = 1300
+"""Structure is tested on tables up to this size."""
+
+LEAST_NODES = 7
+"""Structure is tested to so many nodes at least, if the table is no larger than that."""
+
+
+class Verdict(NamedTuple):
+    """Up to which order a property holds.
+
+    Attributes:
+        order: The largest k ≤ `tested_to` such that no tree with up to k nodes breaks the property.
+        breaks: The first tree that breaks it, or None.
+        tested_to: The largest number of nodes that was looked at.
+
+    Example:
+        >>> import bseries as bs
+        >>> verdict = bs.symplecticity(bs.method("rk4"), 6)
+        >>> verdict.order, str(verdict.breaks), verdict.tested_to, verdict.holds
+        (4, '[τ,[[τ]]]', 6, False)
+    """
+
+    order: int
+    breaks: Tree | None
+    tested_to: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether no tree breaks the property."""
+        return self.breaks is None
+
+
+def verdict(table: TreeTable, broken: int | None) -> Verdict:
+    """The verdict if the tree with this id is the first to break a property."""
+    if broken is None:
+        return Verdict(table.max_order, None, table.max_order)
+    return Verdict(int(table._order[broken]) - 1, table[broken], table.max_order)
+
+
+def decide(conditions: Conditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
+    """The verdict of conditions on a series, which is the first of its `samples`."""
+    values = [_numbers(samples[0], flow)] if len(samples) == 1 else [public(s._values) for s in samples]
+    residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
+    broken = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
+    return verdict(samples[0].table, broken)
+
+
+def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
+    """Which residuals are not zero; `nearby` are those of the other samples of a series in decimals."""
+    for k, residual in enumerate(residuals):
+        if residual and (not nearby or abs(residual) > 3 * max(abs(other[k] - residual) for other in nearby)):
+            yield k
+
+
+def _numbers(s: BSeries, flow: bool) -> Any:
+    """Coefficients times a factor for each number of nodes n; for a flow the factor is L^n, so that products agree."""
+    values: Any = s._values
+    if isinstance(values, RingValues):
+        return list(values.elements)
+    factors = [values.step**n // d if flow else 1 for n, d in enumerate(values.denominators)]
+    if max(factors) == 1:
+        return values.numerators
+    order = s.table.lists[0]
+    return [int(x) * factors[n] for n, x in zip(order, values.numerators, strict=True)]
+
+
+def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """The flow of a method with its samples (see `samples_of`).
+
+    Raises:
+        SeriesError: There is no such flow.
+    """
+    if isinstance(method, BSeries):
+        check_flow(method, "method")
+    return samples_of(method, order)
+
+
+def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """The modified equation of a method, or a field itself, with its samples.
+
+    Raises:
+        SeriesError: There is no such field.
+    """
+    samples = samples_of(method, order)
+    if samples[0].empty == 0:
+        return samples
+    check_flow(samples[0], "method")
+    return [log(s) for s in samples]
+
+
+def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """A method's series, or a series up to some order; where it is in decimals, with a few others within its digits.
+
+    Raises:
+        SeriesError: The series is in floats, or decimals without known uncertainty, or `order` is missing or too large.
+    """
+    s = series_of(method, order)
+    if not isinstance(method, BSeries) and auxiliary_colors(method):
+        parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
+        raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
+    if not s.is_exact:
+        raise SeriesError("method must be a method or an exact series, but was a series in floats")
+    if s.digits is not None and s.uncertainty is None:
+        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
+    return [s, *_nearby(s)]
+
+
+def series_of(method: Method | BSeries, order: int | None) -> BSeries:
+    """A series up to some order, or that of a method, with floats taken as decimals."""
+    if isinstance(method, BSeries):
+        return series_to(method, order)
+    check_method(method)
+    return series(trusted(method), structure_order(method, order_of(method)) if order is None else order)
+
+
+def structure_order(method: Method, accuracy: int) -> int:
+    """How far structure is tested by default: beyond the order of accuracy, as the table and the numbers allow."""
+    most = affordable_order(len(method.names), MOST_STRUCTURE_TREES)
+    if method.digits is not None or method.parameters:
+        return max(4, min(accuracy + 1, most))
+    return min(max(accuracy + 2, LEAST_NODES), most)
+
+
+def _nearby(s: BSeries) -> Iterator[BSeries]:
+    if s.uncertainty is None:
+        return
+    source, scale = random.Random(s.digits), 10 ** ((s.digits or 0) + 6)
+    ranges = [s.uncertainty(at) * scale for at in range(len(s))]
+    for _ in range(4):
+        changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
+        changed = make_values(s.table, map(sum, zip(public(s._values), changes, strict=True)))
+        yield BSeries(s.table, changed, s.empty, names=s.names)

@@ -1,1 +1,0 @@
-"""Nested brackets: free Lie algebras, the Baker–Campbell–Hausdorff series, and what methods are in them."""

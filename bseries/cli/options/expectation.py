@@ -1,0 +1,116 @@
+"""What `bseries simulate` expects of a long run: one line before it, and afterwards how well that was met."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from bseries.advice.prediction.calibration import SECONDS, Stopwatch
+
+if TYPE_CHECKING:
+    from bseries.advice.prediction.prediction import Prediction
+    from bseries.cli.progress import Progress
+
+LONG = 5.0
+"""Seconds of work that is announced without being asked."""
+LEAST_SECONDS, COMPARABLE = 0.01, 0.1
+"""Shorter runs do not tell what a step costs, or how well that was known."""
+
+
+class Expectation:
+    """The progress of a run, which is calibrated by its own beginning, and what is expected of it.
+
+    Args:
+        progress: Shows progress, and says what is expected.
+        predict: Makes a prediction; its argument is what a step costs, None if that is to be found out.
+        wanted: Whether a prediction is wanted; None: of work that takes long.
+        beforehand: Whether `predict` can find out what a step costs.
+
+    Attributes:
+        watch: What steps cost.
+        prediction: What was expected; None if nothing was.
+    """
+
+    def __init__(
+        self,
+        progress: Progress,
+        predict: Callable[[float | None], Prediction],
+        wanted: bool | None,
+        *,
+        beforehand: bool = True,
+    ):
+        self.watch, self.prediction = Stopwatch(), None
+        self._show, self._say, self._predict, self._pause = progress.update, progress.say, predict, 0.0
+        self._asked, self._is_open, self._least = bool(wanted), wanted is not False, 0.0 if wanted else LONG
+        if wanted and beforehand:
+            self._is_open = False
+            self._announce(None)
+
+    def __call__(self, done: int, total: int) -> None:
+        """Note how far the run is; what `integrate` calls."""
+        self.watch(done, total)
+        self._show(done, total)
+        if self._is_open and done >= total and self._asked and self.watch.seconds <= SECONDS:
+            self._is_open = False
+            self._say(f"bseries: expected: nothing, since all was done within {SECONDS:g} s")
+        if self._is_open and self.watch.seconds > SECONDS:
+            self._is_open = False
+            cost = self.watch.seconds / self.watch.steps
+            left = total - done
+            if self.watch.seconds + cost * left > self._least:
+                began = perf_counter()
+                self._announce(cost, self.watch.seconds + cost * left)
+                self._pause = perf_counter() - began if left else 0.0  # after the last step nothing waits for it
+
+    def _announce(self, cost: float | None, seconds: float | None = None) -> None:
+        """Say what is expected; a run that goes on from a checkpoint takes less than all its steps."""
+        self.prediction = self._predict(cost)
+        if seconds is not None:
+            self.prediction = self.prediction._replace(seconds=seconds)
+        self._say(f"bseries: expected: {self.prediction}")
+
+    @property
+    def done(self) -> int:
+        """The number of steps so far."""
+        return self.watch.done
+
+    @property
+    def seconds(self) -> float:
+        """How long the steps took, without the time for the prediction."""
+        return self.watch.seconds - self._pause
+
+    @property
+    def seconds_per_step(self) -> float | None:
+        """None if there were too few."""
+        return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
+
+    def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
+        """What came of it, beside what was expected, as plain data; None without a prediction.
+
+        Args:
+            energy_error: The relative error of the energy, if the scene has one and it was observed.
+        """
+        return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
+
+    def notes(self, energy_error: float | None) -> Iterator[str]:
+        """How well the expectation was met, for readers."""
+        from bseries.advice.measures import duration
+
+        found = self.outcome(energy_error)
+        if found is None or self.prediction is None:
+            return
+        expected, parts = self.prediction, []
+        if expected.seconds is not None and self.seconds > COMPARABLE:
+            ratio = 100 * (found["seconds"] / expected.seconds - 1)
+            parts.append(
+                f"took {duration(found['seconds'], 2)} (expected: {duration(expected.seconds, 2)}, {ratio:+.0f} %)"
+            )
+        if found["energy_error"] is not None:
+            parts.append(f"relative energy error {found['energy_error']:.1e} (expected: {expected.energy})")
+        if expected.solution.value is not None:
+            parts.append(f"relative solution error not measured (expected: {expected.solution})")
+        if parts:
+            yield f"Met and expected: {'; '.join(parts)}."
+        if expected.basis and (expected.energy.value, expected.solution.value) != (None, None):
+            yield f"Errors were expected {expected.basis}."

@@ -1,0 +1,241 @@
+"""The scene that a verb works on: a name, a file, standard input or text, with its effects and parameters."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+import click
+
+from bseries.cli.application import Refusal, standard_input
+from bseries.cli.options.method_argument import split_row
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from bseries.cli.options.method_argument import Method
+    from integrators import Scene
+
+T = TypeVar("T")
+
+WAYS = ("--scene", "--ode", "--hamiltonian")
+KEYWORDS = ("self", "effects")
+"""Names that mean something else where Python passes parameters on; effects are switched on by --effect."""
+
+
+def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of built-in scenes that continue what is typed; files for a path."""
+    from click.shell_completion import CompletionItem
+
+    from integrators import scene_catalogue
+
+    if is_path(incomplete) or incomplete.startswith("."):
+        return [CompletionItem(incomplete, type="file")]
+    names = ((name, entry.summary) for entry in scene_catalogue() for name in (entry.name, *entry.aliases))
+    return [CompletionItem(name, help=summary) for name, summary in names if name.startswith(incomplete)]
+
+
+def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Effects of the built-in scene that is typed already; of all scenes if there is none."""
+    from click.shell_completion import CompletionItem
+
+    from integrators import scene_catalogue
+
+    typed = ctx.params.get("scene_source")
+    entries = [entry for entry in scene_catalogue() if typed is None or typed in (entry.name, *entry.aliases)]
+    effects = {name: summary for entry in entries for name, summary in entry.effects.items()}
+    return [CompletionItem(name, help=summary) for name, summary in effects.items() if name.startswith(incomplete)]
+
+
+def takes_scene(*, as_argument: bool = False, required: bool = True) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """Give a verb the option --scene, or the argument SCENE, and the options that go with it.
+
+    It gets `scene` (None if there is none) and `effects`, the names of those that are on.
+    """
+    where = "name from `bseries scenes`, a .toml file, or - for one on standard input"
+    if as_argument:
+        metavar = "SCENE" if required else "[SCENE]"
+        source = click.argument("scene_source", metavar=metavar, required=False, shell_complete=complete_scene)
+    else:
+        source = click.option(
+            "--scene", "scene_source", metavar="SCENE", help=f"The problem: a {where}.", shell_complete=complete_scene
+        )
+
+    def decorate(verb: Callable[..., T]) -> Callable[..., T]:
+        @source
+        @click.option("--ode", metavar="TEXT", help="The problem as equations, \"p' = -sin(q); q' = p\".")
+        @click.option("--hamiltonian", metavar="TEXT", help='The problem as a Hamiltonian, "p^2/2 - cos(q)".')
+        @click.option("--blocks", metavar="TEXT", help='Blocks of variables in such text, as in "p=x,u;q=y".')
+        @click.option(
+            "--effect", "effects", metavar="NAME", multiple=True, shell_complete=complete_effect,
+            help="An effect of the scene to switch on; repeatable.",
+        )  # fmt: skip
+        @click.option(
+            "--parameter", "parameters", metavar="NAME=VALUE", multiple=True,
+            help="Value of a parameter or option of the scene; repeatable.",
+        )  # fmt: skip
+        @functools.wraps(verb)
+        def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> T:
+            sources = [options.pop(name) for name in ("scene_source", "ode", "hamiltonian")]
+            scene = read_scene(sources, blocks, effects, parameters)
+            if scene is None and required:
+                raise Refusal(f"SCENE must be given: a {where}; or --ode or --hamiltonian")
+            on = () if scene is None else scene.active or tuple(dict.fromkeys(effects))
+            return verb(scene=scene, effects=on, **options)
+
+        return read
+
+    return decorate
+
+
+def read_scene(
+    sources: Sequence[str | None], blocks: str | None, effects: Sequence[str], parameters: Iterable[str]
+) -> Scene | None:
+    """The scene that the command line describes, None if it describes none."""
+    values = read_values(parameters)
+    given = [way for way, text in zip(WAYS, sources, strict=True) if text is not None]
+    if len(given) > 1:
+        raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(given)}")
+    if blocks is not None and given in ([], ["--scene"]):
+        raise Refusal(f"blocks must come with --ode or --hamiltonian, but was {blocks!r:.60} without")
+    if not given:
+        if effects or values:
+            raise Refusal("effect and parameter must come with a SCENE that has them, but there was none")
+        return None
+    source, ode, hamiltonian = sources
+    if source is not None:
+        return _load(source, effects, values) if is_path(source) else _build(source, effects, values)
+    from integrators import parse_hamiltonian, parse_scene
+
+    parse = parse_scene if ode is not None else parse_hamiltonian
+    return parse(ode or hamiltonian or "", blocks, values).with_effects(*effects)
+
+
+def read_values(parameters: Iterable[str]) -> dict[str, Any]:
+    """The values of parameters that ``mu=1/2`` and the like give."""
+    values = {name: _read_value(text) for name, text in read_assignments(parameters, "parameter", "mu=1/2").items()}
+    for name in KEYWORDS:
+        if name in values:
+            raise Refusal(f"parameter must be one of the scene's, but was {name!r}")
+    return values
+
+
+def is_path(source: str) -> bool:
+    """Whether a SCENE is a file, or standard input."""
+    return source == "-" or "/" in source or "\\" in source or source.lower().endswith(".toml")
+
+
+def load_file(source: str) -> Scene:
+    """The scene that a file, or standard input, describes."""
+    from integrators import load_scene
+
+    if source == "-" and click.get_current_context().params.get("source") == "-":
+        raise Refusal("METHOD and SCENE must not both be -, since there is one standard input, but were")
+    return load_scene(standard_input().buffer if source == "-" else source)
+
+
+def _load(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+    scene = load_file(source)
+    return scene.with_effects(*(effects or scene.active), **values)
+
+
+def _build(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+    from integrators import scene
+
+    return scene(source, effects=effects or None, **values)
+
+
+def _read_value(text: str) -> Any:
+    """A number or formula as it is; with commas a list; with semicolons a list of rows."""
+    rows = [split_row(row) for row in text.split(";")]
+    if len(rows) > 1:
+        return rows
+    return rows[0] if len(rows[0]) > 1 else text
+
+
+def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[str, str]:
+    """What ``NAME=VALUE`` says, by name."""
+    values: dict[str, str] = {}
+    for text in texts:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not (name and value):
+            raise Refusal(f"{option} must be NAME=VALUE, as in {example}, but was {text!r:.60}")
+        if name in values:
+            raise Refusal(f"{option} must give each name once, but gave {name!r:.60} twice")
+        values[name] = value
+    return values
+
+
+def read_start(text: str, scene: Scene) -> Scene:
+    """The scene with the start values that ``p=0;q=-3/2`` says."""
+    return scene.with_start(**read_start_values(text))
+
+
+def read_start_values(text: str) -> dict[str, list[str]]:
+    """The start values by block that ``p=0;q=-3/2`` says."""
+    given = read_assignments(filter(str.strip, text.split(";")), "start", '"p=0;q=-3/2"')
+    return {name: split_row(values) for name, values in given.items()}
+
+
+def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
+    """Give a verb the option --parts, which says what the parts of a method are in a scene."""
+    text = 'What the method\'s parts are: blocks or parts of the scene, as in "a=q;b=p".'
+    return click.option("--parts", metavar="TEXT", help=text)(verb)
+
+
+def read_parts(text: str | None, method: Method, scene: Scene) -> dict[str, list[str]] | None:
+    """The blocks or parts of the scene that a method's parts stand for; None where their names tell."""
+    from bseries.algebra.stages import auxiliary_colors
+
+    names, blocks = method.names, [block.name for block in scene.blocks]
+    if text is not None and len(names) == 1:
+        raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
+    if text is not None:
+        return read_part_names(text)
+    known = len(names) == 1 or set(names) <= set(blocks) or set(names) == set(scene.parts)
+    if not known and not auxiliary_colors(method):  # which the library refuses in any scene
+        _refuse_parts(method, scene)
+    return None
+
+
+def read_part_names(text: str) -> dict[str, list[str]]:
+    """The blocks or parts of a scene that ``a=q;b=p,s`` says, by the part of the method."""
+    found = read_assignments(filter(str.strip, text.split(";")), "parts", "a=q;b=p")
+    return {name: [piece.strip() for piece in value.split(",")] for name, value in found.items()}
+
+
+def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
+    """Say which option tells what a method's parts are, and how."""
+    from integrators.scenes.scene import UNNAMED
+
+    blocks = [block.name for block in scene.blocks]
+    count, names, known = len(method.names), ", ".join(method.names), f"blocks {', '.join(blocks)}"
+    known += f", parts {', '.join(scene.parts)}" if scene.parts else ""
+    variables = [name for name in scene.variables if name != "t"]
+    if scene.name == UNNAMED and len(variables) >= count and not scene.parts:
+        example = ";".join(f"{name}=…" for name in method.names)
+        raise Refusal(
+            f"blocks must say which of {', '.join(variables)} the parts {names} of {method.name} are, as in "
+            f'--blocks "{example}", but were not given'
+        )
+    if len(scene.parts) == count or len(blocks) >= count:
+        pieces = scene.parts if len(scene.parts) == count else blocks
+    else:
+        raise Refusal(f"scene must have blocks or parts for {names} of {method.name}, but {scene.name} has {known}")
+    values = [*pieces[: count - 1], ",".join(pieces[count - 1 :])]
+    example = ";".join(f"{name}={value}" for name, value in zip(method.names, values, strict=True))
+    raise Refusal(
+        f"parts must say what {names} of {method.name} are in {scene.name} ({known}), as in "
+        f'--parts "{example}", but were not given'
+    )
+
+
+def place(method: Method, scene: Scene, effects: Sequence[str]) -> str:
+    """For titles: the method and the scene."""
+    return f"{method.name} on {scene.name}" + (f" with {', '.join(effects)}" if effects else "")
+
+
+def head(kind: str, method: Method, scene: Scene, effects: Iterable[str]) -> dict[str, Any]:
+    """What JSON begins with."""
+    return {"schema": 1, "kind": kind, "method": method.name, "scene": scene.name, "effects": list(effects)}

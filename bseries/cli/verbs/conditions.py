@@ -1,0 +1,155 @@
+"""`bseries conditions`: the order conditions of a kind of methods, as formulas or as code."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bseries.cli import table as layout
+from bseries.cli.application import Refusal
+from bseries.cli.options.trees import takes_max_children
+from bseries.cli.output import WholeNumber, names_or_none, takes_output
+from bseries.cli.table import Column
+
+if TYPE_CHECKING:
+    from bseries.cli.output import Output
+    from bseries.conditions.listing import OrderConditions
+
+FIELDS = ("tree", "levels", "colors", "order", "isomeric", "left", "right", "latex")
+COLUMNS = (Column("|τ|", True), Column("tree τ"), Column("condition"))
+
+
+def takes_code(write: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the option --code; a file of code may have any suffix, and there is no format to choose."""
+
+    @click.option("--code", metavar="LANGUAGE", help="Source of residual and Jacobian: python, numpy, c, ….")
+    @functools.wraps(write)
+    def call(*, code: str | None, format_: str | None, **options: Any) -> None:
+        if code is not None and format_ is not None:
+            raise Refusal(f"format must be left out where --code is given, but was {format_!r:.60}")
+        write(code=code, format_=format_ if code is None else "table", **options)
+
+    return call
+
+
+@click.command()
+@click.argument("kind", metavar="KIND")
+@click.option("--order", type=WholeNumber(), default=4, show_default=True, help="Order of the methods.")
+@click.option("--stages", type=WholeNumber(), help="Number of stages, for code.")
+@click.option("--colors", type=WholeNumber(), help="Number of parts, for kinds that have parts.")
+@click.option("--explicit", is_flag=True, help="Explicit methods: short for --structure explicit.")
+@click.option("--structure", metavar="NAMES", help="full, explicit or diagonally-implicit; for each matrix, by commas.")
+@click.option("--assume", metavar="TEXT", help='Simplifying assumptions that hold, as in "B5 C2 D1".')
+@click.option(
+    "--scalar",
+    is_flag=False,
+    flag_value="autonomous",
+    metavar="[WHICH]",
+    help="Only for scalar equations: autonomous y' = f(y), or nonautonomous.",
+)
+@click.option("--symmetric", is_flag=True, help="Symmetric methods: only conditions for odd numbers of nodes.")
+@takes_max_children
+@takes_code
+@takes_output
+def conditions(
+    kind: str,
+    order: int,
+    stages: int | None,
+    colors: int | None,
+    explicit: bool,
+    structure: str | None,
+    assume: str | None,
+    scalar: str | None,
+    symmetric: bool,
+    max_children: Any,
+    code: str | None,
+    output: Output,
+) -> Iterable[str]:
+    """The order conditions of a kind of methods.
+
+    KIND is runge-kutta, partitioned, additive, nystrom (y'' = g(y)), general-nystrom (y'' = g(y, y')), rosenbrock or
+    splitting. With --code comes source code of two functions, residual and jacobian, in python, numpy, numba, julia, c,
+    fortran or octave.
+
+    \b
+    Examples:
+      bseries conditions runge-kutta --order 4
+      bseries conditions runge-kutta --order 5 --assume "C2 D1"
+      bseries conditions runge-kutta --order 5 --scalar
+      bseries conditions runge-kutta --order 3 --explicit --stages 3 --code c -o conditions.c
+      bseries conditions partitioned --order 3 --format latex
+      bseries conditions splitting --order 4 --symmetric --format json
+    """
+    from bseries.conditions.generating import order_conditions
+
+    if explicit and structure is not None:
+        raise Refusal(f"structure must be left out where --explicit is given, but was {structure!r:.60}")
+    names = (structure or "full").split(",")
+    found = order_conditions(
+        kind,
+        order,
+        stages=stages,
+        colors=colors,
+        structure=names[0] if len(names) == 1 else names,
+        explicit=explicit,
+        assumptions=assume,
+        scalar=scalar or False,
+        symmetric=symmetric,
+        max_children=max_children,
+    )
+    return [found.code(code)] if code is not None else _answer(found, output)
+
+
+def _answer(found: OrderConditions, output: Output) -> Iterable[str]:
+    """The conditions in any format."""
+    output.check_rows(len(found))
+    if output.format == "json":
+        return [layout.json(found.to_dict(), "conditions")]
+    if output.format == "csv":
+        return layout.csv(FIELDS, map(_csv_row, found.to_dict()["conditions"]))
+    if output.format == "latex":
+        return [found.latex() + "\n"]
+    title, notes = _title(found), _notes(found)
+    rows = list(_rows(found, output))
+    if output.format == "markdown":
+        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = layout.table(COLUMNS, layout.sections(rows, 0), output.width)
+    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+
+
+def _rows(found: OrderConditions, output: Output) -> Iterator[layout.Row]:
+    names = names_or_none(found.names)
+    for condition in output.track(found, len(found)):
+        yield (
+            str(condition.tree.order),
+            ", ".join(tree.text(names) for tree in condition.trees),
+            str(condition),
+        )
+
+
+def _csv_row(record: dict[str, Any]) -> layout.Row:
+    return [" ".join(map(str, value)) if isinstance(value, list) else str(value) for value in record.values()]
+
+
+def _title(found: OrderConditions) -> str:
+    from bseries.conditions.kinds import KINDS
+
+    many = f"{len(found)} condition{'s' * (len(found) != 1)}"
+    return f"Order {found.order} of {KINDS[found.kind].about}: {many}"
+
+
+def _notes(found: OrderConditions) -> Iterator[str]:
+    from bseries.conditions.kinds import KINDS
+
+    request = found.request
+    yield f"{KINDS[found.kind].notation}."
+    if any(request.assumptions):
+        yield f"Conditions that follow from {request.assumptions} and from those listed are left out."
+    if request.scalar:
+        equation = "y' = f(y)" if request.scalar == "autonomous" else "y' = f(t, y)"
+        yield f"For scalar equations {equation}: isomeric trees share one condition."
+    if request.symmetric:
+        yield "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."

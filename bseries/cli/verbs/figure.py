@@ -1,0 +1,200 @@
+"""`bseries figure`: the lecture's figures, drawn, or their numbers."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bseries.cli import table as layout
+from bseries.cli.application import Refusal
+from bseries.cli.options.scene_argument import read_assignments
+from bseries.cli.output import Output
+from bseries.cli.progress import Progress
+from bseries.cli.table import Column
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from bseries.figures.registry import FigureFile
+
+COLUMNS = (Column("name"), Column("lecture", True), Column("what"), Column("options"))
+PARTS = 1000
+"""Into how many parts a progress bar divides a figure among others."""
+
+
+def complete_figure(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of figures that continue what is typed."""
+    from click.shell_completion import CompletionItem
+
+    from bseries.figures.registry import figure_file, figure_names
+
+    names = (name for name in figure_names() if name.startswith(incomplete))
+    return [CompletionItem(name, help=figure_file(name).TITLE) for name in names]
+
+
+@click.command()
+@click.argument("name", metavar="[NAME]", required=False, shell_complete=complete_figure)
+@click.option("-o", "--output", "path", metavar="FILE", help="The picture: .png, .svg or .pdf. With --all, a folder.")
+@click.option("--data", metavar="FILE", help="The numbers as CSV; - for standard output. With --all, a folder.")
+@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of an option; repeatable.")
+@click.option("--list", "listed", is_flag=True, help="All figures with their options.")
+@click.option("--all", "everything", is_flag=True, help="Draw all figures.")
+@click.option("--format", "format_", metavar="FORMAT", help="With --all: png, svg or pdf; by default, png.")
+def figure(
+    name: str | None,
+    path: str | None,
+    data: str | None,
+    settings: Sequence[str],
+    listed: bool,
+    everything: bool,
+    format_: str | None,
+) -> None:
+    """A figure of the lecture that this project grew from, or one beyond it.
+
+    The pictures are made for print at their own size; what there is to see in one is printed once it is drawn. --data
+    writes the numbers that they show, a column for each quantity; columns need not be of the same length. --all -o DIR
+    draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
+
+    \b
+    Examples:
+      bseries figure --list
+      bseries figure riccati -o riccati.png
+      bseries figure energy-error -o energy.pdf --data energy.csv
+      bseries figure truncation --set h=1/20 --set terms=4 -o truncation.svg
+      bseries figure riccati --data -
+    """
+    given = [text for text, is_on in (("NAME", name), ("--list", listed), ("--all", everything)) if is_on]
+    if len(given) != 1:
+        raise Refusal(f"one of NAME, --list and --all must be given, but {' and '.join(given) or 'none'} were")
+    if format_ is not None and not everything:
+        raise Refusal(f"format must be left out without --all, as the ending of FILE tells it, but was {format_!r:.60}")
+    with Progress() as progress:
+        if listed:
+            output = Output("table", None, progress)
+            output.write([layout.table(COLUMNS, _rows(), output.width)])
+        elif everything:
+            _draw_all(path, data, settings, format_ or "png", progress)
+        else:
+            _draw_one(str(name), path, data, settings, progress)
+
+
+def _rows() -> list[layout.Row]:
+    """A line for each figure."""
+    from bseries.figures.registry import figure_file, figure_names, options_of
+
+    files = {name: figure_file(name) for name in figure_names()}
+    return [(name, str(file.NUMBER or ""), file.TITLE, _shown(options_of(file))) for name, file in files.items()]
+
+
+def _shown(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key}={value}" for key, value in options.items())
+
+
+def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[str], progress: Progress) -> None:
+    """One figure."""
+    from bseries.figures.registry import figure_file
+    from bseries.plotting import check_place, picture_format
+
+    file = figure_file(name)
+    if path is None and data is None:
+        raise Refusal(f"output or data must be given, as in -o {name}.png, but neither was")
+    format_ = None if path is None else picture_format(path)
+    for place, argument in ((path, "output"), (data, "data")):
+        if place not in (None, "-"):
+            check_place(str(place), argument)
+    _make(file, _options(file, name, settings), path, format_, data, progress.update)
+    if path is not None and data != "-":  # numbers on standard output stay alone
+        output = Output("table", None, progress)
+        output.write([layout.paragraphs([file.CAPTION], output.width)])
+
+
+def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:
+    """All figures, into folders."""
+    from bseries.figures.registry import figure_file, figure_names
+    from bseries.plotting import check_format
+
+    if path is None or data == "-":
+        raise Refusal("output must be a folder with --all, and so must data if given, but one was not")
+    if settings:
+        raise Refusal(f"set must be left out with --all, but was {settings[0]!r:.60}")
+    ending, names = check_format(format_, "format"), figure_names()
+    for argument, folder in (("output", path), ("data", data)):
+        if folder is not None:
+            _make_folder(folder, argument)
+    for k, name in enumerate(names):
+
+        def advance(done: int, total: int, k: int = k) -> None:
+            progress.update(k * PARTS + done * PARTS // max(total, 1), len(names) * PARTS)
+
+        advance(0, 1)
+        target = os.path.join(path, f"{name}.{ending}")
+        _make(figure_file(name), {}, target, ending, data and os.path.join(data, f"{name}.csv"), advance)
+
+
+def _make_folder(path: str, argument: str) -> None:
+    try:
+        os.makedirs(path, exist_ok=True)
+    except OSError as error:
+        what = f"{path!r:.60} was not: {error.strerror}"
+        raise Refusal(f"{argument} must be a folder that can be made, but {what}") from None
+
+
+def _make(
+    file: FigureFile,
+    options: dict[str, Any],
+    path: str | None,
+    format_: str | None,
+    data: str | None,
+    advance: Callable[[int, int], None],
+) -> None:
+    """Compute the numbers of a figure, and write them, their picture or both."""
+    from bseries.figures.registry import compute, drawn, takes_progress
+    from bseries.plotting import picture, table
+    from integrators.core.text_files import atomic_write
+
+    numbers = compute(file, {**options, "progress": advance} if takes_progress(file) else options)
+    content = None if format_ is None else picture(drawn(file, numbers), format_)
+    if data is not None:
+        columns = file.columns(numbers)
+        _write_text(layout.csv(list(columns), table(columns)), data)
+    if path is not None and content is not None:
+        atomic_write(path, content)
+
+
+def _write_text(pieces: Iterable[str], path: str) -> None:
+    from integrators.core.text_files import atomic_write
+
+    if path == "-":
+        sys.stdout.writelines(pieces)
+    else:
+        atomic_write(path, "".join(pieces))
+
+
+def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, Any]:
+    """What --set gives, as numbers or text like the defaults."""
+    from bseries.figures.registry import options_of
+
+    known = options_of(file)
+    values = read_assignments(settings, "set", "h=1/20")
+    for option in values:
+        if option not in known:
+            choice = f"one of {_shown(known)} for {name}" if known else f"left out for {name}"
+            raise Refusal(f"set must be {choice}, but was {option!r:.60}")
+    return {option: _read_value(text, option, known[option]) for option, text in values.items()}
+
+
+def _read_value(text: str, option: str, default: Any) -> Any:
+    """A value of the kind of the default."""
+    if not isinstance(default, int | float):
+        return text
+    from integrators.exact.expressions import parse_number
+
+    number = parse_number(text, argument=option)
+    try:
+        return int(number) if number == int(number) else float(number)
+    except OverflowError:
+        raise Refusal(f"{option} must be a number that a double can hold, but was {text!r:.60}") from None

@@ -1,0 +1,137 @@
+"""`bseries shadow`: modified energies along a finished trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bseries.cli import table as layout
+from bseries.cli.application import Refusal, standard_input
+from bseries.cli.options.method_argument import split_row
+from bseries.cli.options.numbers import read_float
+from bseries.cli.options.scene_argument import read_assignments, takes_scene
+from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.table import Column
+
+if TYPE_CHECKING:
+    from bseries.cli.output import Output
+    from bseries.shadow.report import ShadowReport
+    from integrators import Scene
+
+FIELDS = ("order", "mean", "deviation", "scatter", "gap", "drift", "drift_error")
+
+
+@click.command()
+@click.argument("file", metavar="FILE", required=False, type=click.Path())
+@takes_scene(required=False)
+@click.option("--order", type=WholeNumber(), help="The largest order, 2 to 24; by default 16.")
+@click.option("--step", metavar="H", help="The step size, if FILE does not tell.")
+@click.option("--mass", metavar="LIST", help="A mass, one for each particle or one for each coordinate; by default 1.")
+@click.option("--columns", metavar="TEXT", help='What is called how, as in "q=x*;v=vx*;U=PotEng;F=fx*".')
+@click.option(
+    "--layout",
+    "where",
+    metavar="NAME",
+    default="full",
+    help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift.",
+)
+@click.option(
+    "--period", metavar="LIST", help="The edge of a periodic box, or one for each dimension: unwraps positions."
+)
+@click.option("--tolerance", metavar="X", help="How far states may be from steps of the method; by default 1e-9.")
+@click.option("--bound", metavar="E", help="Also the largest step that keeps the energy within ±E.")
+@click.option("--plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
+@takes_output
+def shadow(
+    file: str | None,
+    scene: Scene | None,
+    effects: Iterable[str],
+    order: int | None,
+    step: str | None,
+    mass: str | None,
+    columns: str | None,
+    where: str,
+    period: str | None,
+    tolerance: str | None,
+    bound: str | None,
+    plot: str | None,
+    output: Output,
+) -> Iterable[str]:
+    """Is the step of a finished simulation too large? Does its energy drift?
+
+    Measures the modified ("shadow") energies of order 2 (the energy), 4, 6, … along a trajectory of velocity Verlet
+    (Störmer–Verlet, kick-drift-kick). They are constant up to ever higher powers of the step, so that they show a drift
+    which the energy hides, and what a smaller or larger step would do.
+
+    FILE is a trajectory of `bseries simulate`; an NPZ file of any program with the arrays q, p or v, U, gradU or F, and
+    perhaps t, h, mass; a text file with such columns (q1, q2, …, or x1, y1, vx1, vy1, fx1, fy1, …), or - for one on
+    standard input. Every step must be there. --scene supplies masses, potentials and forces; trajectories of
+    `bseries simulate` know their scene.
+
+    \b
+    Examples:
+      bseries simulate lennard-jones --method stormer-verlet --step 1/200 --steps 20000 -o run.npz
+      bseries shadow run.npz
+      bseries shadow run.npz --order 12 --bound 1e-4 --plot run.png
+      bseries simulate toda --method stormer-verlet --step 0.1 --steps 999 --format csv | bseries shadow - --scene toda
+      bseries shadow md.csv --mass 39.948 --step 0.002 --columns "q=x*;v=vx*;U=PotEng;F=fx*"
+    """
+    from bseries.shadow.trajectory_energies import shadow_energy
+
+    if file is None:
+        raise Refusal("FILE must be given: a trajectory, as NPZ or text, or - for text on standard input")
+    if plot is not None:
+        from bseries.shadow.report import check_picture
+
+        check_picture(plot)
+    if output.format == "latex":
+        raise Refusal("format must be one of table, json, csv, markdown, but was 'latex'")
+    chosen = (
+        None if columns is None else read_assignments(filter(str.strip, columns.split(";")), "columns", '"q=x*;v=vx*"')
+    )
+    limit = None if bound is None else read_float(bound, "bound")
+    report = shadow_energy(
+        standard_input() if file == "-" else file,
+        scene,
+        order=order,
+        h=None if step is None else read_float(step, "step"),
+        mass=_numbers(mass, "mass"),
+        columns=chosen,
+        layout=where,
+        period=_numbers(period, "period"),
+        tolerance=None if tolerance is None else read_float(tolerance, "tolerance"),
+        progress=output.progress.update,
+    )
+    text = list(_text(report, limit, output))
+    if plot is not None:
+        report.save_plot(plot)
+    return text
+
+
+def _numbers(text: str | None, option: str) -> Any:
+    """A list of numbers; None if there is none."""
+    return None if text is None else [read_float(piece, option) for piece in split_row(text)]
+
+
+def _text(report: ShadowReport, bound: float | None, output: Output) -> Iterable[str]:
+    """The answer in any format."""
+    from bseries.shadow import report as sentences
+
+    if output.format == "json":
+        data = report.to_dict()
+        if bound is not None:
+            data["bound"] = {"energy": bound, "step": report.step_for(bound)}
+        return [layout.json({**data, "rows": data.pop("rows")}, "rows")]
+    if output.format == "csv":
+        rows = (row._asdict() for row in report.rows)
+        return layout.csv(FIELDS, (["" if row[key] is None else repr(row[key]) for key in FIELDS] for row in rows))
+    columns = [Column(heading, True) for heading in sentences.HEADINGS]
+    cells = [sentences.cells(row) for row in report.rows]
+    title, notes = sentences.title(report), list(sentences.sentences(report, bound))
+    if output.format == "markdown":
+        return [layout.markdown(columns, cells, title=title, notes=[*notes, sentences.KEY])]
+    table = layout.table(columns, cells, output.width)
+    below = layout.paragraphs(["", *notes, "", sentences.KEY], output.width)
+    return [layout.paragraphs([title, ""], output.width), table, below]

@@ -1,0 +1,1 @@
+"""Order conditions of methods, generated to any order: formulas, equations and code."""

@@ -1,0 +1,176 @@
+"""`order_conditions`: what is asked for, checked, and the trees that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from bseries.conditions.kinds import EXPLICIT, FULL, KINDS, STRUCTURES
+from bseries.conditions.layout import check_stages
+from bseries.conditions.listing import OrderConditions, Request
+from bseries.conditions.lyndon import count_lyndon_words
+from bseries.conditions.program import Program
+from bseries.conditions.reductions import SCALAR, isomeric, read_assumptions
+from bseries.exceptions import SeriesError
+from trees.counting import check_size, count_trees, normal_limits
+from trees.names import default_names
+from trees.table import tree_table
+
+if TYPE_CHECKING:
+    from bseries.conditions.kinds import Kind
+    from trees.tree import Tree
+
+MOST_CONDITIONS = 200_000
+"""More trees are refused before any work."""
+
+
+def order_conditions(
+    kind: str,
+    order: int,
+    *,
+    stages: int | None = None,
+    colors: int | None = None,
+    structure: str | Sequence[str] = FULL,
+    explicit: bool = False,
+    assumptions: str | Mapping[str, int] | None = None,
+    scalar: bool | str = False,
+    symmetric: bool = False,
+    max_children: Any = None,
+) -> OrderConditions:
+    """The conditions on the coefficients of a method that give it an order.
+
+    Args:
+        kind: ``"runge-kutta"``; ``"partitioned"`` or ``"additive"`` (one matrix A and row b for each part, stacked);
+            ``"nystrom"`` for y'' = g(y) and ``"general-nystrom"`` for y'' = g(y, y'), with stages
+            Y_i = y + c_i h y' + h² Σ ā_ij g_j and Y'_i = y' + h Σ a_ij g_j, positions y + h y' + h² Σ b̄_i g_i and
+            velocities y' + h Σ b_i g_i; ``"rosenbrock"`` with α_ij, γ_ij and b_i, where β = α + γ; ``"splitting"``: s
+            sweeps of exact flows, x^ν_i h being the time of the flow of part ν in sweep i.
+        order: The order.
+        stages: The number of stages s (sweeps of a splitting method) where equations and code are to be made for one.
+        colors: The number of parts, of kinds that have parts; by default 2.
+        structure: ``"full"``, ``"explicit"`` or ``"diagonally-implicit"`` matrices; a list with one for each matrix.
+        explicit: Short for ``structure="explicit"``.
+        assumptions: Simplifying assumptions on a Runge–Kutta method, as in ``"B5 C2 D1"`` or ``{"C": 2}``: conditions
+            that follow from them and from the others are left out; see `Simplifying.implies`.
+        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for what a Runge–Kutta method needs on scalar
+            equations y' = f(y) and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
+            Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
+        symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
+        max_children: Which trees to look at, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
+
+    Returns:
+        The conditions.
+
+    Raises:
+        SeriesError: The kind is unknown, an argument does not go with it, or there are too many conditions.
+        TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.
+
+    Example:
+        >>> conditions = order_conditions("runge-kutta", 10)
+        >>> len(conditions), len(order_conditions("runge-kutta", 10, assumptions="B10 C5 D4"))
+        (1205, 0)
+        >>> print(order_conditions("rosenbrock", 3))
+        Σ b_i = 1
+        Σ b_i β_i = 1/2
+        Σ b_i β_ij β_j = 1/6
+        Σ b_i α_i^2 = 1/3
+        >>> print(order_conditions("splitting", 2))
+        Σ x^p_i = 1
+        Σ x^q_i = 1
+        Σ_{j<i} x^p_i x^q_j = 1/2
+
+    References:
+        HLW, sections III.1–III.2; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*,
+        sections II.7 and II.14; E. Hairer, G. Wanner, *… II*, section IV.7; A. Murua, J. M. Sanz-Serna, *Order
+        conditions for numerical integrators obtained by composing simpler integrators*, doi:10.1098/rsta.1999.0365;
+        J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, section 316 (isomeric trees).
+    """
+    name, chosen = _find_kind(kind)
+    colors = _check_colors(name, chosen, colors)
+    order, colors = check_size(order, colors)
+    limits = normal_limits(colors, chosen.limits if max_children is None else max_children)
+    if max_children is not None and (chosen.trees or chosen.limits):
+        raise SeriesError(f"max_children must be left out for {chosen.about}, but was {max_children!r:.60}")
+    names = default_names(colors)
+    request = Request(
+        name,
+        order,
+        None if stages is None else check_stages(stages),
+        colors,
+        _check_structure(chosen, names, EXPLICIT if explicit else structure),
+        read_assumptions(assumptions),
+        _check_scalar(scalar),
+        bool(symmetric),
+        limits,
+    )
+    if name != "runge-kutta" and (any(request.assumptions) or request.scalar):
+        argument = "scalar" if request.scalar else "assumptions"
+        raise SeriesError(f"{argument} must be left out for {chosen.about}, but was given")
+    if request.scalar and any(request.assumptions):
+        raise SeriesError(f"assumptions must be left out where scalar is given, but were {request.assumptions}")
+    return OrderConditions(request, names, _classes(request, chosen))
+
+
+def _classes(request: Request, kind: Kind) -> list[list[Tree]]:
+    """The trees of each condition."""
+    counts = (
+        count_lyndon_words(request.order, request.colors)
+        if kind.trees
+        else count_trees(request.order, request.colors, request.limits)
+    )
+    if sum(counts) > MOST_CONDITIONS:
+        raise SeriesError(
+            f"order must be smaller: there would be {sum(counts):,} conditions, and {MOST_CONDITIONS:,} is the most"
+        )
+    if kind.trees:
+        trees = kind.trees(request.order, request.colors)
+    else:
+        trees = tree_table(request.order, request.colors, request.limits)
+    needed = [
+        tree
+        for tree in trees
+        if kind.has_condition(tree)
+        and not (request.symmetric and tree.order % 2 == 0)
+        and not (any(request.assumptions) and request.assumptions.implies(tree))
+    ]
+    return isomeric(needed, request.scalar) if request.scalar else [[tree] for tree in needed]
+
+
+def _find_kind(kind: object) -> tuple[str, Kind]:
+    name = kind.lower().replace("_", "-") if isinstance(kind, str) else kind
+    if not isinstance(name, str) or name not in KINDS:
+        raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}")
+    return name, KINDS[name]
+
+
+def _check_colors(name: str, kind: Kind, colors: int | None) -> int:
+    if colors is None:
+        return kind.colors
+    if not kind.any_colors:
+        raise SeriesError(f"colors must be left out for {kind.about}, but was {colors!r:.60}")
+    return colors
+
+
+def _check_structure(kind: Kind, names: Sequence[str], structure: object) -> tuple[str, ...]:
+    """The structure of each matrix."""
+    program = Program(*kind.coefficients(names))
+    count = sum(block.argument.is_matrix for block in program.blocks)
+    if kind.structures or not count:
+        if structure != FULL:
+            raise SeriesError(f"structure must be left out for {kind.about}, but was {structure!r:.60}")
+        return kind.structures or ()
+    each = (structure,) * count if isinstance(structure, str) else structure
+    listed = tuple(each) if isinstance(each, Sequence) else ()
+    if len(listed) != count or not all(s in STRUCTURES for s in listed):
+        raise SeriesError(
+            f"structure must be one of {', '.join(STRUCTURES)}, or {count} of them, but was {structure!r:.60}"
+        )
+    return listed
+
+
+def _check_scalar(scalar: object) -> str:
+    if scalar is True or scalar is False or scalar is None:
+        return SCALAR[0] if scalar else ""
+    if scalar not in SCALAR:
+        raise SeriesError(f"scalar must be True, False, {SCALAR[0]!r} or {SCALAR[1]!r}, but was {scalar!r:.60}")
+    return str(scalar)

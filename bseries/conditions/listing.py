@@ -1,0 +1,289 @@
+"""Order conditions of a kind of methods: a sequence of equations, in several forms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+from bseries.conditions.condition import OrderCondition, equation_of
+from bseries.conditions.kinds import KINDS
+from bseries.conditions.layout import check_stages, read_arrays
+from bseries.conditions.program import Program, System
+from bseries.conditions.reductions import Simplifying, class_weights
+from bseries.conditions.scalars import Scalars, left_sides
+from bseries.exceptions import SeriesError
+from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.core.immutable import Frozen
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from bseries.conditions.compiling import CompiledConditions
+
+
+class Request(NamedTuple):
+    """What was asked for, checked: the arguments of `order_conditions` in their normal form."""
+
+    kind: str
+    order: int
+    stages: int | None
+    colors: int
+    structures: tuple[str, ...]
+    assumptions: Simplifying
+    scalar: str
+    symmetric: bool
+    limits: Any
+
+
+class OrderConditions(Frozen, Sequence[OrderCondition]):
+    """The order conditions of a kind of methods, as `order_conditions` makes them.
+
+    A sequence of `OrderCondition`s, in the order of the trees; conditions can also be found by a tree or its text. The
+    arrays of coefficients that its methods take and the columns of a Jacobian have the order of `arguments`.
+
+    Attributes:
+        request: What was asked for.
+        names: The names of the parts.
+        classes: The trees of each condition.
+
+    Example:
+        >>> import bseries as bs
+        >>> conditions = bs.order_conditions("runge-kutta", 3)
+        >>> print(conditions)
+        Σ b_i = 1
+        Σ b_i c_i = 1/2
+        Σ b_i a_ij c_j = 1/6
+        Σ b_i c_i^2 = 1/3
+        >>> [str(x) for x in conditions.residuals(bs.method("heun2"))]
+        ['0', '0', '-1/6', '1/6']
+    """
+
+    request: Request
+    names: tuple[str, ...]
+    classes: tuple[tuple[Tree, ...], ...]
+
+    def __init__(self, request: Request, names: tuple[str, ...], classes: Sequence[Sequence[Tree]]):
+        self.__dict__.update(request=request, names=names, classes=tuple(map(tuple, classes)))
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.request
+
+    @property
+    def kind(self) -> str:
+        """The kind of methods."""
+        return self.request.kind
+
+    @property
+    def order(self) -> int:
+        """The order that the conditions give."""
+        return self.request.order
+
+    @cached_property
+    def system(self) -> System:
+        """The equations and the program that computes them."""
+        kind = KINDS[self.kind]
+        program = Program(*kind.coefficients(self.names))
+        sums = kind.sums(program)
+        return System(program, [equation_of(trees, sums) for trees in self.classes])
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the arrays of coefficients.
+
+        Example:
+            >>> import bseries as bs
+            >>> bs.order_conditions("nystrom", 3).arguments
+            ('Abar', 'bbar', 'b', 'c')
+        """
+        return tuple(argument.name for argument in self.system.program.arguments)
+
+    def __len__(self) -> int:
+        return len(self.classes)
+
+    @overload
+    def __getitem__(self, index: int | str | Tree) -> OrderCondition: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[OrderCondition]: ...
+    def __getitem__(self, index: int | str | Tree | slice) -> OrderCondition | list[OrderCondition]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        at = self._find(Tree(index)) if isinstance(index, str | Tree) else index
+        return OrderCondition(self.classes[at], self.system.program, self.system.equations[at])
+
+    def _find(self, tree: Tree) -> int:
+        for at, trees in enumerate(self.classes):
+            if tree in trees:
+                return at
+        raise SeriesError(f"tree must have one of these {len(self)} conditions, but was {tree}")
+
+    def __iter__(self) -> Iterator[OrderCondition]:
+        return (self[k] for k in range(len(self)))
+
+    def __repr__(self) -> str:
+        assumed = f", assuming {self.request.assumptions}" if any(self.request.assumptions) else ""
+        return f"<OrderConditions {self.kind}: order {self.order}, {len(self)} conditions{assumed}>"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self) -> str:
+        """The equations as text, one on each line."""
+        return "\n".join(map(str, self))
+
+    def latex(self) -> str:
+        """The equations as LaTeX, aligned at their equality signs.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.order_conditions("runge-kutta", 2).latex())
+            \\begin{align*}
+            \\sum_{i} b_{i} &= 1 \\\\
+            \\sum_{i} b_{i} c_{i} &= \\frac{1}{2}
+            \\end{align*}
+        """
+        lines = " \\\\\n".join(condition.latex.replace(" = ", " &= ") for condition in self)
+        return f"\\begin{{align*}}\n{lines}\n\\end{{align*}}"
+
+    def residuals(self, *arrays: Any) -> list[Any]:
+        """Left-hand sides minus right-hand sides, exactly for exact numbers.
+
+        Args:
+            *arrays: A method, or the arrays of `arguments`: nested sequences of numbers or SymPy expressions.
+
+        Raises:
+            SeriesError: The arrays do not fit.
+
+        Example:
+            >>> import bseries as bs
+            >>> bs.order_conditions("runge-kutta", 4).residuals(bs.method("rk4"))
+            [Fraction(0, 1), Fraction(0, 1), ..., Fraction(0, 1)]
+        """
+        if len(arrays) == 1 and isinstance(arrays[0], RungeKutta | PartitionedRungeKutta):
+            return self._residuals_of_method(arrays[0])
+        stages, blocks = read_arrays(self.system.program, arrays, self.request.stages)
+        left = left_sides(self.system, Scalars(self.system.program, stages, blocks))
+        return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
+
+    def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
+        """The residuals by way of the method's series, which are exact and simple for irrational tableaux, too."""
+        from bseries.algebra.modified import series
+
+        if self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
+            raise SeriesError(f"method must be one of the {len(self.names)}-part {self.kind} kind, but was {method!r}")
+        s = series(method, self.order, max_children=self.request.limits)
+        left = [
+            sum(weight * s[tree] for tree, weight in zip(trees, class_weights(trees), strict=True))
+            for trees in self.classes
+        ]
+        return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
+
+    def sympy(self, *arrays: Any, stages: int | None = None, nodes: bool = False) -> list[Any]:
+        """The conditions as SymPy equations.
+
+        Args:
+            *arrays: The arrays of `arguments`, of SymPy expressions or numbers; by default symbols a_ij, b_i, … with
+                zeros where the structure says so.
+            stages: The number of stages; not needed if it was given to `order_conditions`, or with arrays.
+            nodes: Write the row sums of A as symbols c_i, and append the equations c_i = Σ a_ij.
+
+        Returns:
+            A list of ``sympy.Eq``.
+
+        Raises:
+            SeriesError: The arrays do not fit, or the number of stages is not known.
+
+        Example:
+            >>> import bseries as bs
+            >>> bs.order_conditions("runge-kutta", 3, explicit=True).sympy(stages=3)[3].lhs
+            a_21**2*b_2 + b_3*(a_31 + a_32)**2
+        """
+        from bseries.conditions.symbolic import equations
+
+        if arrays:
+            return equations(self, *read_arrays(self.system.program, arrays, self.request.stages), nodes=nodes)
+        return equations(self, self.known_stages(stages), None, nodes=nodes)
+
+    def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
+        """Source code of a function ``residual`` and, unless declined, ``jacobian``; see `order_theory.languages`.
+
+        Args:
+            language: ``"python"`` (lists; exact on Fractions), ``"numpy"``, ``"numba"``, ``"julia"``, ``"c"``,
+                ``"fortran"`` or ``"octave"``.
+            stages: The number of stages; ``"numpy"`` and ``"numba"`` do not need it.
+            jacobian: Whether to write the Jacobian.
+
+        Returns:
+            The source.
+
+        Raises:
+            SeriesError: The language is unknown, or the number of stages is missing.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.order_conditions("runge-kutta", 3, explicit=True).code("julia", stages=2, jacobian=False))
+            # 4 order conditions of runge-kutta methods: order 3; 2 stages
+            <BLANKLINE>
+            function residual(A, b)
+                r = zeros(promote_type(eltype(A), eltype(b)), 4)
+                t1 = A[2,1] .^ 2
+                r[1] = b[1] + b[2] - 1
+                r[2] = A[2,1] .* b[2] - 1 // 2
+                r[3] = -1 // 6
+                r[4] = b[2] .* t1 - 1 // 3
+                return r
+            end
+            <BLANKLINE>
+        """
+        from bseries.conditions.languages import source
+
+        return source(self, language, stages, jacobian)
+
+    def compile(self, stages: int | None = None) -> CompiledConditions:
+        """The residual and its Jacobian as compiled functions of floats; see `CompiledConditions`.
+
+        Args:
+            stages: The number of stages; not needed if it was given to `order_conditions`.
+
+        Raises:
+            SeriesError: The number of stages is missing or not 1 or more.
+        """
+        from bseries.conditions.compiling import CompiledConditions
+
+        return CompiledConditions(self, self.known_stages(stages))
+
+    def known_stages(self, stages: int | None) -> int:
+        """The number of stages given here or with the request."""
+        if stages is None:
+            stages = self.request.stages
+        if stages is None:
+            raise SeriesError("stages must be given to write the equations out, but was not")
+        return check_stages(stages)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The conditions as JSON-ready data."""
+        names = self.names if len(self.names) > 1 else None
+        request = self.request
+        return {
+            "schema": 1,
+            "kind": "conditions",
+            "methods": self.kind,
+            "order": self.order,
+            "colors": list(self.names),
+            "assumptions": {name: k for name, k in request.assumptions._asdict().items() if k},
+            "scalar": request.scalar or None,
+            "symmetric": request.symmetric,
+            "conditions": [
+                {
+                    "tree": condition.tree.text(names),
+                    "levels": list(condition.tree.levels),
+                    "colors": list(condition.tree.colors),
+                    "order": condition.tree.order,
+                    "isomeric": [tree.text(names) for tree in condition.trees[1:]],
+                    "left": condition.left,
+                    "right": str(condition.right),
+                    "latex": condition.latex,
+                }
+                for condition in self
+            ],
+        }

@@ -1,0 +1,220 @@
+"""Order conditions as one straight-line program of stage vectors, with its derivatives by reverse accumulation.
+
+The stage vector of a tree is a product with one factor for each child, and a factor is a vector of coefficients (the
+nodes c) or the image A g of a child's stage vector g. Trees share their parts, so every vector is computed once. The
+left-hand side of a condition is a sum of products b · g.
+
+Its derivative is a sum over the edges of the tree that can be cut: with u the product of what came down from the root
+and of the siblings, and g the stage vector of the branch, the edge contributes u_k g_l to ∂/∂a_kl, and Aᵀu is what goes
+up into the branch. These vectors belong to a trunk with a marked node, and trees share them as well.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple, Protocol, TypeVar
+
+from bseries.conditions.kernels import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR
+
+V = TypeVar("V")
+
+
+class Argument(NamedTuple):
+    """An array of coefficients: a matrix or vector over the stages, or a stack of them, one for each part."""
+
+    name: str
+    letter: str
+    latex: str
+    symbol: str
+    is_matrix: bool
+    parts: tuple[str, ...] = ("",)
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether there is one matrix or vector for each part."""
+        return self.parts != ("",)
+
+    def shape(self, stages: int) -> tuple[int, ...]:
+        """The sizes of the array."""
+        return (len(self.parts),) * self.is_stack + (stages,) * (1 + self.is_matrix)
+
+
+class Block(NamedTuple):
+    """One matrix or vector of an argument."""
+
+    argument: Argument
+    part: str
+
+
+class Operator(NamedTuple):
+    """A stage matrix: the sum of some blocks, or the constant matrix with ones where `relation` holds for j and i.
+
+    `row_sum` is what formulas call its row sums, where they have a name of their own.
+    """
+
+    blocks: tuple[int, ...]
+    letter: str = ""
+    latex: str = ""
+    part: str = ""
+    row_sum: tuple[str, str] | None = None
+    relation: str = ""
+
+
+class Summand(NamedTuple):
+    """coefficient · (w · g), with w the vector of coefficients in a block and g the value of an operation."""
+
+    coefficient: Fraction
+    block: int
+    value: int
+
+
+class Slope(NamedTuple):
+    """A part of a gradient: factor · x yᵀ for the matrix in a block, or factor · x for a vector (`y` is −1)."""
+
+    factor: Fraction
+    block: int
+    x: int
+    y: int
+
+
+class Machine(Protocol[V]):
+    """What carries the operations out: on numbers, on symbols, or by writing code."""
+
+    def one(self) -> V:
+        """The vector (1, …, 1)."""
+        ...
+
+    def vector(self, block: int) -> V:
+        """A vector of coefficients."""
+        ...
+
+    def product(self, x: V, y: V) -> V:
+        """The product by components."""
+        ...
+
+    def image(self, operator: int, x: V, *, of_one: bool) -> V:
+        """A x; `of_one`: x is (1, …, 1), the image the row sums."""
+        ...
+
+    def pullback(self, operator: int, x: V) -> V:
+        """Aᵀ x."""
+        ...
+
+
+class Program:
+    """Operations on stage vectors; equal operations are one.
+
+    Args:
+        arguments: The arrays of coefficients.
+        operators: The stage matrices.
+    """
+
+    def __init__(self, arguments: Sequence[Argument], operators: Sequence[Operator]):
+        self.arguments = tuple(arguments)
+        self.operators = tuple(operators)
+        self.blocks = [Block(argument, part) for argument in arguments for part in argument.parts]
+        self.operations: list[tuple[int, int, int]] = []
+        self._ids: dict[tuple[int, int, int], int] = {}
+        self._factors: dict[int, tuple[int, ...]] = {self._emit(ONE): ()}  # the first operation: its id is ONE, 0
+
+    def _emit(self, kind: int, x: int = 0, y: int = 0) -> int:
+        operation = (kind, x, y)
+        found = self._ids.get(operation)
+        if found is None:
+            found = self._ids[operation] = len(self.operations)
+            self.operations.append(operation)
+        return found
+
+    def vector(self, block: int) -> int:
+        """A vector of coefficients, as a factor."""
+        return self._emit(VECTOR, block)
+
+    def image(self, operator: int, stage: int) -> int:
+        """The image of a stage vector under a stage matrix, as a factor."""
+        return self._emit(IMAGE, operator, stage)
+
+    def times(self, stage: int, factor: int) -> int:
+        """A stage vector with one more factor."""
+        found = factor if stage == ONE else self._emit(PRODUCT, stage, factor)
+        self._factors.setdefault(found, (*self._factors[stage], factor))
+        return found
+
+    def factors(self, stage: int) -> tuple[int, ...]:
+        """The factors of a stage vector."""
+        return self._factors[stage]
+
+    def _without(self, stage: int, factor: int) -> int:
+        """A stage vector with one factor left out."""
+        rest = list(self._factors[stage])
+        rest.remove(factor)
+        found = ONE
+        for other in rest:
+            found = self.times(found, other)
+        return found
+
+    def gradient(self, summands: Sequence[Summand]) -> list[Slope]:
+        """The derivatives of a sum by all coefficients; appends the operations that they need."""
+        slopes: defaultdict[tuple[int, int, int], Fraction] = defaultdict(Fraction)
+        for coefficient, block, stage in summands:
+            slopes[block, stage, -1] += coefficient
+            pending = [(stage, self.vector(block), coefficient)]
+            while pending:
+                stage, above, factor = pending.pop()
+                for child, multiplicity in Counter(self._factors[stage]).items():
+                    rest = self._without(stage, child)
+                    u = above if rest == ONE else self._emit(PRODUCT, above, rest)
+                    kind, which, branch = self.operations[child]
+                    if kind == VECTOR:
+                        slopes[which, u, -1] += factor * multiplicity
+                        continue
+                    for own in self.operators[which].blocks:
+                        slopes[own, u, branch] += factor * multiplicity
+                    if branch != ONE:
+                        pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
+        return [Slope(factor, *key) for key, factor in slopes.items()]
+
+    def run(self, machine: Machine[V], count: int | None = None) -> list[V]:
+        """The values of the first `count` operations, by default of all."""
+        values: list[V] = []
+        for kind, x, y in self.operations[:count]:
+            if kind == ONE:
+                values.append(machine.one())
+            elif kind == VECTOR:
+                values.append(machine.vector(x))
+            elif kind == PRODUCT:
+                values.append(machine.product(values[x], values[y]))
+            elif kind == IMAGE:
+                values.append(machine.image(x, values[y], of_one=y == ONE))
+            else:
+                values.append(machine.pullback(x, values[y]))
+        return values
+
+
+class Equation(NamedTuple):
+    """Σ summands = right."""
+
+    summands: tuple[Summand, ...]
+    right: Fraction
+
+
+class System:
+    """Equations with the program that computes them.
+
+    Args:
+        program: What computes the stage vectors of the equations.
+        equations: The equations.
+    """
+
+    def __init__(self, program: Program, equations: Sequence[Equation]):
+        self.program = program
+        self.equations = tuple(equations)
+        self.size = len(program.operations)
+        """The number of operations that the left-hand sides need; those behind serve the derivatives."""
+
+    @cached_property
+    def gradients(self) -> list[list[Slope]]:
+        """The derivatives of every left-hand side."""
+        return [self.program.gradient(equation.summands) for equation in self.equations]

@@ -1,0 +1,210 @@
+"""The operations of a program on numbers and symbols: exact values, SymPy equations, and scalar code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.conditions.layout import layout, named_blocks
+
+if TYPE_CHECKING:
+    from bseries.conditions.languages import Language
+    from bseries.conditions.listing import OrderConditions
+    from bseries.conditions.program import Equation, Program, Slope, System
+
+
+Vector = tuple[Any, ...]
+
+
+class Scalars:
+    """Stage vectors as tuples of numbers or expressions.
+
+    Args:
+        program: The program to be run.
+        stages: The number of stages.
+        blocks: The coefficients, block by block.
+        keep: Called with every number computed, gives the one to go on with.
+        nodes: Row sums that are known by other means, by operator.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        stages: int,
+        blocks: Sequence[Sequence[Any]],
+        keep: Callable[[Any], Any] = lambda value: value,
+        nodes: Mapping[int, Vector] | None = None,
+    ):
+        self.stages = range(stages)
+        self._blocks = blocks
+        self._keep = keep
+        self._nodes = nodes or {}
+        self.matrices = [
+            [[self._entry(op.blocks, op.relation, i, j) for j in self.stages] for i in self.stages]
+            for op in program.operators
+        ]
+
+    def _entry(self, blocks: Sequence[int], relation: str, i: int, j: int) -> Any:
+        if relation:
+            return int(j < i or (relation == "≤" and j == i))
+        return self._keep(_sum(self._blocks[block][i * len(self.stages) + j] for block in blocks))
+
+    def one(self) -> Vector:
+        """The vector (1, …, 1)."""
+        return (1,) * len(self.stages)
+
+    def vector(self, block: int) -> Vector:
+        """A vector of coefficients."""
+        return tuple(self._blocks[block])
+
+    def product(self, x: Vector, y: Vector) -> Vector:
+        """The product by components."""
+        return tuple(self._keep(a * b) for a, b in zip(x, y, strict=True))
+
+    def image(self, operator: int, x: Vector, *, of_one: bool) -> Vector:
+        """A x."""
+        if of_one and operator in self._nodes:
+            return self._nodes[operator]
+        return tuple(self._keep(dot(row, x)) for row in self.matrices[operator])
+
+    def pullback(self, operator: int, x: Vector) -> Vector:
+        """Aᵀ x."""
+        return tuple(self._keep(dot(column, x)) for column in zip(*self.matrices[operator], strict=True))
+
+
+def _sum(values: Any) -> Any:
+    """A sum without zeros, so that expressions stay small."""
+    total: Any = 0
+    for value in values:
+        if not (isinstance(value, int) and value == 0):
+            total = value if isinstance(total, int) and total == 0 else total + value
+    return total
+
+
+def dot(x: Sequence[Any], y: Sequence[Any]) -> Any:
+    """Σ x_i y_i."""
+    return _sum(a * b for a, b in zip(x, y, strict=True))
+
+
+def left_sides(system: System, machine: Scalars) -> list[Any]:
+    """The left-hand sides of all equations."""
+    values = system.program.run(machine, system.size)
+    return [left_side(equation, machine, values) for equation in system.equations]
+
+
+def left_side(equation: Equation, machine: Scalars, values: Sequence[Vector]) -> Any:
+    """The left-hand side of one equation."""
+    return _sum(
+        summand.coefficient * dot(machine.vector(summand.block), values[summand.value])
+        if summand.coefficient != 1
+        else dot(machine.vector(summand.block), values[summand.value])
+        for summand in equation.summands
+    )
+
+
+def gradient(program: Program, slopes: Sequence[Slope], stages: int, values: Sequence[Vector]) -> list[list[Any]]:
+    """The derivatives by all entries of all blocks, each block flat."""
+    derivatives: list[list[Any]] = [
+        [0] * (stages * stages if block.argument.is_matrix else stages) for block in program.blocks
+    ]
+    for factor, block, x, y in slopes:
+        own = derivatives[block]
+        for i, u in enumerate(values[x]):
+            for at, v in [(i, 1)] if y < 0 else [(i * stages + j, v) for j, v in enumerate(values[y])]:
+                term = u * v if factor == 1 else factor * u * v
+                own[at] = _sum((own[at], term))
+    return derivatives
+
+
+class Assignments(NamedTuple):
+    """Temporaries (name, expression) in order, results (index, expression), and what the columns of a Jacobian are.
+
+    `temporary_count` is the largest number that names a temporary.
+    """
+
+    temporaries: list[tuple[str, Any]]
+    results: list[tuple[tuple[int, ...], Any]]
+    columns: list[str]
+    temporary_count: int
+
+
+class Recorder:
+    """Gives a name to every expression worth one; equal expressions have one name."""
+
+    def __init__(self, pattern: str):
+        self._pattern = pattern
+        self._names: dict[Any, Any] = {}
+
+    def __call__(self, value: Any) -> Any:
+        """The name of an expression; numbers and names stand for themselves."""
+        if isinstance(value, int) or value.is_Symbol or value.is_Number:
+            return value
+        if value not in self._names:
+            from sympy import Symbol
+
+            self._names[value] = Symbol(self._pattern.format(len(self._names) + 1))
+        return self._names[value]
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def needed(self, results: Sequence[Any]) -> list[tuple[str, Any]]:
+        """The assignments that the results depend on."""
+        used = {symbol for result in results for symbol in result.free_symbols}
+        kept = []
+        for value, name in reversed(self._names.items()):
+            if name in used:
+                used |= value.free_symbols
+                kept.append((name.name, value))
+        return kept[::-1]
+
+
+def _machine(conditions: OrderConditions, stages: int, language: Language) -> tuple[Scalars, Recorder]:
+    from sympy import Symbol
+
+    def symbol(argument: Any, at: tuple[int, ...]) -> Any:
+        return Symbol(language.entry(argument.name, at, argument.shape(stages)))
+
+    recorder = Recorder(language.temporary)
+    program = conditions.system.program
+    blocks = named_blocks(program, conditions.request.structures, stages, symbol)
+    return Scalars(program, stages, blocks, recorder), recorder
+
+
+def residual_assignments(conditions: OrderConditions, stages: int, language: Language) -> Assignments:
+    """The assignments of the residual."""
+    from sympy import sympify
+
+    machine, recorder = _machine(conditions, stages, language)
+    system = conditions.system
+    values = system.program.run(machine, system.size)
+    results = [
+        ((k,), sympify(left_side(equation, machine, values) - equation.right, strict=True))
+        for k, equation in enumerate(system.equations)
+    ]
+    return _assignments(recorder, results, [])
+
+
+def jacobian_assignments(conditions: OrderConditions, stages: int, language: Language) -> Assignments:
+    """The assignments of the entries of the Jacobian that are not zero."""
+    from sympy import sympify
+
+    machine, recorder = _machine(conditions, stages, language)
+    system = conditions.system
+    gradients = system.gradients
+    values = system.program.run(machine)
+    free = [entry for entry in layout(system.program, conditions.request.structures, stages) if entry.is_free]
+    results = []
+    for k, slopes in enumerate(gradients):
+        derivatives = gradient(system.program, slopes, stages, values)
+        for column, entry in enumerate(free):
+            value = sympify(derivatives[entry.block][entry.place], strict=True)
+            if value != 0:
+                results.append(((k, column), value))
+    columns = [language.entry(entry.argument.name, entry.at, entry.argument.shape(stages)) for entry in free]
+    return _assignments(recorder, results, columns)
+
+
+def _assignments(recorder: Recorder, results: list[tuple[tuple[int, ...], Any]], columns: list[str]) -> Assignments:
+    temporaries = recorder.needed([value for _, value in results])
+    return Assignments(temporaries, results, columns, len(recorder))

@@ -1,0 +1,1 @@
+"""Exact coefficients: domains, integers over common denominators, residues, bounds, and their kernels."""

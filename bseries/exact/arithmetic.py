@@ -1,0 +1,361 @@
+"""The numbers that the recursions run on: exact ones, floats, residues, and bounds.
+
+A recursion (`bseries.exact.recursions`) is written once; an arithmetic says how its vectors are stored, how numbers get in,
+and which execution of the kernels runs. Values of a flow carry a factor `flow_scale` per node and values of a field
+half of one factor less (see `Wrapped`); everywhere else both are 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from bseries.exceptions import SeriesError
+from trees.compiled import Kernel
+
+if TYPE_CHECKING:
+    from trees.table import TreeTable
+
+PRIME_BITS = 30
+"""Primes p lie just below 2^30, residues below (1/2 + 2^−17) p: `MOST_TERMS` products of two add up in int64."""
+
+MOST_TERMS = 30
+
+MOST_STAGES = 1000
+"""So many stages leave the rounding errors of `Majorant` below what it allows for."""
+
+
+class Exact:
+    """Python or SymPy numbers in lists; kernels run uncompiled."""
+
+    modulus: Any = 0
+    majorant = False
+
+    def __init__(self, element: Callable[[Any], Any] | None = None):
+        self._element = element
+
+    def run(self, kernel: Kernel) -> Any:
+        """The execution of a kernel that suits these numbers."""
+        return kernel.py_func
+
+    def zeros(self, size: int) -> Any:
+        """A vector of `size` zeros."""
+        return [0] * size
+
+    def scratch(self, size: int) -> Any:
+        """A work vector wide enough for sums of products."""
+        return [0] * size
+
+    def width(self, entries: int) -> Any:
+        """Length of a row for this many entries."""
+        return max(entries, 1)
+
+    def size(self, number: int) -> Any:
+        """A length."""
+        return number
+
+    def sizes(self, numbers: Sequence[int]) -> Any:
+        """Several lengths."""
+        return numbers
+
+    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
+        """Order, colour, left and right of every tree, in the form that the kernels want."""
+        return table.lists
+
+    def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
+        """Columns of ids, such as those of splits and partitions, in the form that the kernels want."""
+        return tuple(x if isinstance(x, list) else x.tolist() for x in columns)
+
+    def number(self, value: Any) -> Any:
+        """One exact number, as an element of the ring in use."""
+        return value if self._element is None else self._element(value)
+
+    def vector(self, values: Sequence[Any]) -> Any:
+        """A vector of exact numbers."""
+        return [self.number(value) for value in values]
+
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Factors of the terms of a sum, and what is left of them (see `bseries.exact.kernels.weighted_terms`)."""
+        return self.vector(values), self.zeros(0)
+
+    def node_factor(self, *, field: bool) -> int:
+        """Factor on the values of trees with one node (then to the power of the number of nodes)."""
+        return 1
+
+    def doubling(self, j: int, *, field: bool) -> int:
+        """Factor on 1/j! (see `Wrapped`)."""
+        return 1
+
+    def raised(self, values: Any, table: TreeTable) -> Any:
+        """Values that a solution starts from; bounds are kept off zero (see `Majorant`)."""
+        return values
+
+    entry_factors = (1, 1)
+    """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
+
+
+class Compiled(Exact):
+    """Numbers in NumPy arrays; kernels run compiled."""
+
+    dtype: str
+    wide: str
+
+    def run(self, kernel: Kernel) -> Any:
+        """The compiled kernel."""
+        return kernel.compiled
+
+    def zeros(self, size: int) -> Any:
+        """An array of `size` zeros."""
+        import numpy as np
+
+        return np.zeros(size, self.dtype)
+
+    def scratch(self, size: int) -> Any:
+        """A work array wide enough for sums of products."""
+        import numpy as np
+
+        return np.zeros(size, self.wide)
+
+    def width(self, entries: int) -> Any:
+        """Length of a row: a multiple of four, which fills vector registers."""
+        import numpy as np
+
+        return np.uint64(max(entries + 3, 4) // 4 * 4)
+
+    def size(self, number: int) -> Any:
+        """A length, unsigned."""
+        import numpy as np
+
+        return np.uint64(number)
+
+    def sizes(self, numbers: Sequence[int]) -> Any:
+        """Several lengths, unsigned."""
+        import numpy as np
+
+        return np.array(numbers, np.uint64)
+
+    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
+        """Order, colour, left and right of every tree as unsigned arrays."""
+        return table.arrays
+
+    def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
+        """Columns of ids as arrays."""
+        import numpy as np
+
+        return tuple(np.asarray(x) for x in columns)
+
+    def vector(self, values: Sequence[Any]) -> Any:
+        """An array of exact numbers, brought into this arithmetic."""
+        import numpy as np
+
+        return np.array([self.number(value) for value in values], self.dtype)
+
+
+class FloatLists(Exact):
+    """Floats in lists, for small tables while numba is not loaded."""
+
+    def number(self, value: Any) -> float:
+        """The nearest float."""
+        return float(value)
+
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 rounded, with nothing left."""
+        weights = [self.number(values[j]) if j < 2 else leading_bits(values[j]) for j in range(len(values))]
+        tails = [0 if j < 2 else value - Fraction(weights[j]) for j, value in enumerate(values)]
+        return self.vector(weights), self.vector(tails)
+
+
+class Float(Compiled, FloatLists):
+    """float64."""
+
+    dtype = wide = "float64"
+
+
+def leading_bits(value: Fraction) -> float:
+    """The first 24 bits of a number."""
+    fraction, exponent = math.frexp(float(value))
+    return math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
+
+
+class Majorant(Float):
+    """Rigorous upper bounds of absolute values, in float64.
+
+    Lie derivatives are sums of products, so bounds on |b| and |c| give bounds on |∂_b^j c| by the same recursion, and
+    every other operation is a sum of those with known factors: all factors are made positive. In particular |log a| is
+    bounded by the β with β = |a| + Σ_{j≥2} ∂_β^{j−1} β / j!. (Tempting, but wrong: −log(−|a|). It bounds log a on tall
+    trees only, because the signs in a product over a forest multiply.)
+
+    Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
+    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a product of n
+    inputs passes through at most 3 n² + (s + 4) n roundings on its way (s stages), which makes a relative error below
+    2^−33 within `MOST_TERMS` and `MOST_STAGES` (in blocks s n² roundings), and `SLACK` covers several such steps.
+    """
+
+    majorant = True
+    SLACK = 1 + 2.0**-20
+
+    def __init__(self, exponent: int, order: int):
+        super().__init__()
+        self.exponent = exponent
+        self.floor = 800 // order
+
+    def number(self, value: Any) -> float:
+        """|value|, rounded up, and lifted to the smallest positive number in use unless it is zero."""
+        return max(abs(float(value)) * (1 + 2.0**-50), 2.0**-self.floor) if value else 0.0
+
+    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Bounds on factors."""
+        return Exact.factors(self, values)
+
+    def node_factor(self, *, field: bool) -> Any:
+        """The scaling of values with one node."""
+        return Fraction(2) ** -self.exponent
+
+    def raised(self, values: Any, table: TreeTable) -> Any:
+        """Values lifted to 2^(−floor·n): where solutions enter products again, what underflows is far below that."""
+        import numpy as np
+
+        return np.maximum(values, 2.0 ** -(self.floor * table.order.astype(float)))
+
+
+class Prime(Compiled):
+    """Residues modulo a prime below 2^30, of least absolute value."""
+
+    dtype, wide = "int32", "int64"
+
+    def __init__(self, prime: int):
+        import numpy as np
+
+        super().__init__()
+        self.prime = prime
+        self.modulus = np.int64(prime)
+
+    def number(self, value: Any) -> int:
+        """The residue of a rational number whose denominator the prime does not divide."""
+        residue = value.numerator * pow(value.denominator, -1, self.prime) % self.prime
+        return residue - self.prime if 2 * residue > self.prime else residue
+
+
+class Wrapped(Compiled):
+    """Integers modulo 2^64: int64 that wraps around. One pass, the fastest exact arithmetic there is.
+
+    Odd denominators are units modulo 2^64; powers of two are scaled away. Let a(τ) 2^(e·n) be free of them for trees
+    with n nodes. In a flow every value carries the factor 2^((e+1)n), in a field 2^((e+1)n − 1). Then the j-th
+    Lie derivative of a flow carries 2^((e+1)n − j), and since j! has fewer than j factors of two, 2^j/j! (2^(j−1)/j!
+    towards a field) is a 2-adic integer: the recursions need no other multipliers and never divide.
+    """
+
+    dtype = wide = "int64"
+
+    def __init__(self, twos: int):
+        import numpy as np
+
+        super().__init__()
+        self.modulus = np.int64(0)
+        self.twos = twos
+
+    def number(self, value: Any) -> int:
+        """A rational number with odd denominator, modulo 2^64."""
+        residue = value.numerator * pow(value.denominator, -1, 2**64) % 2**64
+        return residue - 2**64 if residue >= 2**63 else residue
+
+    def node_factor(self, *, field: bool) -> int:
+        """2^(e+1), or 2^e where the product over the nodes shall be a field's value."""
+        return 2**self.twos if field else 2 ** (self.twos + 1)
+
+    def doubling(self, j: int, *, field: bool) -> int:
+        """2^j, or 2^(j−1) towards a field, which has no 0-th term."""
+        return 2**j // 2 if field else 2**j
+
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor that values at trees with n nodes carry."""
+        return (self.twos + 1) * n - field
+
+
+class WrappedParts(Wrapped):
+    """Integers modulo 2^64 for sums over partitions, a(skeleton) Π b(parts).
+
+    Parts with n nodes (and results) carry 2^(slope·n − offset), skeletons with m nodes 2^(offset·(m−1)): the product
+    over all parts and the skeleton carries 2^(slope·n − offset) again, for every partition of a tree with n nodes.
+    """
+
+    def __init__(self, slope: int, offset: int):
+        super().__init__(0)
+        self.slope = slope
+        self.offset = offset
+
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor on a part (field) or a skeleton."""
+        return self.slope * n - self.offset if field else self.offset * (n - 1)
+
+
+class WrappedStages(Wrapped):
+    """Integers modulo 2^64 for the modifying integrator, stage by stage.
+
+    Let 2^d and 2^e be the powers of two in the denominators of the stage matrices and of the weights. Fields, and the
+    stages' values k_i, carry 2^((d+e+1)(n−1)); points Y = Σ a k and their logarithms 2^d more, which is the factor on
+    a; so the j-th derivative along a logarithm lacks 2^(j(e+1)), and weights of 2^(j+(j−1)e)/j! leave 2^e for the b in
+    the sum Σ b_i k_i. All these are 2-adic integers since j! has fewer than j factors of two.
+    """
+
+    def __init__(self, of_matrix: int, of_weights: int):
+        super().__init__(of_matrix + of_weights)
+        self.of_weights = of_weights
+        self.entry_factors = (2**of_matrix, 2**of_weights)
+
+    def twos_of(self, n: int, *, field: bool) -> int:
+        """The exponent of the factor on a field."""
+        return (self.twos + 1) * (n - 1)
+
+    def doubling(self, j: int, *, field: bool) -> int:
+        """Towards a logarithm (field) 2^((j−1)(e+1)), towards a stage's value 2^(j+(j−1)e)."""
+        return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
+
+
+# One object for each, so that vectors can be kept by arithmetic (below, and in `bseries.exact.recursions`).
+floats = lru_cache(maxsize=1)(Float)
+float_lists = lru_cache(maxsize=1)(FloatLists)
+prime_field = lru_cache(maxsize=1024)(Prime)
+wrapped_integers = lru_cache(maxsize=64)(Wrapped)
+wrapped_stages = lru_cache(maxsize=64)(WrappedStages)
+wrapped_parts = lru_cache(maxsize=64)(WrappedParts)
+majorants = lru_cache(maxsize=64)(Majorant)
+
+
+@lru_cache(maxsize=1024)
+def factorial_weights(
+    arithmetic: Exact, count: int, factor: Any, field: bool, *, negated: bool = False
+) -> tuple[Any, Any]:
+    """±factor^j / j! for j = 0 … count, as factors for sums that give a field's or a flow's values."""
+    weights, weight = [], Fraction(-1 if negated else 1)
+    for j in range(count + 1):
+        weights.append(weight * arithmetic.doubling(j, field=field))
+        weight = weight * factor / (j + 1)
+    return arithmetic.factors(weights)
+
+
+@lru_cache(maxsize=1)
+def _prime_pool() -> list[int]:
+    """The primes in the last 2^18 numbers below 2^30, largest first."""
+    import numpy as np
+
+    start, stop = 2**PRIME_BITS - 2**18, 2**PRIME_BITS
+    composite = np.zeros(stop - start, bool)
+    for divisor in range(2, math.isqrt(stop) + 1):
+        composite[-start % divisor :: divisor] = True
+    return (start + np.flatnonzero(~composite))[::-1].tolist()
+
+
+def primes_beyond(bits: float, avoid: int) -> list[int]:
+    """Primes, none of which divides `avoid`, whose product exceeds 2^bits."""
+    chosen, product_bits = [], 0.0
+    for prime in _prime_pool():
+        if product_bits > bits:
+            return chosen
+        if avoid % prime:
+            chosen.append(prime)
+            product_bits += math.log2(prime) - 1e-9
+    raise SeriesError(f"method must have coefficients of fewer digits: exact results would take {bits:.0f} bits each")

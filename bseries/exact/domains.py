@@ -1,0 +1,351 @@
+"""What a coefficient may be, and how a vector of coefficients is held.
+
+Three kinds of values, from the narrowest to the widest:
+
+- `RationalValues` (``QQ``, in `bseries.exact.rationals`): integers over common denominators, on the fast path. The docstring
+  of `bseries.exact.operations` says why the integers are proved.
+- `RingValues`: algebraic numbers and expressions in symbols, as elements of a SymPy domain that carries the recursions.
+  A common denominator L of the method's entries is kept apart (coefficient = element / L^n), so that no greatest
+  common divisor is taken before a coefficient is read.
+- `FloatValues` (``RR``): float64, once a float went in.
+
+Operands of different kinds are brought to the wider one; a result that fits into a narrower exact kind goes there.
+SymPy's own rational type never leaves this file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from functools import lru_cache, partial
+from numbers import Rational, Real
+from typing import TYPE_CHECKING, Any
+
+from bseries.exact.arithmetic import Exact, float_lists, floats
+from bseries.exact.operations import Operation, evaluate
+from bseries.exact.rationals import RationalValues
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    import sympy
+
+    from trees.table import TreeTable
+
+    Coefficient: TypeAlias = Fraction | sympy.Expr | float
+    Values: TypeAlias = "RationalValues | RingValues | FloatValues"
+
+
+def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
+    """A number in its narrowest kind: Fraction, float, or a SymPy expression without floats.
+
+    Raises:
+        SeriesError: It is not a finite number or expression.
+    """
+    if isinstance(value, Decimal) and value.is_finite():
+        return Fraction(value)
+    if isinstance(value, Rational) and not isinstance(value, bool):
+        return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, Real) and not isinstance(value, bool):
+        number = float(value)
+        if number - number != 0:
+            raise SeriesError(f"{name} must be finite, but was {number}")
+        return number
+    if type(value).__module__.startswith("sympy."):
+        import sympy
+
+        if isinstance(value, sympy.Rational):
+            return Fraction(int(value.p), int(value.q))
+        if isinstance(value, sympy.Expr) and _is_usable(value):
+            if not value.has(sympy.Float):
+                return value
+            if value.is_number and value.is_real:
+                return float(value)
+            raise SeriesError(f"{name} must not mix floats with symbols or complex numbers, but was {value!s:.60}")
+    raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
+
+
+def _is_usable(value: sympy.Expr) -> bool:
+    """Whether an expression can be a coefficient: commuting symbols, real and finite numbers."""
+    import sympy
+
+    outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
+    return not value.has(*outside) and value.is_finite is not False and value.is_commutative is not False
+
+
+class FloatValues:
+    """float64 coefficients of all trees of a table."""
+
+    kind = "float"
+    name = "RR"
+
+    def __init__(self, table: TreeTable, values: Any):
+        self.table = table
+        self.raw = values
+
+    def __getitem__(self, at: int) -> float:
+        return float(self.raw[at])
+
+    def public(self) -> list[float]:
+        """All coefficients."""
+        return list(self.raw) if isinstance(self.raw, list) else self.raw.tolist()
+
+    def is_zero(self, at: int) -> bool:
+        """Whether a coefficient is exactly zero."""
+        return not self.raw[at]
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
+        """The values as a raw vector."""
+        return arithmetic.vector(self.raw)
+
+
+MOST_DEGREE = 16
+"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified one by one."""
+
+
+class RingValues:
+    """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
+
+    kind = "ring"
+
+    def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
+        self.table = table
+        self.ring = ring
+        self.elements = elements
+        self.step = step
+
+    @property
+    def name(self) -> str:
+        """The domain's name, such as ``QQ<sqrt(3)>`` or ``QQ(gamma)``."""
+        return str(self.ring if self.step == self.ring.one else self.ring.get_field())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return make_values, (self.table, self.public())
+
+    def __getitem__(self, at: int) -> Fraction | sympy.Expr:
+        import sympy
+
+        element, nodes = self.elements[at], self.table._order[at]
+        if self.step == self.ring.one:
+            value = self.ring.to_sympy(element)
+        else:
+            field = self.ring.get_field()
+            quotient = converted(element, self.ring, field) / converted(self.step, self.ring, field) ** int(nodes)
+            value = field.to_sympy(quotient)
+        return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
+
+    def public(self) -> list[Fraction | sympy.Expr]:
+        """All coefficients."""
+        return [self[at] for at in range(len(self.elements))]
+
+    def is_zero(self, at: int) -> bool:
+        """Whether a coefficient is zero."""
+        return not self.elements[at]
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
+        """The elements as a raw vector."""
+        return self.elements
+
+    def in_ring(self, ring: Any, step: Any) -> RingValues:
+        """The same coefficients in a larger ring, over another common denominator (a multiple of this one)."""
+        ratio = ring.exquo(step, converted(self.step, self.ring, ring))
+        elements = [
+            converted(element, self.ring, ring) * ratio ** int(nodes)
+            for element, nodes in zip(self.elements, self.table._order, strict=True)
+        ]
+        return RingValues(self.table, ring, elements, step)
+
+    def narrowed(self) -> RingValues | RationalValues:
+        """These values as rationals if they all are."""
+        if all(isinstance(self[at], Fraction) for at in range(len(self.elements))):
+            return RationalValues.from_fractions(self.table, self.public())  # pyright: ignore[reportArgumentType]
+        return self
+
+
+def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
+    """The smallest SymPy ring for these exact entries: (ring, numerators, common denominator)."""
+    import sympy
+
+    expressions = [sympy.Rational(e.numerator, e.denominator) if isinstance(e, Fraction) else e for e in entries]
+    domain: Any
+    ring: Any
+    few = math.prod(_degrees(expressions)) <= MOST_DEGREE
+    distinct = list(dict.fromkeys(expressions))  # finding an element of a number field takes long
+    domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
+    found = dict(zip(distinct, elements, strict=True))
+    elements = [found[e] for e in expressions]
+    if not domain.is_Numerical and not domain.is_EX and not all(x.is_Symbol or x.is_number for x in domain.symbols):
+        domain, elements = sympy.EX, [sympy.EX(e) for e in expressions]  # x and sqrt(x) are no independent symbols
+    if few and domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
+        domain, elements = mixed
+    if domain.is_FractionField:
+        ring = domain.get_ring()
+        common = ring.one
+        for element in elements:
+            common = ring.lcm(common, element.denom)
+        numerators = [element.numer * ring.exquo(common, element.denom) for element in elements]
+    else:
+        ring, numerators, common = domain, list(elements), domain.one  # e.g. ZZ[x], QQ<sqrt(3)>, EX
+    # 1/j! must be at hand: coefficients of polynomials are made rational.
+    wide: Any = sympy.QQ if ring.is_ZZ else ring
+    if ring.is_PolynomialRing and ring.domain.is_ZZ:
+        wide = sympy.QQ[ring.symbols]
+    return wide, [converted(x, ring, wide) for x in numerators], converted(common, ring, wide)
+
+
+def converted(element: Any, source: Any, target: Any) -> Any:
+    """An element of one SymPy domain in another; of number fields only the generator's image is ever searched for."""
+    if source == target:
+        return element
+    if not source.is_AlgebraicField:
+        return target.convert_from(element, source)
+    image, total = _image(source, target), target.zero
+    for coefficient in element.to_list():
+        total = total * image + target.convert_from(coefficient, source.dom)
+    return total
+
+
+@lru_cache(maxsize=64)
+def _image(source: Any, target: Any) -> Any:
+    return target.convert_from(source.unit, source)
+
+
+def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
+    """Degrees of the roots in these expressions, each root once."""
+    import sympy
+
+    roots: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
+    return (int(root.exp.q) for root in roots if root.is_number and root.exp.is_Rational)
+
+
+def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
+    """A fraction field over the algebraic numbers in the entries; None if the entries are not rational functions."""
+    import sympy
+    from sympy.polys.polyerrors import BasePolynomialError
+
+    symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
+    parts = [part for e in expressions for part in sympy.fraction(sympy.together(e))]
+    try:
+        numbers = [c for part in parts for c in sympy.Poly(part, *symbols, domain="EX").coeffs()]
+        algebraic, _ = sympy.construct_domain(numbers, extension=True)
+        field = algebraic[tuple(symbols)].get_field()
+        quotients = [field.from_sympy(a) / field.from_sympy(b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    except BasePolynomialError:
+        return None
+    return field, quotients
+
+
+def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
+    """Values from numbers given one by one, in the narrowest kind that holds them all."""
+    entries = [exact_number(number) for number in numbers]
+    if any(isinstance(entry, float) for entry in entries):
+        return FloatValues(table, [to_float(entry) for entry in entries])
+    if all(isinstance(entry, Fraction) for entry in entries):
+        return RationalValues.from_fractions(table, entries)  # pyright: ignore[reportArgumentType]
+    ring, numerators, common = ring_and_elements(entries)
+    elements = [x * common ** (int(n) - 1) for x, n in zip(numerators, table._order, strict=True)]
+    return RingValues(table, ring, elements, common)
+
+
+def to_float(number: Any) -> float:
+    """The nearest float.
+
+    Raises:
+        SeriesError: It holds symbols without a value.
+    """
+    from integrators.exact.number_text import nearest_double
+
+    try:
+        return nearest_double(number)
+    except ArithmeticError:
+        raise SeriesError(f"coefficient must stay within the range of floats, but was {number!s:.30}…") from None
+    except TypeError as error:
+        raise SeriesError(f"coefficient must be a number to become a float, but was {number!s:.60}") from error
+
+
+def public(values: Values) -> list[Any]:
+    """All coefficients as users see them."""
+    return values.fractions() if isinstance(values, RationalValues) else values.public()
+
+
+def as_floats(values: Values) -> FloatValues:
+    """The nearest floats."""
+    if isinstance(values, FloatValues):
+        return values
+    return FloatValues(values.table, [to_float(number) for number in public(values)])
+
+
+def alike(operands: Sequence[Values]) -> list[Any]:
+    """The operands, all of the widest kind among them (and in one ring)."""
+    if any(isinstance(values, FloatValues) for values in operands):
+        return [as_floats(values) for values in operands]
+    if all(isinstance(values, RationalValues) for values in operands):
+        return list(operands)
+    rings = [as_ring(values) for values in operands]
+    ring = rings[0].ring
+    for other in rings[1:]:
+        ring = ring.unify(other.ring)
+    step = ring.one
+    for values in rings:
+        step = ring.lcm(step, converted(values.step, values.ring, ring)) if not ring.is_Field else ring.one
+    if ring.is_Field:
+        rings = [divided(values) for values in rings]
+    return [values.in_ring(ring, step) for values in rings]
+
+
+def as_ring(values: Any) -> RingValues:
+    """Exact values as elements of a ring."""
+    from sympy import QQ
+
+    if isinstance(values, RingValues):
+        return values
+    elements = [QQ(x.numerator, x.denominator) for x in values.fractions()]
+    return RingValues(values.table, QQ, elements, QQ.one)
+
+
+def divided(values: RingValues) -> RingValues:
+    """The same values with the common denominator divided out, in the field of fractions."""
+    field = values.ring.get_field()
+    step = converted(values.step, values.ring, field)
+    elements = [
+        converted(x, values.ring, field) / step ** int(n)
+        for x, n in zip(values.elements, values.table._order, strict=True)
+    ]
+    return RingValues(values.table, field, elements, field.one)
+
+
+def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
+    """The result of an operation on operands of one kind: a method's stages, or `Values` made `alike`."""
+    first = operands[0]
+    if first.kind == "rational":
+        return evaluate(table, operands, operation)
+    if first.kind == "float":
+        arithmetic = floats() if table._compiled else float_lists()
+    else:
+        arithmetic = Exact(partial(ring_element, first.ring))
+    raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
+    if first.kind == "float":
+        if not _all_finite(raw):
+            raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
+        return FloatValues(table, raw)
+    return RingValues(table, first.ring, raw, first.step).narrowed()
+
+
+def _all_finite(raw: Any) -> bool:
+    if isinstance(raw, list):
+        return all(map(math.isfinite, raw))
+    import numpy as np
+
+    return bool(np.isfinite(raw).all())
+
+
+def ring_element(ring: Any, number: Any) -> Any:
+    """A rational number as an element of a ring; elements stay as they are."""
+    if isinstance(number, Rational):
+        from sympy import QQ
+
+        return ring.convert_from(QQ(number.numerator, number.denominator), QQ)
+    return number

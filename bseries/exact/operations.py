@@ -1,0 +1,237 @@
+"""The fast exact path: rational series as integers over one denominator for each number of nodes.
+
+Why the integers are proved and not guessed: an operation comes with three facts. (1) A *claim*: denominators D_n such
+that D_n · result(τ) is an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)|, computed by the same
+recursion in the arithmetic of bounds (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without any
+rounding. Once M > 2 · bound · D_n, only one integer fits. The claims, for a flow a with a(τ) L^n integral:
+
+- weights of a method whose entries have the common denominator L: a(τ) L^n (n entries are multiplied);
+- log a = Σ (−1)^{j+1} (a−ε)^j / j, j ≤ n: lcm(1, …, n) L^n, which is minimal for n ≤ 12;
+- exp b = Σ ∂_b^{j−1} b / j!: n! L^n; compose and inverse have integer structure constants: L^n;
+- a^{p/q} = Σ binom(p/q, k) (a−ε)^k: (q · rad q)^n L^n.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from functools import lru_cache, partial
+from itertools import pairwise
+from operator import add
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from bseries.exact import kernels
+from bseries.exact.arithmetic import (
+    MOST_STAGES,
+    MOST_TERMS,
+    Exact,
+    Majorant,
+    Wrapped,
+    majorants,
+    prime_field,
+    primes_beyond,
+    wrapped_integers,
+)
+from bseries.exact.rationals import RationalValues, twos
+
+if TYPE_CHECKING:
+    from trees.table import TreeTable
+
+SMALL = 2000
+"""On tables of so few trees a pass takes no longer than handing it to another thread."""
+
+
+class Source(Protocol):
+    """An input of a rational operation: a method's stages or a series."""
+
+    @property
+    def step(self) -> int:
+        """L: values at trees with n nodes become integers when multiplied by L^n."""
+        ...
+
+    @property
+    def terms(self) -> int:
+        """How many products are added when the values are loaded."""
+        ...
+
+    @property
+    def exponent(self) -> int:
+        """k such that values at trees with n nodes are at most 2^(k·n) in absolute value."""
+        ...
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
+        """The values as a raw vector of an arithmetic."""
+        ...
+
+
+class Operation(NamedTuple):
+    """An operation on series, with what is known about its result.
+
+    `expression(arithmetic, *loaders)` gives the raw result, where loader(field=…) gives an input's raw values.
+    `claim(n, L)` is the denominator D_n, `step(order, L)` an L for the result. `field` says how the raw result is
+    scaled (see `Wrapped`). The operation's own multipliers have denominators that divide powers of `units`, beside j!;
+    if it is even, nothing runs modulo 2^64. Primes that divide `avoid` are not used: numbers that are divided by.
+    `bounds`, if they are known without a run, are log₂ of bounds on the result for n = 1, 2, … nodes; `integers`, if
+    given, is the arithmetic modulo 2^64 that suits the operation (None: the homogeneous one; see `Wrapped`).
+    """
+
+    expression: Callable[..., Any]
+    claim: Callable[[int, int], int]
+    step: Callable[[int, int], int]
+    field: bool
+    units: int = 1
+    avoid: int = 1
+    bounds: Sequence[float] | None = None
+    integers: Wrapped | None = None
+
+
+def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) -> RationalValues:
+    """Exact values of an operation on rational sources."""
+    common = math.lcm(*(source.step for source in sources))
+    denominators = [1] + [operation.claim(n, common) for n in range(1, table.max_order + 1)]
+    step = operation.step(table.max_order, common)
+
+    def run(arithmetic: Exact) -> Any:
+        loaders = [partial(source.load, table, arithmetic) for source in sources]
+        return operation.expression(arithmetic, *loaders)
+
+    stages = max(source.terms for source in sources)
+    if table._compiled and table.max_order <= MOST_TERMS and stages <= MOST_STAGES:
+        integers = None
+        if operation.units % 2:
+            integers = operation.integers or wrapped_integers(twos(common))
+            denominators = _sharpened(integers, tuple(denominators), operation.field)
+        if operation.bounds is None:
+            bits = _bits(table, run, max(source.exponent for source in sources), denominators)
+        else:
+            bits = [bound + math.log2(d) for bound, d in zip(operation.bounds, denominators[1:], strict=True)]
+        if bits is not None:
+            numerators = _numerators(
+                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
+            )
+            return RationalValues(table, numerators, denominators, step)
+    values = run(Exact())
+    scaled = [value * denominators[n] for n, value in zip(table._order, values, strict=True)]
+    return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
+
+
+@lru_cache(maxsize=64)
+def _sharpened(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[int, ...]:
+    """The claims with as many factors of two as a number that the arithmetic makes a 2-adic integer can have."""
+    excess = (twos(d) - integers.twos_of(n, field=field) for n, d in enumerate(denominators[1:], 1))
+    return 1, *(d >> max(0, more) for d, more in zip(denominators[1:], excess, strict=True))
+
+
+@lru_cache(maxsize=64)
+def _carried(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> list[int]:
+    """By how many factors of two raw values exceed the numerators, for n = 1, 2, …."""
+    return [integers.twos_of(n, field=field) - twos(d) for n, d in enumerate(denominators[1:], 1)]
+
+
+def _numerators(
+    table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
+    integers: Wrapped | None, field: bool,
+) -> Any:  # fmt: skip
+    """The numerators, modulo 2^64 if they fit there with the powers of two that they carry, else modulo primes."""
+    if integers is not None:
+        carried = _carried(integers, tuple(denominators), field)
+        if max(map(add, bits, carried)) < 62:
+            return _run_wrapped(table, run, integers, denominators, field)
+    return _run_primes(table, run, max(bits), avoid, denominators)
+
+
+def _integer(value: Fraction | int) -> int:
+    if value.denominator != 1:
+        raise ArithmeticError(f"claimed denominator is wrong: {value} is not an integer")
+    return value.numerator
+
+
+def _bits(
+    table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]
+) -> list[float] | None:
+    """Bits of the largest numerator, sign not counted, for trees with 1, 2, … nodes: proved upper bounds.
+
+    None if a bound exceeds the range of floats.
+    """
+    import numpy as np
+
+    try:
+        bounds = run(majorants(exponent, table.max_order))
+    except OverflowError:
+        return None
+
+    filled = [n for n, (first, last) in enumerate(pairwise(table.offsets), 1) if last > first]
+    largest = np.maximum.reduceat(bounds, [table.offsets[n - 1] for n in filled]).tolist()
+    bits = [0.0] * table.max_order
+    for n, bound in zip(filled, largest, strict=True):
+        if not bound < math.inf:
+            return None
+        bits[n - 1] = math.log2(bound * Majorant.SLACK) + exponent * n + math.log2(denominators[n]) if bound else 0.0
+    return bits
+
+
+def _run_wrapped(
+    table: TreeTable, run: Callable[[Exact], Any], arithmetic: Wrapped, denominators: Sequence[int], field: bool
+) -> Any:
+    values = run(arithmetic)
+    odd, shift = _scaling(arithmetic, tuple(denominators), field)
+    values *= odd[table._order]
+    values >>= shift[table._order]
+    return values
+
+
+@lru_cache(maxsize=64)
+def _scaling(arithmetic: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[Any, Any]:
+    """Odd part of each denominator modulo 2^64, and by how many powers of two the raw values exceed the rest of it."""
+    import numpy as np
+
+    odd = [arithmetic.number(d >> twos(d)) for d in denominators]
+    shift = [max(0, arithmetic.twos_of(n, field=field) - twos(d)) for n, d in enumerate(denominators)]
+    return np.array(odd), np.array(shift)
+
+
+def _run_primes(
+    table: TreeTable, run: Callable[[Exact], Any], bits: float, avoid: int, denominators: Sequence[int]
+) -> Any:
+    """One run for each prime, two at a time where there are two cores: compiled kernels release the GIL."""
+    import numpy as np
+
+    primes = primes_beyond(bits + 2, avoid)
+    residues = np.empty((len(primes), len(table)), np.int32)
+
+    def one(i: int) -> None:
+        values = run(prime_field(primes[i])).astype(np.int64)
+        factors = np.array([d % primes[i] for d in denominators])
+        values *= factors[table._order]
+        values %= primes[i]
+        residues[i] = values
+
+    run_all = _threads(os.getpid()).map if len(table) > SMALL else map
+    list(run_all(one, range(len(primes))))
+    return combine(residues, primes, bits)
+
+
+@lru_cache(maxsize=1)
+def _threads(process: int) -> ThreadPoolExecutor:
+    """One pool for each process; starting threads takes longer than a pass over a small table."""
+    return ThreadPoolExecutor(min(os.cpu_count() or 1, 8))
+
+
+def combine(residues: Any, primes: Sequence[int], bits: float) -> Any:
+    """The integers of at most `bits` bits with these residues: an int64 array if they fit, else a list."""
+    import numpy as np
+
+    words = 2 if bits < 62 else int(bits + 2) // 32 + 1
+    inverses = np.array([[pow(q, -1, p) if q != p else 0 for q in primes] for p in primes], np.int64)
+    limbs = np.empty((residues.shape[1], words), np.int64)
+    digits = np.empty((len(primes), 256), np.int64)
+    kernels.chinese_remainder.compiled(residues, np.array(primes, np.int64), inverses, words, digits, limbs)
+    stored = limbs.astype("<u4")
+    low = np.ascontiguousarray(stored[:, :2]).view("<i8")[:, 0]
+    if np.array_equal(stored[:, 2:].view("<i4"), np.broadcast_to((low >> 63)[:, None], (len(low), words - 2))):
+        return low  # bounds are generous: most often the numbers are smaller
+    data, width = stored.tobytes(), 4 * words
+    return [int.from_bytes(data[i : i + width], "little", signed=True) for i in range(0, len(data), width)]

@@ -1,0 +1,1 @@
+"""Series on scenes: modified fields as formulas and as compiled functions."""

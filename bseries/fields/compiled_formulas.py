@@ -1,0 +1,143 @@
+"""Formulas in a state and a step size compiled: as one function, for one point or many."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from bseries.fields.inputs import in_threads
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import ModuleType
+
+    import numpy as np
+    import sympy
+
+NANOSECONDS_OF_CONTRACTION = 15
+NANOSECONDS_OF_OPERATION = 1
+"""What a contraction of towers and an operation of a formula cost, roughly; routes are chosen by these."""
+
+FORMULAS = '''\
+"""A B-series as formulas."""
+
+from math import *
+
+from foundation.machine_code import njit
+from numba import types
+
+from integrators.compile.lowering.units import lowered
+
+compiled_with = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
+
+
+@lowered(types.UniTuple(types.float64, {size})(*[types.float64] * {numbers}))
+def value({arguments}, h):
+    """The value at one point."""
+{lines}
+    return {results}
+
+
+@compiled_with
+def compiled(y, h, out):
+    """Write the value at y to out."""
+    if y.size != {dimension} or out.size != {size}:
+        raise ValueError("y and out must have {sizes} entries")
+    {targets} = value({entries}, h)
+
+
+@compiled_with
+def first(y, h):
+    """The first entry of the value at y."""
+    if y.size != {dimension}:
+        raise ValueError("y must have {dimension} entries")
+    return value({entries}, h)[0]
+
+
+@compiled_with
+def many(y, h, out):
+    """Write the values at the rows of y to the rows of out."""
+    for k in range(y.shape[0]):
+        {row_targets} = value({row_entries}, h)
+'''
+
+
+class CompiledFormulas:
+    """Sums Σ h^k · formula, compiled together, so that nothing is computed twice.
+
+    Args:
+        symbols: The variables.
+        columns: For each sum its formulas by power of h.
+
+    Attributes:
+        lines: The lines of code that compute the sums.
+
+    Raises:
+        IntegratorError: A formula has other symbols, or cannot be computed in doubles.
+
+    Example:
+        >>> import numpy as np, sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> energy = CompiledFormulas([p, q], [[p**2 / 2 - sympy.cos(q), 0, sympy.cos(q) ** 2 / 24]])
+        >>> energy.values(np.array([[0.0, 0.0]]), 0.0)
+        array([[-1.]])
+    """
+
+    def __init__(self, symbols: Sequence[sympy.Symbol], columns: Sequence[Sequence[sympy.Expr]]):
+        self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
+        self.lines = self._lines()
+
+    def _lines(self) -> list[str]:
+        """The lines of code that compute the sums, f0, f1, …, from y0, y1, … and h."""
+        import sympy
+
+        from integrators.compile.printer import source_lines
+
+        h = sympy.Dummy("h")
+        sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
+        names = {symbol: f"y{i}" for i, symbol in enumerate(self.symbols)}
+        return source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
+
+    def is_faster(self, contractions: int) -> bool:
+        """Whether the formulas cost less than so many contractions of towers."""
+        from integrators.compile.printer import operation_cost
+
+        return NANOSECONDS_OF_OPERATION * operation_cost(self.lines) < NANOSECONDS_OF_CONTRACTION * contractions
+
+    @cached_property
+    def source(self) -> str:
+        """The source of the compiled functions."""
+        dimension, size = len(self.symbols), len(self.columns)
+
+        def row(form: str) -> str:
+            return ", ".join(form.format(i) for i in range(size)) + ("," if size == 1 else "")
+
+        return FORMULAS.format(
+            dimension=dimension,
+            numbers=dimension + 1,
+            size=size,
+            sizes=dimension if dimension == size else f"{dimension} and {size}",
+            arguments=", ".join(f"y{i}" for i in range(dimension)),
+            lines="\n".join(f"    {line}" for line in self.lines),
+            results=row("f{}"),
+            targets=row("out[{}]"),
+            entries=", ".join(f"y[{i}]" for i in range(dimension)),
+            row_targets=row("out[k, {}]"),
+            row_entries=", ".join(f"y[k, {i}]" for i in range(dimension)),
+        )
+
+    @cached_property
+    def module(self) -> ModuleType:
+        """The compiled functions."""
+        from integrators.compile.lowering import SOURCES
+        from integrators.compile.modules import load_module
+
+        return load_module(self.source, helpers=SOURCES)
+
+    def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
+        """The sums at the rows of `states`, one row each."""
+        import numpy as np
+
+        out = np.empty((len(states), len(self.columns)))
+        in_threads(lambda k: self.module.many(states[k], step, out[k]), len(states), workers)
+        return out

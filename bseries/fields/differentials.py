@@ -1,0 +1,370 @@
+"""Elementary differentials, and series, written out on fields that are given by formulas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from numbers import Rational, Real
+from typing import TYPE_CHECKING, Any
+
+from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing, Element
+from bseries.fields.symbolic.flint_rings import fastest
+from bseries.fields.symbolic.sparse_polynomials import TooLarge
+from trees.counting import check_order
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    from trees.tree import Tree
+
+    Key: TypeAlias = tuple[int, tuple[int, ...]]
+    Tower: TypeAlias = dict[Key, Any]
+    """{(component, α): T_α}, with α as the ascending list of variables; elements are those of the arithmetic in use."""
+
+    import sympy
+
+    from bseries.algebra.bseries import BSeries
+
+    Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
+    Formulas: TypeAlias = tuple[sympy.Expr, ...]
+
+
+class DerivativeTowers:
+    """The towers of coloured fields, each computed when it is first asked for.
+
+    Args:
+        ring: The ring that the fields live in.
+        fields: One field for each colour, with one element for each variable.
+    """
+
+    def __init__(self, ring: DifferentialRing, fields: Sequence[Sequence[Element]]):
+        self.ring = ring
+        self._arithmetic: Any = fastest(ring)
+        self._scale = self._arithmetic.denominator(component for field in fields for component in field)
+        self._single: dict[tuple[int, int], Tower] = {}
+        for color, field in enumerate(fields):
+            scaled = ((i, self._arithmetic.load(self._scale * component)) for i, component in enumerate(field))
+            self._single[color, 0] = {(i, ()): component for i, component in scaled if component}
+        self._known: dict[tuple[Tree, int], Tower] = {}
+
+    def sum(self, coefficients: Mapping[Tree, Element | Fraction]) -> tuple[Element, ...]:
+        """Σ coefficient(τ) F(τ) for trees of one order: F(v) are summed for every left u before T(u) is multiplied."""
+        rationals = [c for c in coefficients.values() if isinstance(c, Fraction)]
+        common = math.lcm(*(c.denominator for c in rationals))
+        by_left: dict[Tree | None, list[tuple[Any, Tree]]] = {}
+        for tree, c in coefficients.items():
+            factor = int(c * common) if isinstance(c, Fraction) else self._arithmetic.load(c * common)
+            by_left.setdefault(tree.left, []).append((factor, tree))
+        parts: list[tuple[Any, Tower]] = []
+        for left, group in by_left.items():
+            if left is None:
+                parts += [(c, self.tower(tree, 0)) for c, tree in group]
+            elif slopes := self.tower(left, 1):
+                branches = self._combined((c, self.tower(tree.children[-1], 0)) for c, tree in group)
+                parts.append((1, self._contracted(slopes, branches)))
+        nodes = max((tree.order for tree in coefficients), default=0)
+        found = self._combined([(Fraction(1, common * self._scale**nodes), self._combined(parts))])
+        components = (found.get((i, ()), self._arithmetic.zero) for i in range(len(self.ring.variables)))
+        return tuple(map(self._arithmetic.unload, components))
+
+    def tower(self, tree: Tree, rank: int) -> Tower:
+        """The tower of a tree (for the fields times a common denominator)."""
+        left, right = tree.left, tree.right
+        if left is None or right is None:
+            return self._of_single_node(tree.color, rank)
+        tower = self._known.get((tree, rank))
+        if tower is None:
+            tower = self.tower(left, rank + 1)
+            if tower:
+                tower = self._contracted(tower, self.tower(right, 0))
+            self._known[tree, rank] = tower
+        return tower
+
+    def _of_single_node(self, color: int, rank: int) -> Tower:
+        """The derivatives of a field: those of rank r are those of rank r − 1, differentiated once more."""
+        tower = self._single.get((color, rank))
+        if tower is None:
+            tower = {}
+            for (i, alpha), element in self._of_single_node(color, rank - 1).items():
+                for j in range(alpha[-1] if alpha else 0, len(self.ring.variables)):
+                    if slope := self._arithmetic.derivative(element, j):
+                        tower[i, (*alpha, j)] = slope
+            self._single[color, rank] = tower
+        return tower
+
+    def _contracted(self, tower: Tower, vector: Tower) -> Tower:
+        """Σ_j T_{α+e_j} v_j: a tower of one rank less."""
+        products: dict[Key, list[tuple[Any, Any]]] = {}
+        for (i, alpha), element in tower.items():
+            for at, j in enumerate(alpha):
+                component = vector.get((j, ()))
+                if component is not None and (at == 0 or alpha[at - 1] != j):
+                    products.setdefault((i, alpha[:at] + alpha[at + 1 :]), []).append((element, component))
+        return {key: element for key, pairs in products.items() if (element := self._arithmetic.dot(pairs))}
+
+    def _combined(self, parts: Iterable[tuple[Any, Tower]]) -> Tower:
+        """The sum of multiples of towers."""
+        summands: dict[Key, list[tuple[int | Fraction, Any]]] = {}
+        for factor, tower in parts:
+            for key, element in tower.items():
+                is_number = isinstance(factor, int | Fraction)
+                summand = (factor, element) if is_number else (1, self._arithmetic.dot([(factor, element)]))
+                summands.setdefault(key, []).append(summand)
+        return {key: element for key, group in summands.items() if (element := self._arithmetic.sum(group))}
+
+
+FLOAT_DIGITS = 15
+"""Significant digits that every float is good for."""
+
+
+class SymbolicSeries:
+    """A series on a field, Σ h^|τ| / σ(τ) · b(τ) F(τ), written out by powers of h, each when it is asked for.
+
+    Nothing is rounded on the way. Where floats went in, or a method published as decimals, the numbers written are
+    floats of as many digits as can be right.
+
+    Args:
+        series: The series, such as a modified equation.
+        fields: One field for each colour of its trees: a formula for every variable, as SymPy expressions or numbers.
+            Where colours are blocks of variables, the formulas outside a colour's block are 0.
+        variables: The symbols of the variables; other symbols are parameters.
+        limit: Most monomials that a formula may have on the way.
+
+    Raises:
+        SeriesError: The fields or variables do not fit the series, or a formula divides by zero.
+
+    Example:
+        >>> import bseries as bs, sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> euler = bs.modified_equation(bs.method("explicit-euler"), 3)
+        >>> SymbolicSeries(euler, [(p * (2 - q), q * (p - 1))], (p, q)).term(2)
+        (p*(p*q - q**2 + 3*q - 4)/2, -q*(p**2 - p*q + 1)/2)
+
+    References:
+        HLW, example IX.1.3 and definition III.1.8.
+    """
+
+    def __init__(
+        self, series: BSeries, fields: Fields, variables: Iterable[sympy.Symbol], *, limit: int = MOST_MONOMIALS
+    ):
+        self.series = series
+        self._coefficients = series.coefficients()
+        self._limit = limit
+        self._towers = _towers(
+            fields, variables, limit,
+            colors=series.table.colors,
+            digits=_digits(series),
+            others=[x for x in self._coefficients if not isinstance(x, Fraction | float)],
+        )  # fmt: skip
+        self._elements: dict[int, tuple[Element, ...]] = {}
+
+    @property
+    def ring(self) -> DifferentialRing:
+        """The ring that the formulas live in."""
+        return self._towers.ring
+
+    def term(self, n: int, *, simplify: bool = True) -> Formulas:
+        """What the trees with n nodes contribute: in a modified equation, the formulas that h^(n−1) multiplies.
+
+        Args:
+            n: Number of nodes.
+            simplify: Bring the formulas over common denominators, and factor them.
+
+        Raises:
+            SeriesError: `n` exceeds the order of the series, or a formula the limit.
+        """
+        elements = self.elements(n)
+        with refusing_large(self._limit):
+            return tuple(self.ring.to_expression(element, simplify=simplify) for element in elements)
+
+    def elements(self, n: int) -> tuple[Element, ...]:
+        """What the trees with n nodes contribute, as elements of `ring`.
+
+        Raises:
+            SeriesError: `n` exceeds the order of the series, or a formula the limit.
+        """
+        series = self.series
+        if check_order(n) > series.order:
+            raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
+        if n not in self._elements:
+            weights = {series.table[at]: self._weight(at) for at in series.table.ids(n) if not series._is_zero(at)}
+            with refusing_large(self._limit):
+                self._elements[n] = self._towers.sum(weights)
+        return self._elements[n]
+
+    def _weight(self, at: int) -> Fraction | Element:
+        """b(τ)/σ(τ) of the tree with this id; floats as the fractions that they are."""
+        value = self._coefficients[at]
+        number = Fraction(value) if isinstance(value, Fraction | float) else self.ring.element(value)
+        return number * Fraction(1, int(self.series.table._symmetry_and_density[0][at]))
+
+
+def symbolic_terms(
+    series: BSeries,
+    fields: Fields,
+    variables: Iterable[sympy.Symbol],
+    *,
+    simplify: bool = True,
+    limit: int = MOST_MONOMIALS,
+) -> list[Formulas]:
+    """A series on a field, written out; see `SymbolicSeries`.
+
+    Args:
+        series: The series, such as a modified equation.
+        fields: One field for each colour of its trees: a formula for every variable.
+        variables: The symbols of the variables.
+        simplify: Bring the formulas over common denominators, and factor them.
+        limit: Most monomials that a formula may have on the way.
+
+    Returns:
+        For every n = 1 … order the formulas of the trees with n nodes, which h^(n−1) multiplies in a modified equation.
+
+    Raises:
+        SeriesError: The fields or variables do not fit the series, a formula divides by zero or exceeds the limit.
+
+    Example:
+        >>> import bseries as bs, sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> midpoint = bs.modified_equation(bs.method("implicit-midpoint"), 3)
+        >>> symbolic_terms(midpoint, [(-sympy.sin(q), p)], (p, q))
+        [(-sin(q), p), (0, 0), (-(p**2 - 2*cos(q))*sin(q)/24, -p*cos(q)/12)]
+    """
+    written = SymbolicSeries(series, fields, variables, limit=limit)
+    return [written.term(n, simplify=simplify) for n in range(1, series.order + 1)]
+
+
+def elementary_differentials(
+    trees: Iterable[Tree | str],
+    fields: Fields,
+    variables: Iterable[sympy.Symbol],
+    *,
+    simplify: bool = True,
+    limit: int = MOST_MONOMIALS,
+) -> list[Formulas]:
+    """The elementary differentials F(τ) of many trees; see `symbolic_differential` for one.
+
+    Args:
+        trees: The trees, such as a table of them.
+        fields: One field for each colour: a formula for every variable.
+        variables: The symbols of the variables.
+        simplify: Bring the formulas over common denominators, and factor them.
+        limit: Most monomials that a formula may have on the way.
+
+    Returns:
+        For every tree the formulas of F(τ), one for each variable.
+
+    Raises:
+        SeriesError: The fields or variables do not fit the trees, a formula divides by zero or exceeds the limit.
+
+    Example:
+        >>> import bseries as bs, sympy
+        >>> y = sympy.Symbol("y")
+        >>> elementary_differentials(bs.TreeTable(3), [(y**2,)], (y,))
+        [(y**2,), (2*y**3,), (4*y**4,), (2*y**4,)]
+
+    References:
+        HLW, definition III.1.2.
+    """
+    chosen = [Tree(tree) for tree in trees]
+    fields = [tuple(field) for field in fields]
+    colors = max((color for tree in chosen for color in tree.colors), default=0) + 1
+    if len(fields) < colors:
+        raise SeriesError(f"fields must be one for each colour of the trees, {colors}, but were {len(fields)}")
+    towers = _towers(fields, variables, limit, colors=len(fields), digits=None, others=())
+    found = []
+    for tree in chosen:
+        with refusing_large(limit):
+            elements = towers.sum({tree: Fraction(1)})
+            found.append(tuple(towers.ring.to_expression(element, simplify=simplify) for element in elements))
+    return found
+
+
+def symbolic_differential(
+    tree: Tree | str,
+    fields: Fields,
+    variables: Iterable[sympy.Symbol],
+    *,
+    simplify: bool = True,
+    limit: int = MOST_MONOMIALS,
+) -> Formulas:
+    """The elementary differential F(τ) of a tree, F([τ1,…,τm]) = f^(m)(F(τ1),…,F(τm)).
+
+    Args:
+        tree: The tree.
+        fields: One field for each colour: a formula for every variable.
+        variables: The symbols of the variables.
+        simplify: Bring the formulas over common denominators, and factor them.
+        limit: Most monomials that a formula may have on the way.
+
+    Raises:
+        SeriesError: The fields or variables do not fit the tree, a formula divides by zero or exceeds the limit.
+
+    Example:
+        >>> import sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> symbolic_differential("[τ,[τ]]", [(-sympy.sin(q), p)], (p, q))
+        (-p*sin(q)**2, 0)
+
+    References:
+        HLW, definition III.1.2.
+    """
+    return elementary_differentials([tree], fields, variables, simplify=simplify, limit=limit)[0]
+
+
+def _digits(series: BSeries) -> int | None:
+    """Significant digits to write; sums of rounded decimals have one less than these."""
+    if series.digits is not None:
+        return max(1, min(series.digits - 1, FLOAT_DIGITS))
+    return None if series.is_exact else FLOAT_DIGITS
+
+
+def _towers(
+    fields: Fields, variables: Iterable[sympy.Symbol], limit: int, *, colors: int, digits: int | None, others: Any
+) -> DerivativeTowers:
+    """The towers of checked fields, in a ring that also holds other formulas."""
+    import sympy
+
+    symbols = tuple(variables)
+    if not symbols or len(set(symbols)) < len(symbols) or not all(isinstance(x, sympy.Symbol) for x in symbols):
+        raise SeriesError(f"variables must be different SymPy symbols, but were {symbols!s:.60}")
+    rows = [tuple(map(_formula, field)) for field in fields]
+    if len(rows) != colors:
+        raise SeriesError(f"fields must be {colors}, one for each colour of the trees, but were {len(rows)}")
+    for row in rows:
+        if len(row) != len(symbols):
+            size = len(symbols)
+            raise SeriesError(f"fields must have {size} formulas, one for each variable, but one has {len(row)}")
+    formulas = [formula for row in rows for formula in row]
+    if digits is None and any(formula.has(sympy.Float) for formula in formulas):
+        digits = FLOAT_DIGITS
+    with refusing_large(limit):
+        ring = DifferentialRing.of([*formulas, *others], symbols, limit=limit, digits=digits)
+        return DerivativeTowers(ring, [[ring.element(formula) for formula in row] for row in rows])
+
+
+def _formula(value: object) -> Any:
+    """A formula as SymPy's."""
+    import sympy
+
+    if isinstance(value, sympy.Expr):
+        return value
+    if isinstance(value, Rational):
+        return sympy.Rational(int(value.numerator), int(value.denominator))
+    if isinstance(value, Real):
+        return sympy.Float(float(value))
+    raise SeriesError(f"fields must hold SymPy expressions or numbers, but one was {value!r:.60}")
+
+
+@contextmanager
+def refusing_large(limit: int) -> Iterator[None]:
+    """Refuse formulas that grow too large."""
+    try:
+        yield
+    except TooLarge:
+        raise SeriesError(f"fields must stay simpler: a formula would have more than {limit} monomials") from None
+    except RecursionError:
+        raise SeriesError("fields and trees must be nested less deeply than the interpreter's limit") from None

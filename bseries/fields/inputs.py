@@ -1,0 +1,129 @@
+"""States and step sizes as users give them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from bseries.exceptions import SeriesError
+from integrators.core.errors import shown
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Points as contiguous rows of doubles, and the shape they were given in.
+
+    Args:
+        y: One point of shape (size,), or n points of shape (size, n).
+        size: The number of variables.
+
+    Raises:
+        SeriesError: `y` is not of real numbers, or has another shape.
+
+    Example:
+        >>> read_states([[1, 2, 3], [4, 5, 6]], 2)[0].tolist()
+        [[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]]
+    """
+    import numpy as np
+
+    try:
+        given = np.asarray(y)
+        real = given.dtype.kind in "iuf" or (
+            given.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in given.ravel())
+        )
+        array = given.astype(float) if real else None
+    except (TypeError, ValueError, OverflowError):
+        array = None
+    if array is None:
+        raise SeriesError(f"y must be real numbers, but was {shown(y)}")
+    if array.ndim not in (1, 2) or array.shape[0] != size:
+        raise SeriesError(f"y must have the shape ({size},) or ({size}, n), but had {array.shape}")
+    return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
+
+
+def read_step(h: Any, argument: str = "h") -> float:
+    """A step size, or another parameter, as a double.
+
+    Args:
+        h: The number.
+        argument: What a message calls it.
+
+    Raises:
+        SeriesError: `h` is no real number, or not finite.
+
+    Example:
+        >>> from fractions import Fraction
+        >>> read_step(Fraction(1, 10))
+        0.1
+    """
+    if isinstance(h, bool) or not isinstance(h, Real):
+        raise SeriesError(f"{argument} must be a real number, but was {h!r:.60}")
+    try:
+        step = float(h)
+    except OverflowError:
+        raise SeriesError(f"{argument} must be within the range of floats, but was larger") from None
+    if not math.isfinite(step):
+        raise SeriesError(f"{argument} must be a finite number, but was {step}")
+    return step
+
+
+def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: int) -> None:
+    """Say that a series has no finite value at some points.
+
+    Args:
+        values: Its values, (…, points).
+        label: What it is.
+        h: The step size.
+        stacklevel: How far away the user's line is, as `warnings.warn` counts.
+    """
+    import numpy as np
+
+    finite = np.isfinite(values)
+    if not finite.all():
+        rows = finite.reshape(-1, values.shape[-1]).all(axis=0)
+        message = (
+            f"{label} must have finite values, but with h = {h:g} had none at {(~rows).sum()} of {rows.size} points"
+        )
+        warnings.warn(message, RuntimeWarning, stacklevel=stacklevel)
+
+
+def read_symbolic_step(h: Any, argument: str = "h") -> Any:
+    """A step size, or another small number, for formulas: a number or an expression.
+
+    Raises:
+        SeriesError: `h` is neither.
+    """
+    import sympy
+
+    if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
+        raise SeriesError(f"{argument} must be a number or a SymPy expression, but was {h!r:.60}")
+    return sympy.sympify(h, strict=True)
+
+
+def check_power(k: Any, last: int, of: str = "h") -> None:
+    """Refuse what is no power of h, or of another small number.
+
+    Raises:
+        SeriesError: `k` is no integer from 0 to `last`.
+    """
+    if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
+        raise SeriesError(f"k must be a power of {of} from 0 to {last}, but was {k!r:.60}")
+
+
+def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
+    """Do the work on slices of all points, in so many threads; compiled code lets them run at the same time."""
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise SeriesError(f"workers must be a whole number ≥ 1, but was {workers!r:.60}")
+    if workers == 1:
+        work(slice(0, size))
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
+    share = max(1, math.ceil(size / workers))
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))

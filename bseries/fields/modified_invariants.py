@@ -1,0 +1,197 @@
+"""First integrals of modified equations of Poisson systems, and the divergence of the terms."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.differentials import refusing_large
+from bseries.fields.inputs import check_power, read_symbolic_step
+from bseries.fields.optimal_truncation import check_field
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.fields.symbolic.integration import potential
+
+if TYPE_CHECKING:
+    import sympy
+
+    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+    from integrators.scenes.scene import Scene
+
+
+class ModifiedInvariant(NamedTuple):
+    """The integral I + h I_2 + h² I_3 + … of a truncated modified equation.
+
+    Attributes:
+        label: What it is the integral of.
+        variables: The symbols of the variables.
+        terms: The formulas by power of h. The first is the Hamiltonian of the scene if it has one; of the others only
+            the gradients are known, and they are written without a constant.
+
+    Example:
+        >>> import bseries as bs, sympy
+        >>> f = bs.modified_field(bs.method("symplectic-euler-p"), bs.scene("pendulum"), 2)
+        >>> bs.modified_invariant(f).expression(sympy.Symbol("h"))
+        -h*p*sin(q)/2 + p**2/2 - cos(q)
+    """
+
+    label: str
+    variables: tuple[sympy.Symbol, ...]
+    terms: tuple[sympy.Expr, ...]
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The whole integral for a step size, a number or a symbol.
+
+        Raises:
+            SeriesError: `h` is neither.
+        """
+        import sympy
+
+        step = read_symbolic_step(h)
+        return sympy.Add(*(term * step**k for k, term in enumerate(self.terms)))
+
+    def __str__(self) -> str:
+        rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))
+        return "\n".join([f"integral of {self.label}", *rows])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The integral as plain data."""
+        return {
+            "schema": 1,
+            "kind": "invariant",
+            "series": self.label,
+            "variables": [str(symbol) for symbol in self.variables],
+            "terms": [{"power": k, "invariant": str(term)} for k, term in enumerate(self.terms)],
+        }
+
+
+def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
+    """The integral of a truncated modified equation, where it is a Poisson system like the scene.
+
+    For y' = B(y) ∇I(y) with B invertible, a Poisson integrator has a modified equation y' = B(y) (∇I + h ∇I_2 + …), so
+    that ∇I_k = B(y)^(−1) f_k. Other methods fail: what should be a gradient is none.
+
+    Args:
+        f: The field, such as `modified_field` gives, of an exact method.
+
+    Returns:
+        The integral.
+
+    Raises:
+        SeriesError: `f` is no exact field, its scene has no invertible structure, one of its terms comes from no
+            integral (the first such power of h is named), or an integral is beyond the rules of `potential`.
+
+    Example:
+        >>> import bseries as bs
+        >>> lotka_volterra = bs.scene("lotka-volterra")
+        >>> f = bs.modified_field(bs.method("symplectic-euler-p"), lotka_volterra, 2)
+        >>> print(bs.modified_invariant(f))
+        integral of the modified equation of symplectic-euler-p on lotka-volterra
+        h^0   p + q - log(p) - 2*log(q)
+        h^1   -p**2/4 - p*q/2 + 2*p - q**2/4 + 5*q/2 - log(p)/2 - 2*log(q)
+
+    References:
+        HLW, theorem IX.3.1 and section IX.3 (Poisson integrators); E. Hairer, lecture on long-time behaviour,
+        exercise 2.
+    """
+    label = f"{check_field(f).label} on {f.scene.name}"
+    if not f.series.is_exact or f.series.digits is not None:
+        raise SeriesError(f"f must be exact, but the coefficients of {f.label} are decimals")
+    with refusing_large(MOST_MONOMIALS):
+        inverse = inverse_structure(f)
+        terms = tuple(_integral(f, inverse, k, label) for k in range(f.order))
+    return ModifiedInvariant(label, f.scene.symbols, terms)
+
+
+def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) -> sympy.Expr:
+    """I_(k+1), whose gradient is B^(−1) f_(k+1)."""
+    ring, gradient = f.formulas.ring, covector(f, inverse, k)
+    if not is_gradient(ring, gradient):
+        raise SeriesError(
+            f"f must be a Hamiltonian or Poisson field, but {label} is none: at h^{k}, B^(-1) f_{k + 1} is no gradient"
+        )
+    energy = f.scene.hamiltonian
+    if k == 0 and energy is not None:
+        H = ring.element(energy)
+        if all(ring.is_zero(ring.derivative(H, i) - slope) for i, slope in enumerate(gradient)):
+            return energy
+    found = potential(ring, gradient)
+    if found is None:
+        raise SeriesError(f"f must be simple enough to integrate, but {label} is not: at h^{k} no rule applies")
+    return found
+
+
+def divergence(f: SceneSeries, k: int) -> sympy.Expr:
+    """The divergence of the term with h^k, Σ_i ∂f_{k+1,i}/∂y_i.
+
+    A method preserves volume exactly if it vanishes for all k.
+
+    Args:
+        f: The field, such as `modified_field` gives.
+        k: The power of h.
+
+    Raises:
+        SeriesError: `f` is no field, or has no such power.
+
+    Example:
+        >>> import bseries as bs
+        >>> abc = bs.scene("abc-flow")
+        >>> bs.divergence(bs.modified_field(bs.method("explicit-euler"), abc, 2), 1)
+        sin(x)*cos(z) + sin(y)*cos(x) + sin(z)*cos(y)
+
+    References:
+        HLW, section VI.9 and lemma VI.9.1; E. Hairer, lecture on long-time behaviour, exercise 6.
+    """
+    import sympy
+
+    check_power(k, check_field(f).order - 1)
+    ring, field = f.formulas.ring, f.formulas.elements(k + 1)
+    with refusing_large(MOST_MONOMIALS):
+        total = ring.sum((1, ring.derivative(component, i)) for i, component in enumerate(field))
+        return sympy.Integer(0) if ring.is_zero(total) else ring.to_expression(total)
+
+
+def covector(f: SceneSeries, inverse: list[list[Element]], k: int) -> list[Element]:
+    """B^(−1) f_(k+1), the gradient of an integral if there is one."""
+    field = f.formulas.elements(k + 1)
+    return [f.formulas.ring.dot(zip(row, field, strict=True)) for row in inverse]
+
+
+def is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
+    """Whether the Jacobian matrix is symmetric."""
+    return all(
+        ring.is_zero(ring.derivative(components[i], j) - ring.derivative(components[j], i))
+        for i in range(len(components))
+        for j in range(i)
+    )
+
+
+def inverse_structure(f: SceneSeries) -> list[list[Element]]:
+    """B(y)^(−1) of the scene."""
+    import sympy
+    from sympy.polys.matrices import DomainMatrix
+    from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
+
+    matrix = sympy.Matrix(structure_matrix(f.scene))
+    try:
+        inverse = DomainMatrix.from_Matrix(matrix).to_field().inv().to_Matrix()
+    except DMNonInvertibleMatrixError:
+        raise SeriesError(
+            f"scene must have an invertible structure B, but that of {f.scene.name} is singular"
+        ) from None
+    return [[f.formulas.ring.element(entry) for entry in row] for row in inverse.tolist()]
+
+
+def structure_matrix(scene: Scene) -> list[list[Any]]:
+    """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
+    from integrators.scenes.model.blocks import poisson_matrix
+    from integrators.scenes.particles.expansion import filled
+
+    if scene.poisson is not None and len(scene.poisson) == scene.dimension:
+        return [[filled(entry, scene) for entry in row] for row in scene.poisson]
+    if scene.canonical_pair is None:
+        raise SeriesError(
+            f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not; momenta and "
+            "positions are blocks with names that tell these, such as p and q"
+        )
+    return poisson_matrix(scene.canonical_pair)

@@ -1,0 +1,311 @@
+"""How far a truncated field reaches: the sizes of its terms, where to stop, and the error that is left.
+
+In general the modified equation diverges: the terms h^k f_{k+1}(y) shrink up to some power of h and grow beyond it, and
+the smallest one is about the best accuracy that any truncation has. On linear scenes the series converges for small h,
+see `bseries.fields.convergence`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.convergence import convergence_radius
+from bseries.fields.inputs import read_states, read_step
+from integrators.core.errors import shown
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bseries.fields.scene_series import SceneSeries
+    from integrators import RungeKutta
+
+NEARBY_POINTS = 4
+NEARBY = 2.0**-50
+"""Points this near, relative to the state, tell rounding errors from terms."""
+
+
+class TruncationWarning(UserWarning):
+    """A truncated series is used where its last terms make it worse."""
+
+
+class Reach(NamedTuple):
+    """The sizes of the terms of a field at a point, and what follows from them.
+
+    Attributes:
+        label: What the field is.
+        h: The step size.
+        norms: For each power k of h the size of f_{k+1}(y), without h^k; 0 where nothing but rounding errors is left.
+        spectral_radius: Of the matrix of a linear scene; None for other scenes, or if no method was given.
+        radius: Where the series converges on linear scenes; None like `spectral_radius`.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 6)
+        >>> found = bs.reach(f, [1.0], 0.25)
+        >>> found.optimal_order, found.is_beyond, round(found.largest_step, 3)
+        (6, False, 0.505)
+    """
+
+    label: str
+    h: float
+    norms: tuple[float, ...]
+    spectral_radius: float | None = None
+    radius: float | None = None
+
+    @property
+    def order(self) -> int:
+        """The order of the truncation: N terms, powers h^0 … h^(N−1)."""
+        return len(self.norms)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """The sizes of the terms, h^k times `norms`."""
+        powers = itertools.accumulate(self.norms[1:], lambda power, _: power * abs(self.h), initial=1.0)
+        return tuple(norm and norm * power for norm, power in zip(self.norms, powers, strict=True))
+
+    @property
+    def powers(self) -> tuple[int, ...]:
+        """The powers of h with terms that are not zero."""
+        return tuple(k for k, norm in enumerate(self.norms) if norm)
+
+    @property
+    def optimal_power(self) -> int:
+        """The power of h to stop at: that of the smallest term that is not zero (0 if all are).
+
+        Terms are compared by the larger of them and the one before: a single term may be small by chance, or because a
+        method was made so, and is not the optimum if those beyond it shrink on.
+        """
+        sizes, powers = self.sizes, self.powers
+        before = dict(zip(powers[1:], powers, strict=False))
+        return min(powers, key=lambda k: (max(sizes[before.get(k, k)], sizes[k]), sizes[k], -k), default=0)
+
+    @property
+    def optimal_order(self) -> int:
+        """The order to truncate at, which takes in the term with `optimal_power`."""
+        return self.optimal_power + 1
+
+    @property
+    def converges(self) -> bool | None:
+        """Whether the series converges, where that is known: h times the spectral radius lies inside the radius."""
+        if self.spectral_radius is None or self.radius is None:
+            return None
+        return abs(self.h) * self.spectral_radius < self.radius
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the order lies beyond the optimum: some of the last terms make the field worse."""
+        if self.converges is not None:
+            return not self.converges
+        return bool(self.powers) and self.powers[-1] > self.optimal_power
+
+    @property
+    def error(self) -> float | None:
+        """An estimate of the error of the truncated field: the first term left out, extrapolated from the last two.
+
+        None if no term but f itself is there.
+        """
+        if len(self.powers) < 2:
+            return None
+        before, last = self.powers[-2:]
+        ratio = abs(self.h) * (self.norms[last] / self.norms[before]) ** (1 / (last - before))
+        # A symmetric method has every other term only; but the gap behind f itself is due to the method's order.
+        step = last - before if before else 1
+        return math.prod([self.sizes[last], *[ratio] * step])
+
+    @property
+    def best_error(self) -> float | None:
+        """The size of the optimal term, about the error of the best of these truncations; None if only f is there."""
+        return self.sizes[self.optimal_power] if len(self.powers) > 1 else None
+
+    @property
+    def largest_step(self) -> float:
+        """The largest step size for which the order does not lie beyond the optimum at this point."""
+        if self.spectral_radius is not None and self.radius is not None:
+            return self.radius / self.spectral_radius if self.spectral_radius else math.inf
+        powers = self.powers
+        # A term u ≥ the last but one exceeds k and the one before, so that k is the better place to stop, if
+        # h^u ‖f_u‖ > h^k ‖f_k‖ for both.
+        return min(
+            (
+                max((self.norms[k] / self.norms[u]) ** (1 / (u - k)) for k in powers[max(i - 1, 0) : i + 1])
+                for i in range(len(powers) - 1)
+                for u in powers[max(i + 1, len(powers) - 2) :]
+            ),
+            default=math.inf,
+        )
+
+    def __str__(self) -> str:
+        rows = ["power   size"]
+        for k, size in enumerate(self.sizes):
+            mark = "   optimal" if self.powers and k == self.optimal_power else ""
+            rows.append(f"h^{k:<5} {size:.3g}{mark}")
+        return "\n".join([f"{self.label}, h = {self.h:g}", *rows, self._conclusion()])
+
+    def _conclusion(self) -> str:
+        if self.converges is not None:
+            place = "inside: the series converges" if self.converges else "outside: the series diverges"
+            product = abs(self.h) * (self.spectral_radius or 0.0)
+            return f"h times the spectral radius is {product:.6g}, the radius {self.radius:.6g}, {place}"
+        place = "beyond the optimum" if self.is_beyond else "not beyond the optimum"
+        error = "unknown" if self.error is None else f"about {self.error:.1e}"
+        return f"order {self.order}: {place}, next term {error}; largest h for it: {self.largest_step:.3g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The reach as plain data; None stands for what is infinite or unknown."""
+        return {
+            "schema": 1,
+            "kind": "reach",
+            "series": self.label,
+            "order": self.order,
+            "h": self.h,
+            "terms": [{"power": k, "size": size} for k, size in enumerate(self.sizes)],
+            "optimal_power": self.optimal_power,
+            "optimal_order": self.optimal_order,
+            "is_beyond": self.is_beyond,
+            "error": self.error,
+            "best_error": self.best_error,
+            "largest_step": self.largest_step if math.isfinite(self.largest_step) else None,
+            "spectral_radius": self.spectral_radius,
+            "radius": self.radius if self.radius is not None and math.isfinite(self.radius) else None,
+            "converges": self.converges,
+        }
+
+
+def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None) -> Reach:
+    """How far a truncated field reaches at a point: the sizes of its terms, the optimal truncation, the error left.
+
+    Args:
+        f: The field, such as `modified_field` gives.
+        y: The state.
+        h: The step size.
+        method: For a modified equation the method that it is of: on linear scenes, convergence then is decided by
+            `convergence_radius`, and not guessed from the sizes.
+
+    Returns:
+        The sizes and what follows from them. Where the order lies beyond the optimum, a `TruncationWarning` says so.
+
+    Raises:
+        SeriesError: `f` is no field, `h` is no number or 0, `y` does not fit or lies where f is not defined, or `f` is
+            not the modified equation of `method` (which is noticed on linear scenes).
+        IntegratorError: `method` is no Runge–Kutta method.
+
+    Example:
+        >>> import bseries as bs
+        >>> euler = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 4)
+        >>> print(bs.reach(euler, [1.0], 0.1))
+        the modified equation of explicit-euler on riccati, h = 0.1
+        power   size
+        h^0     1
+        h^1     0.1
+        h^2     0.015
+        h^3     0.00267   optimal
+        order 4: not beyond the optimum, next term about 4.7e-04; largest h for it: 0.612
+
+    References:
+        HLW, section IX.7 (the optimal truncation index).
+    """
+    norms = _norms(check_field(f), y)
+    step = _checked_step(h)
+    found = Reach(f"{f.label} on {f.scene.name}", step, norms)
+    if method is not None:
+        radius, spectral = convergence_radius(method).radius, _spectral_radius(f, method)
+        found = found._replace(spectral_radius=spectral, radius=None if spectral is None else radius)
+    if not all(map(math.isfinite, found.sizes)):
+        raise SeriesError(f"h must be small enough for finite terms, but was {step:g}")
+    if found.is_beyond:
+        warnings.warn(_warning(found), TruncationWarning, stacklevel=2)
+    return found
+
+
+def check_field(f: Any) -> SceneSeries:
+    """A field on a scene, such as `modified_field` gives.
+
+    Raises:
+        SeriesError: `f` is none.
+    """
+    from bseries.fields.scene_series import SceneSeries
+
+    if not isinstance(f, SceneSeries):
+        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
+    if not f.is_field:
+        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f.label}, a map")
+    return f
+
+
+def _warning(found: Reach) -> str:
+    if found.converges is False:
+        product = abs(found.h) * (found.spectral_radius or 0.0)
+        return (
+            f"{found.label} diverges: h times the spectral radius must be below {found.radius:.6g}, but was {product:g}"
+        )
+    return (
+        f"{found.label} is worse at order {found.order} than at order {found.optimal_order}: for h = {found.h:g} its "
+        f"terms no longer shrink beyond h^{found.optimal_power}; order {found.order} needs h ≤ {found.largest_step:.3g}"
+    )
+
+
+def _checked_step(h: Any) -> float:
+    step = read_step(h)
+    if step == 0:
+        raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
+    return step
+
+
+def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
+    """The Euclidean norms of the terms.
+
+    Zero are those whose coefficients are zero as far as their digits tell, and those that change by their own size
+    between points next to y.
+    """
+    import numpy as np
+
+    states, shape = read_states(y, f.dimension)
+    if shape != (f.dimension,):
+        raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
+    point = states[0]
+    if not np.isfinite(point).all():
+        raise SeriesError(f"y must be finite numbers, but was {shown(y)}")
+    shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (f.dimension, NEARBY_POINTS))
+    nearby = point[:, None] + (np.abs(point).max() or 1.0) * shifts
+    values = f.terms(np.column_stack([point, nearby]))
+    here = values[:, :, 0]
+    norms = _lengths(here)
+    for k, norm in enumerate(norms):
+        if not math.isfinite(norm):
+            raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
+    changes = _lengths(values[:, :, 1:] - here[:, :, None]).max(axis=1)
+    series = f.series
+    present = [not all(map(series._is_zero, series.table.ids(n))) for n in range(1, f.order + 1)]
+    return tuple(np.where(present & (changes < norms / 2), norms, 0.0).tolist())
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Euclidean norms along axis 1; entries are scaled, so that their squares neither overflow nor vanish."""
+    import numpy as np
+
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(vectors / scale, axis=1) * scale[:, 0]
+
+
+def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:
+    """The spectral radius of A if the scene is y' = Ay + b, for the modified equation of the method; else None."""
+    import numpy as np
+
+    from bseries.fields.scene_series import modified_field
+    from integrators.scenes.particles.degrees import Piece, degrees
+
+    degree = degrees(f.scene, [Piece()])[0][0]
+    if degree is None or degree > 1:
+        return None
+    points = np.column_stack([np.zeros(f.dimension), np.eye(f.dimension)])
+    values = f.terms(points)
+    if not np.allclose(values, modified_field(method, f.scene, f.order).terms(points), rtol=1e-9):
+        raise SeriesError(f"method must be the one that f is the modified equation of, but was {method.name}")
+    matrix = values[0, :, 1:] - values[0, :, :1]
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

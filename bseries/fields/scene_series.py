@@ -1,0 +1,320 @@
+"""A series evaluated on a scene: the modified field, the modifying field, the truncated map."""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.modified import modified_equation, series
+from bseries.algebra.stages import check_method
+from bseries.algebra.substitution import modifying_integrator
+from bseries.exact.domains import make_values
+from bseries.exceptions import SeriesError
+from bseries.fields.inputs import check_power
+from bseries.fields.scene_trees import SceneTrees, flat_fields, shapes, trees_of_method, trees_of_series
+from integrators.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    import sympy
+
+    from bseries.algebra.stages import Method
+    from bseries.fields.compiled_series import CompiledSeries
+    from bseries.fields.differentials import SymbolicSeries
+
+ROUTES = ("auto", "towers", "symbolic")
+
+
+class SceneSeries:
+    """A B-series on a scene, as a function of the state and the step size.
+
+    A field series gives f_h(y) = Σ h^(|τ|−1)/σ(τ) b(τ) F(τ)(y), a flow series a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y). Only
+    trees whose elementary differentials need not vanish on the scene are there, and only those are computed whose
+    coefficients, or the differentials they are part of, ask for it.
+
+    Such functions are made by `modified_field`, `modifying_field` and `series_map`.
+
+    Attributes:
+        scene: The scene.
+        trees: The trees and the pieces of the field that their colours stand for.
+        series: The coefficients.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.modified_field(bs.method("rk4"), bs.scene("pendulum"), 8)
+        >>> f
+        <the modified equation of rk4 on pendulum: order 8, 123 of 24,314 trees>
+        >>> f([0.0, 1.0], 0.1).round(6).tolist()
+        [-0.84147, -0.0]
+    """
+
+    def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries, *, route: str = "auto"):
+        if route not in ROUTES:
+            raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
+        if series.table != trees.table:
+            raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
+        self.scene, self.trees, self.series, self._wanted = scene, trees, series, route
+
+    @property
+    def label(self) -> str:
+        """What it is a series of."""
+        return self.series.label or "a series"
+
+    @property
+    def empty(self) -> Any:
+        """The coefficient of the empty tree: 0 for a field."""
+        return self.series.empty
+
+    @cached_property
+    def weights(self) -> list[Any]:
+        """The factors of the elementary differentials: coefficient/σ."""
+        return self.series.weights()
+
+    @property
+    def order(self) -> int:
+        """The largest number of nodes."""
+        return self.trees.table.max_order
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return self.scene.dimension
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables."""
+        return self.scene.variables
+
+    @property
+    def is_field(self) -> bool:
+        """Whether it is a field, and not a map."""
+        return self.empty == 0
+
+    def __repr__(self) -> str:
+        return f"<{self.label} on {self.scene.name}: order {self.order}, {self.report()}>"
+
+    def report(self) -> str:
+        """How many of how many trees are needed."""
+        return f"{len(self.trees.table):,} of {self.trees.total:,} trees"
+
+    def __call__(self, y: Any, h: float, *, workers: int = 1) -> np.ndarray:
+        """The value at one point or many.
+
+        Args:
+            y: The state, of shape (variables,), or (variables, n) for n points.
+            h: The step size.
+            workers: The number of threads that share the points.
+
+        Returns:
+            An array of the shape of `y`.
+
+        Raises:
+            SeriesError: `y` has another number of variables, or is not of numbers.
+        """
+        return self.evaluator.value(y, h, workers)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (self.scene, self.trees, self.series, self._wanted)
+
+    @property
+    def route(self) -> str:
+        """How it is evaluated: ``"towers"`` or ``"symbolic"``."""
+        return self.evaluator.route
+
+    @cached_property
+    def evaluator(self) -> CompiledSeries:
+        """The compiled form."""
+        from bseries.fields.compiled_series import CompiledSeries
+
+        return CompiledSeries(self, self._wanted)
+
+    def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
+        """The terms by order at one point or many, without powers of h.
+
+        Args:
+            y: As for calls.
+            workers: The number of threads that share the points.
+
+        Returns:
+            An array (order, variables) or (order, variables, n): its k-th row is Σ_{|τ|=k+1} b(τ)/σ(τ) F(τ)(y).
+        """
+        return self.evaluator.terms(y, workers)
+
+    @property
+    def compiled(self) -> Any:
+        """A function (y, h, out) compiled by numba, for use in other compiled code; it writes the value to `out`."""
+        return self.evaluator.compiled
+
+    def precise(self, y: Any, h: Any, digits: int = 50) -> list[Any]:
+        """The value at one point in so many digits, by the same program on numbers of mpmath.
+
+        Args:
+            y: One point: numbers, fractions, text or numbers of mpmath.
+            h: The step size.
+            digits: The number of decimal digits.
+
+        Raises:
+            SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
+            IntegratorError: An argument is not of its kind.
+        """
+        from bseries.fields.any_precision import PreciseSeries
+        from bseries.fields.differentials import FLOAT_DIGITS
+
+        known = self.series.digits if self.series.is_exact else FLOAT_DIGITS
+        if known is not None and isinstance(digits, int) and digits > known:
+            raise SeriesError(f"digits must be at most {known}, as coefficients have, but was {digits}")
+        if digits not in self._precise:
+            self._precise[digits] = PreciseSeries(self, digits)
+        return self._precise[digits](y, h)
+
+    @cached_property
+    def _precise(self) -> dict[int, Any]:
+        return {}
+
+    @cached_property
+    def formulas(self) -> SymbolicSeries:
+        """The series written out; see `bseries.fields.differentials`."""
+        return self.written()
+
+    def written(self, **limits: int) -> SymbolicSeries:
+        """The series written out anew, given up where formulas grow beyond a limit."""
+        from bseries.fields.differentials import SymbolicSeries
+
+        fields = flat_fields(self.scene, self.trees.pieces)
+        return SymbolicSeries(self.series, fields, self.scene.symbols, **limits)
+
+    def symbolic(self, k: int) -> tuple[sympy.Expr, ...]:
+        """The formulas of the term with h^k: for a field f_(k+1), for a map the terms of order k.
+
+        Args:
+            k: The power of h, from 0 to order − 1 (order for a map).
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        last = self.order - 1 if self.is_field else self.order
+        check_power(k, last)
+        if not self.is_field and k == 0:
+            return tuple(self.empty * symbol for symbol in self.scene.symbols)
+        return self.formulas.term(k + 1 if self.is_field else k)
+
+
+def modified_field(
+    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+) -> SceneSeries:
+    """The modified equation of a method on a scene, truncated: y' = f_h(y), nearly followed by the numerical solution.
+
+    With trees up to N nodes, a step is off its flow by O(h^(N+1)).
+
+    Args:
+        method: A method, or a field series (such as `modified_equation` gives).
+        scene: The scene.
+        order: The largest number of nodes N: powers h^0 … h^(N−1). For a series None means its own.
+        parts: For methods that treat parts of the field: maps their names to blocks or parts of the scene, where it is
+            not clear from the names.
+        route: ``"towers"``, ``"symbolic"`` (formulas summed up, simplified and compiled) or ``"auto"``.
+
+    Raises:
+        SeriesError: The method's parts are not clear, or an argument is out of its range.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 4)
+        >>> [f.symbolic(k) for k in range(4)]
+        [(y**2,), (-y**3,), (3*y**4/2,), (-8*y**5/3,)]
+        >>> print(f.report())
+        7 of 8 trees
+
+    References:
+        HLW, section IX.1, theorem IX.9.2.
+    """
+    return _made(method, scene, order, parts, route, modified_equation, "the modified equation")
+
+
+def modifying_field(
+    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+) -> SceneSeries:
+    """The modifying integrator of a method on a scene: the field to which the method is applied to solve y' = f(y).
+
+    Args:
+        method: A method, or a field series.
+        scene: The scene.
+        order: The largest number of nodes N: the method on this field has order N.
+        parts: As for `modified_field`.
+        route: As for `modified_field`.
+
+    Raises:
+        SeriesError: The method's parts are not clear, or an argument is out of its range.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = modifying_field(bs.method("implicit-midpoint"), bs.scene("riccati"), 5)
+        >>> [f.symbolic(k)[0] for k in range(5)]
+        [y**2, 0, -y**4/4, 0, y**6/8]
+
+    References:
+        P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
+        Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
+    """
+    return _made(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
+
+
+def series_map(
+    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+) -> SceneSeries:
+    """The truncated B-series of a method on a scene, as a map y ↦ a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y).
+
+    Args:
+        method: A method, or a flow series.
+        scene: The scene.
+        order: The largest number of nodes.
+        parts: As for `modified_field`.
+        route: As for `modified_field`.
+
+    Raises:
+        SeriesError: The method's parts are not clear, or an argument is out of its range.
+
+    Example:
+        >>> import bseries as bs
+        >>> step = series_map(bs.method("explicit-euler"), bs.scene("riccati"), 2)
+        >>> step([1.0], 0.5)
+        array([1.5])
+    """
+    return _made(method, scene, order, parts, route, series, "the series")
+
+
+def _made(method: Any, scene: Scene, order: int | None, parts: Any, route: str, make: Any, what: str) -> SceneSeries:
+    if not isinstance(scene, Scene):
+        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+    if isinstance(method, BSeries):
+        if (method.empty == 0) != (make is not series):
+            kind = "flow, with a(∅) other than 0" if make is series else "field, with b(∅) = 0"
+            raise SeriesError(
+                f"method must be a method or the series of a {kind}, but its empty tree has {method.empty}"
+            )
+        given = method if order is None else method.truncate(order)
+        return SceneSeries(scene, trees_of_series(given, scene, parts), given, route=route)
+    check_method(method)
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+    trees = trees_of_method(method, order, scene, parts)
+    plain = make(method, trees.shapes)
+    values = plain.coefficients()
+    if trees.table != trees.shapes:
+        plain_id = shapes(trees.table, trees.shapes)
+        chosen = make_values(trees.table, [values[at] for at in plain_id])
+        uncertainty = plain.uncertainty and partial(_uncertainty_of_shape, plain.uncertainty, plain_id)
+        plain = BSeries(trees.table, chosen, plain.empty, digits=plain.digits, uncertainty=uncertainty)
+    return SceneSeries(scene, trees, plain.with_label(f"{what} of {method.name}"), route=route)
+
+
+def _rebuilt(scene: Scene, trees: SceneTrees, series: BSeries, route: str) -> SceneSeries:
+    return SceneSeries(scene, trees, series, route=route)
+
+
+def _uncertainty_of_shape(uncertainty: Callable[[int], float], plain_id: list[int], at: int) -> float:
+    """How far the coefficient of a coloured tree may be off: as that of the tree without colours."""
+    return uncertainty(plain_id[at])

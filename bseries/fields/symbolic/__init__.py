@@ -1,0 +1,1 @@
+"""Symbolic elementary differentials: polynomials in generators closed under differentiation."""

@@ -1,0 +1,169 @@
+"""A function from its gradient: integrated one variable after another, by rules for sums of simple products."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import sympy
+
+    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+
+MOST_POWERS = 60
+"""Products with higher powers of sines or of polynomials are not expanded."""
+
+
+def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr | None:
+    """A function with a gradient that is known to be one.
+
+    Args:
+        ring: The ring of the gradient.
+        gradient: Its components, one for each variable of the ring.
+
+    Returns:
+        The function, verified by differentiation; None if it is beyond the rules: powers and logarithms of polynomials
+        of first degree in a variable, or even ones of second degree, trigonometric polynomials, and exponentials.
+
+    Example:
+        >>> import sympy
+        >>> from bseries.fields.symbolic.differential_rings import DifferentialRing
+        >>> p, q = sympy.symbols("p q")
+        >>> ring = DifferentialRing([p - 1 / p, sympy.sin(q) ** 2], [p, q])
+        >>> potential(ring, ring.elements)
+        p**2/2 + q/2 - log(p) - sin(2*q)/4
+    """
+    import sympy
+
+    found: Any = sympy.Integer(0)
+    for i, x in enumerate(ring.variables):
+        rest = gradient[i] - ring.derivative(ring.element(found), i)
+        part = antiderivative(ring.to_expression(rest, simplify=False), x)
+        if part is None:
+            return None
+        found += part
+    inverse = (ring.derivative(ring.element(found), i) for i in range(len(gradient)))
+    return found if all(ring.is_zero(a - b) for a, b in zip(gradient, inverse, strict=True)) else None
+
+
+def antiderivative(formula: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """An antiderivative of a sum of products; None if some are beyond the rules."""
+    import sympy
+
+    coefficients: dict[Any, list[Any]] = defaultdict(list)
+    for term in sympy.Add.make_args(formula):
+        coefficient, part = term.as_independent(x, as_Add=False) if term.has(x) else (term, sympy.Integer(1))
+        coefficients[part].append(coefficient)
+    try:
+        integrals = {part: sympy.Add.make_args(_of_product(part, x)) for part in coefficients}
+    except _NoRule:
+        return None
+    return sympy.Add(*(c * term for part, factors in coefficients.items() for c in factors for term in integrals[part]))
+
+
+class _NoRule(SeriesError):
+    """A product that the rules do not integrate."""
+
+
+def _of_product(product: Any, x: Any) -> Any:
+    """∫ x^m · (waves) · e^(…) · Q(x)^e dx, with one kind of factor besides x^m."""
+    import sympy
+
+    power: Any = sympy.Integer(0)
+    growth: Any = sympy.Integer(0)
+    waves: list[tuple[Any, int]] = []
+    others: list[tuple[Any, Any]] = []
+    for factor in sympy.Mul.make_args(product):
+        base, exponent = factor.as_base_exp()
+        if base == x and not exponent.has(x):
+            power += exponent
+        elif isinstance(factor, sympy.exp):
+            growth += factor.args[0]
+        elif isinstance(base, sympy.sin | sympy.cos) and exponent.is_Integer and 0 < exponent <= MOST_POWERS:
+            waves.append((base, int(exponent)))
+        elif factor != 1:
+            others.append((base, exponent))
+    kinds = bool(growth) + bool(waves) + len(others)
+    if kinds > 1:
+        raise _NoRule
+    if others:
+        base, exponent = others[0]
+        return _of_polynomial_power(power, base, exponent, x)
+    if kinds == 0:
+        return sympy.log(x) if power == -1 else x ** (power + 1) / (power + 1)
+    sums = _superposition(waves) if waves else {sympy.exp(growth): 1}
+    return sum(c * _by_parts(_degree(power), wave, x) for wave, c in sums.items())
+
+
+def _degree(power: Any) -> int:
+    if not power.is_Integer or not 0 <= power <= MOST_POWERS:
+        raise _NoRule
+    return int(power)
+
+
+def _by_parts(m: int, wave: Any, x: Any) -> Any:
+    """∫ x^m e^(kx+c) dx, or with a sine, a cosine or 1 in place of the exponential."""
+    import sympy
+
+    if not wave.has(x):
+        return wave * x ** (m + 1) / (m + 1)
+    slope = wave.args[0].diff(x)
+    if slope.has(x) or not slope:
+        raise _NoRule
+    integrals = {sympy.exp: sympy.exp, sympy.sin: lambda argument: -sympy.cos(argument), sympy.cos: sympy.sin}
+    inner = integrals[type(wave)](wave.args[0]) / slope
+    if m == 0:
+        return inner
+    coefficient, other = inner.as_independent(x, as_Add=False)
+    return x**m * inner - m * coefficient * _by_parts(m - 1, other, x)
+
+
+def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
+    """A product of powers of sines and cosines as a sum of sines and cosines, by their addition theorems."""
+    import sympy
+
+    half = sympy.Rational(1, 2)
+    total: dict[tuple[Any, Any], Any] = {(sympy.cos, sympy.Integer(0)): sympy.Integer(1)}
+    for base, times in waves:
+        b = base.args[0]
+        for _ in range(times):
+            longer: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
+            for (kind, a), c in total.items():
+                if isinstance(base, sympy.cos):
+                    products = ((kind, a + b, half), (kind, a - b, half))
+                elif kind is sympy.cos:
+                    products = ((sympy.sin, a + b, half), (sympy.sin, a - b, -half))
+                else:
+                    products = ((sympy.cos, a - b, half), (sympy.cos, a + b, -half))
+                for other, argument, weight in products:
+                    longer[other, argument] += weight * c
+            total = longer
+    found: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
+    for (kind, argument), c in total.items():
+        sign, wave = kind(argument).as_coeff_Mul()
+        found[wave] += sign * c
+    return {wave: c for wave, c in found.items() if c}
+
+
+def _of_polynomial_power(m: Any, base: Any, exponent: Any, x: Any) -> Any:
+    """∫ x^m Q^e dx by the variable u = Q, for Q = αx + β or, with odd m, Q = αx² + β."""
+    import sympy
+
+    if exponent.has(x) or not base.is_polynomial(x):
+        raise _NoRule
+    coefficients = sympy.Poly(base, x).all_coeffs()
+    degree = len(coefficients) - 1
+    leading, constant, rest = coefficients[0], coefficients[-1], coefficients[1:-1]
+    times, odd = divmod(_degree(m) - (degree - 1), degree)
+    if degree > 2 or any(rest) or times < 0 or odd:
+        raise _NoRule
+    total = sympy.Integer(0)
+    for j in range(times + 1):  # x^m dx = ((u − β)/α)^times du / (degree α)
+        power = exponent + j
+        integral = sympy.log(base) if power == -1 else base ** (power + 1) / (power + 1)
+        total += math.comb(times, j) * (-constant) ** (times - j) * integral
+    return total / (degree * leading ** (times + 1))

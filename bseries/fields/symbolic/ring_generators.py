@@ -1,0 +1,269 @@
+"""The generators of a ring of functions: what they stand for, their derivatives, their relations.
+
+| generators | relations | derivatives |
+|---|---|---|
+| s = sin b, c = cos b | s² = 1 − c² | ds = c db, dc = −s db |
+| s = sinh b, c = cosh b | s² = c² − 1 | ds = c db, dc = s db |
+| e = exp b | | de = e db |
+| w = g^(−1/n), for a denominator or a root | w^n g = 1 | dw = −w^(n+1) dg / n |
+| p^(1/n), p a prime | its n-th power is p | 0 |
+| any other function | | SymPy's, read when they are needed |
+
+With w at hand no other generator is needed for roots of g: g^(k/n) = g^j w^(jn−k).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.quotients import Quotient, fractions, primitive
+from bseries.fields.symbolic.sparse_polynomials import (
+    ONE,
+    RewritingRing,
+    TooLarge,
+    constant,
+    exponents,
+    generator,
+    generators_of,
+    narrowed,
+    partial,
+    total,
+)
+
+if TYPE_CHECKING:
+    import sympy
+
+    from bseries.fields.symbolic.sparse_polynomials import Number, Terms
+
+MOST_POWER = 1_000
+MOST_MONOMIALS_OF_A_POWER = 10_000
+
+
+class Root(NamedTuple):
+    """g^(−1/degree), for a polynomial g."""
+
+    base: Terms
+    degree: int
+
+
+class Pair(NamedTuple):
+    """The generators s and c with s² = sign · (1 − c²), and c' = −sign · s."""
+
+    sine: int
+    cosine: int
+    sign: int
+
+
+class GeneratedRing(RewritingRing):
+    """Polynomials in functions of some variables; `slope(terms, i)` is a derivation.
+
+    Args:
+        variables: The symbols to differentiate in.
+        limit: Results with more monomials raise `TooLarge`.
+        digits: Write numbers as floats of so many digits; None: as they are.
+    """
+
+    def __init__(self, variables: Iterable[sympy.Symbol], limit: int, digits: int | None):
+        super().__init__(limit)
+        self.variables = tuple(variables)
+        self.digits = digits
+        self.expressions: list[sympy.Expr] = []
+        self.roots: dict[int, Root] = {}
+        self.pairs: list[Pair] = []
+        self.number_roots: dict[int, tuple[int, int]] = {}
+        """Generators p^(1/n), as (p, n)."""
+        self.exponentials: set[int] = set()
+        """Monomials of the generators e^b."""
+        self.indices: dict[Any, int] = {}
+        """Which roots of a base are to be expected."""
+        self._slope_rules: list[Callable[[int], Terms]] = []
+        self._slopes: dict[tuple[int, int], Terms] = {}
+
+    def product(self, factors: Iterable[Terms]) -> Terms:
+        """The product of polynomials."""
+        result = constant(1)
+        for factor in factors:
+            result = self.dot([(result, factor)])
+        return result
+
+    def slope(self, terms: Terms, i: int) -> Terms:
+        """The derivative with respect to the i-th variable."""
+        pairs = [(partial(terms, k), slope) for k in generators_of(terms) if (slope := self.slope_of_generator(k, i))]
+        return self.dot(pairs) if pairs else {}
+
+    def slope_of_generator(self, k: int, i: int) -> Terms:
+        """The derivative of a generator."""
+        slope = self._slopes.get((k, i))
+        if slope is None:
+            slope = self._slopes[k, i] = total([(1, self._slope_rules[k](i))])  # as integers where possible
+        return slope
+
+    def expression(self, terms: Terms) -> sympy.Expr:
+        """The SymPy expression of a polynomial, expanded."""
+        import sympy
+
+        return sympy.Add(*(
+            sympy.Mul(self.number(x), *(self.expressions[k] ** e for k, e in exponents(monomial)))
+            for monomial, x in terms.items()
+        ))  # fmt: skip
+
+    def number(self, value: Number) -> sympy.Expr:
+        """A coefficient as it is written."""
+        exact = rational(value)
+        if self.digits is None or (value.denominator == 1 and abs(value) < 10**self.digits):
+            return exact
+        return exact.evalf(self.digits)
+
+    # New generators.
+
+    def add_function(self, expression: sympy.Expr, slope: Callable[[int], Terms]) -> int:
+        """A generator without relations; slope(i) is its derivative with respect to the i-th variable."""
+        self.expressions.append(expression)
+        self._slope_rules.append(slope)
+        return self.new_generator()
+
+    def add_exponential(self, expression: sympy.Expr, argument: Terms) -> int:
+        """The generator e^b."""
+
+        def slope(i: int) -> Terms:
+            return self.dot([({generator(e): 1}, self.slope(argument, i))])
+
+        e = self.add_function(expression, slope)
+        self.exponentials.add(generator(e))
+        return e
+
+    def add_pair(self, sine: sympy.Expr, cosine: sympy.Expr, argument: Terms, sign: int) -> Pair:
+        """The generators s, c of an argument b; sign −1 for hyperbolic functions."""
+
+        def slope_of_sine(i: int) -> Terms:
+            return self.dot([({generator(c): 1}, self.slope(argument, i))])
+
+        def slope_of_cosine(i: int) -> Terms:
+            return self.dot([({generator(s): -sign}, self.slope(argument, i))])
+
+        c = self.add_function(cosine, slope_of_cosine)
+        s = self.add_function(sine, slope_of_sine)
+        self.add_rule(generator(s, 2), {ONE: sign, generator(c, 2): -sign})
+        self.pairs.append(Pair(s, c, sign))
+        return self.pairs[-1]
+
+    def prime_root(self, prime: int, index: int) -> int:
+        """The generator prime^(1/index)."""
+        import sympy
+
+        for k, known in self.number_roots.items():
+            if known == (prime, index):
+                return k
+        k = self.add_function(sympy.Integer(prime) ** rational(Fraction(1, index)), lambda i: {})
+        self.number_roots[k] = prime, index
+        self.add_rule(generator(k, index), constant(prime))
+        return k
+
+    def root(self, base: Terms, index: int, written: sympy.Expr | None = None) -> int:
+        """A generator base^(−1/n) for some multiple n of an index; `written` is the base as it is to be shown."""
+        for k, known in self.roots.items():
+            if known.base == base and known.degree % index == 0:
+                return k
+
+        def slope(i: int) -> Terms:
+            return self.dot([({generator(w, index + 1): narrowed(Fraction(-1, index))}, self.slope(base, i))])
+
+        shown = self.expression(base) if written is None else written
+        w = self.add_function(shown ** rational(Fraction(-1, index)), slope)
+        self.roots[w] = Root(base, index)
+        # w^n g = 1, solved for the leading monomial.
+        leading, step = max(base), generator(w, index)
+        tail = {ONE: Fraction(1), **{m + step: Fraction(-x) for m, x in base.items() if m != leading}}
+        self.add_rule(leading + step, {m: narrowed(x / base[leading]) for m, x in tail.items()})
+        return w
+
+    # Powers.
+
+    def raised(self, terms: Terms, power: Fraction, index: int = 1, written: sympy.Expr | None = None) -> Terms:
+        """A polynomial to a rational power; `index` tells of roots still to come, `written` how to show it.
+
+        Raises:
+            SeriesError: Zero is raised to a negative power.
+        """
+        index = math.lcm(index, power.denominator)
+        if power >= 0 and power.denominator == 1:
+            return self._whole_power(terms, int(power))
+        if not terms:
+            raise SeriesError("formula must not divide by zero, but a denominator in it vanishes")
+        if index == 1:
+            quotients = fractions(self, terms)
+            if len(quotients) == 1 and (quotients[0].roots or len(quotients[0].numerator) == 1):
+                return self._inverse_quotient(quotients[0], -int(power))
+        content, base = primitive(terms, keep_sign=index > 1) if self.digits is None else (Fraction(1), terms)
+        if base == {ONE: 1}:
+            return self.raised_number(content, power)
+        w = self.root(base, index, written if base == terms else None)
+        index = self.roots[w].degree
+        whole = max(math.ceil(power), 0)
+        root: Terms = {generator(w, int((whole - power) * index)): 1}
+        return self.product([self.raised_number(content, power), self._whole_power(base, whole), root])
+
+    def _inverse_quotient(self, quotient: Quotient, power: int) -> Terms:
+        """One over a power of a quotient, each of its factors by itself."""
+        numerator, roots = quotient
+        if len(numerator) > 1:
+            rest, parts = self.raised(numerator, Fraction(-power)), roots
+        else:
+            [(monomial, number)] = numerator.items()
+            rest, parts = constant(Fraction(number) ** -power), {**roots, **dict(exponents(monomial))}
+        return self.product([rest, *(self._inverse_power(k, e * power) for k, e in parts.items())])
+
+    def _inverse_power(self, k: int, power: int) -> Terms:
+        """One over a power of a generator."""
+        return self._whole_power(self._inverse(k), power) if power > 0 else {generator(k, -power): 1}
+
+    def _whole_power(self, terms: Terms, power: int) -> Terms:
+        if power > MOST_POWER or math.comb(power + len(terms) - 1, power) > MOST_MONOMIALS_OF_A_POWER:
+            raise TooLarge
+        return self.power(terms, power)
+
+    def _inverse(self, k: int) -> Terms:
+        """One over a generator."""
+        if k in self.roots:
+            base, index = self.roots[k]
+            return self.dot([(base, {generator(k, index - 1): 1})])
+        if k in self.number_roots:
+            prime, index = self.number_roots[k]
+            return {generator(k, index - 1): Fraction(1, prime)}
+        w = self.root({generator(k): 1}, self.indices.get(self.expressions[k], 1))
+        return {generator(w, self.roots[w].degree): 1}
+
+    def raised_number(self, number: Fraction, power: Fraction) -> Terms:
+        """A rational power of a positive rational number, or a whole power of any."""
+        if power.denominator == 1:
+            return constant(number ** int(power))
+        result = constant(1)
+        denominators = ((prime, -times) for prime, times in prime_factors(number.denominator))
+        for prime, times in (*prime_factors(number.numerator), *denominators):
+            whole, part = divmod(times * power, 1)
+            factor = constant(Fraction(prime) ** whole)
+            if part:
+                index = math.lcm(part.denominator, self.indices.get(prime, 1))
+                factor = {generator(self.prime_root(prime, index), int(part * index)): factor[ONE]}
+            result = self.dot([(result, factor)])
+        return result
+
+
+@lru_cache(maxsize=256)
+def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
+    """Factors and exponents of a positive integer; a factor without small divisors need not be prime."""
+    import sympy
+
+    return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
+
+
+def rational(number: Number) -> Any:
+    """A number as SymPy's."""
+    import sympy
+
+    return sympy.Rational(number.numerator, number.denominator)

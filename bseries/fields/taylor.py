@@ -1,0 +1,287 @@
+"""Formulas as programs on jets: all derivatives of a formula up to a degree, by arithmetic on Taylor polynomials.
+
+A jet is a Taylor polynomial in the local variables of a term, one coefficient for each monomial of degree R or less,
+monomials sorted by degree. Sums and products of jets are those of truncated polynomials. A function b = φ(a) follows
+from its differential equation: with the Euler operator E, which multiplies a monomial by its degree, b = exp a gives
+E b = b · E a, that is b_α = Σ |β|/|α| a_β b_γ over x^α = x^β x^γ with β ≠ 0, one degree after the other. No formula is
+differentiated, so none grows.
+
+References:
+    A. Griewank, A. Walther, *Evaluating Derivatives*, 2nd ed. (2008), chapter 13.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from math import comb, factorial, prod
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import sympy
+
+CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
+"""The operations; `tower_kernels.evaluate_jet` says what each does."""
+
+MOST_FACTORS = 32
+"""Powers with whole or half exponents up to this one are products, of roots if need be."""
+
+INTEGRALS = ("log", "asin", "acos", "atan", "asinh", "acosh", "atanh")
+"""Functions with an algebraic derivative, in the order of their codes."""
+
+
+def monomials(variables: int, degree: int) -> list[tuple[int, ...]]:
+    """Exponents of all monomials of a degree or less, sorted by degree; the variables themselves follow the 1.
+
+    Example:
+        >>> monomials(2, 2)
+        [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+    """
+    return [
+        tuple(map(chosen.count, range(variables)))
+        for d in range(degree + 1)
+        for chosen in combinations_with_replacement(range(variables), d)
+    ]
+
+
+def jet_size(variables: int, degree: int) -> int:
+    """The number of monomials of a degree or less; none below degree 0."""
+    return comb(variables + degree, variables) if degree >= 0 else 0
+
+
+class Shape(NamedTuple):
+    """What arithmetic on jets of one number of variables and one degree needs to know.
+
+    Attributes:
+        raised: For each monomial of a degree below the highest and each variable, the place of their product.
+        factorials: α! of every monomial x^α.
+    """
+
+    variables: int
+    degree: int
+    raised: tuple[int, ...]
+    factorials: tuple[int, ...]
+
+
+@lru_cache(maxsize=64)
+def shape(variables: int, degree: int) -> Shape:
+    """The shape of jets."""
+    exponents = monomials(variables, degree)
+    place = {exponent: at for at, exponent in enumerate(exponents)}
+    raised = tuple(
+        place[(*exponent[:k], exponent[k] + 1, *exponent[k + 1 :])]
+        for exponent in exponents
+        if sum(exponent) < degree
+        for k in range(variables)
+    )
+    return Shape(variables, degree, raised, tuple(prod(map(factorial, exponent)) for exponent in exponents))
+
+
+Support = frozenset[int]
+"""The monomials that a jet may hold, by number; polynomials have few."""
+
+
+@lru_cache(maxsize=32)
+def products(
+    variables: int, degree: int, first: Support, second: Support, proper: bool
+) -> tuple[tuple[int, int, int], ...]:
+    """Triples (α, β, γ) of monomials with x^α = x^β x^γ and |α| ≤ degree, sorted by |α|.
+
+    Args:
+        variables: The number of variables.
+        degree: The degree of the jets.
+        first: The β there are.
+        second: The γ there are.
+        proper: Whether to leave out β = 0.
+
+    Example:
+        >>> products(1, 2, frozenset([0, 1]), frozenset([0, 1]), False)
+        ((0, 0, 0), (1, 0, 1), (1, 1, 0), (2, 1, 1))
+    """
+    exponents = monomials(variables, degree)
+    place = {exponent: at for at, exponent in enumerate(exponents)}
+    found = [
+        (place[tuple(map(sum, zip(exponents[b], exponents[c], strict=True)))], b, c)
+        for b in first
+        if b or not proper
+        for c in second
+        if c < jet_size(variables, degree - sum(exponents[b]))
+    ]
+    return tuple(sorted(found, key=lambda triple: (sum(exponents[triple[0]]), triple[1:])))
+
+
+class Step(NamedTuple):
+    """One operation: where its result goes, its operands, a number or the code of a function, and its products."""
+
+    operation: int
+    result: int
+    first: int = 0
+    second: int = 0
+    number: Any = None
+    products: tuple[tuple[int, int, int], ...] = ()
+
+
+def factors(step: Step, variables: int, degree: int) -> list[Any]:
+    """What each product of a function is multiplied by: |β|/|α|, for a power r it is (r|β| − |γ|)/|α|.
+
+    With a = a_0 (1 + ã), b = a^r satisfies a E b = r b E a, so that b_α = Σ (r|β| − |γ|)/|α| ã_β b_γ.
+    """
+    degrees = [sum(exponent) for exponent in monomials(variables, degree)]
+    if step.operation == POWER:
+        return [(step.number * degrees[b] - degrees[c]) / degrees[a] for a, b, c in step.products]
+    if step.operation in (EXP, CIRCULAR, HYPERBOLIC, INTEGRAL):
+        return [Fraction(degrees[b], degrees[a]) for a, b, _ in step.products]
+    return []
+
+
+class Tape(NamedTuple):
+    """A formula as steps; jets are numbered, the last result is the formula."""
+
+    steps: tuple[Step, ...]
+    jets: int
+    result: int
+
+
+def record(formula: sympy.Expr, variables: int, degree: int) -> Tape:
+    """The steps that compute a formula's jet.
+
+    Args:
+        formula: A formula in the symbols x0, x1, … (local variables) and d0, d1, … (data).
+        variables: The number of local variables.
+        degree: The degree of the jets, at least 0.
+
+    Raises:
+        SeriesError: The formula has a function that jets do not know.
+
+    Example:
+        >>> import sympy
+        >>> x = sympy.Symbol("x0")
+        >>> [step.operation for step in record(sympy.exp(-x) + 2, 1, 3).steps] == [ARGUMENT, SCALE, EXP, SHIFT]
+        True
+    """
+    recorder = _Recorder(variables, degree)
+    result = recorder.visit(formula)
+    return Tape(tuple(recorder.steps), len(recorder.supports), result)
+
+
+class _Recorder:
+    """Walks a formula once; equal subformulas share their jets."""
+
+    def __init__(self, variables: int, degree: int):
+        self.variables, self.degree = variables, degree
+        self.every: Support = frozenset(range(jet_size(variables, degree)))
+        self.steps: list[Step] = []
+        self.known: dict[Any, int] = {}
+        self.supports: list[Support] = []
+
+    def emit(
+        self, operation: int, *operands: int, support: Support | None = None, number: Any = None,
+        triples: tuple[tuple[int, int, int], ...] = (),
+    ) -> int:  # fmt: skip
+        """Append a step; `support` is that of its result, None if it may hold everything."""
+        self.supports.append(self.every if support is None else support & self.every)
+        result = len(self.supports) - 1
+        self.steps.append(Step(operation, result, *operands, number=number, products=triples))
+        if operation in (CIRCULAR, HYPERBOLIC, POWER):
+            self.supports.append(self.every)  # a second result, or room for work
+        return result
+
+    def multiply(self, a: int, b: int) -> int:
+        """The product of two jets."""
+        triples = products(self.variables, self.degree, self.supports[a], self.supports[b], False)
+        return self.emit(MULTIPLY, a, b, support=frozenset(alpha for alpha, _, _ in triples), triples=triples)
+
+    def function(self, operation: int, a: int, b: int = 0, number: Any = None) -> int:
+        """A function of jet a; `b` is the jet of an integral's slope, or a number of the operation's own."""
+        second = self.supports[b] if operation == INTEGRAL else self.every
+        triples = products(self.variables, self.degree, self.supports[a], second, True)
+        return self.emit(operation, a, b, number=number, triples=triples)
+
+    def visit(self, formula: Any) -> int:
+        if formula not in self.known:
+            self.known[formula] = self._visit(formula)
+        return self.known[formula]
+
+    def _visit(self, formula: Any) -> int:
+        if not formula.free_symbols:
+            return self.emit(CONSTANT, support=frozenset([0]), number=formula)
+        if formula.is_Symbol:
+            kind, number = str(formula)[0], int(str(formula)[1:])
+            if kind == "x":
+                return self.emit(ARGUMENT, number, support=frozenset([0, 1 + number]))
+            return self.emit(DATUM, number, support=frozenset([0]))
+        if formula.is_Add or formula.is_Mul:
+            return self._combine(formula)
+        if formula.is_Pow:
+            return self._power(formula.base, formula.exp)
+        return self._function(formula)
+
+    def _combine(self, formula: sympy.Expr) -> int:
+        """A sum or product; its number is one step, and not a jet."""
+        number, rest = formula.as_coeff_Add() if formula.is_Add else formula.as_coeff_Mul()
+        if number != (0 if formula.is_Add else 1):
+            at = self.visit(rest)
+            return self.emit(SHIFT if formula.is_Add else SCALE, at, support=self.supports[at] | {0}, number=number)
+        arguments = sorted(formula.args, key=lambda x: x.sort_key())
+        at = self.visit(arguments[0])
+        for argument in arguments[1:]:
+            other = self.visit(argument)
+            if formula.is_Add:
+                at = self.emit(ADD, at, other, support=self.supports[at] | self.supports[other])
+            else:
+                at = self.multiply(at, other)
+        return at
+
+    def _power(self, base: sympy.Expr, exponent: sympy.Expr) -> int:
+        import sympy
+
+        if base == sympy.E:
+            return self.function(EXP, self.visit(exponent))
+        if exponent.free_symbols:
+            return self.visit(sympy.exp(exponent * sympy.log(base), evaluate=False))
+        if exponent.is_Integer and exponent > 1:  # by products, which have no trouble where the base is zero
+            half = self.visit(base ** (exponent // 2))
+            square = self.multiply(half, half)
+            return square if exponent % 2 == 0 else self.multiply(square, self.visit(base))
+        at = self.visit(base)
+        halves = int(abs(2 * exponent)) if (2 * exponent).is_Integer and abs(exponent) <= MOST_FACTORS else 0
+        return self.function(POWER, at, halves, number=exponent)
+
+    def _function(self, formula: sympy.Expr) -> int:
+        import sympy
+
+        name, argument = formula.func.__name__, formula.args[0]
+        if name == "exp":
+            return self.function(EXP, self.visit(argument))
+        if name in ("sin", "cos", "sinh", "cosh"):
+            return self._pair(name, argument)
+        if name in ("tan", "tanh"):
+            top, bottom = (sympy.sin, sympy.cos) if name == "tan" else (sympy.sinh, sympy.cosh)
+            return self.visit(top(argument) * sympy.Pow(bottom(argument), -1))
+        slopes = {
+            "log": lambda a: 1 / a,
+            "asin": lambda a: (1 - a**2) ** sympy.Rational(-1, 2),
+            "acos": lambda a: -((1 - a**2) ** sympy.Rational(-1, 2)),
+            "atan": lambda a: 1 / (1 + a**2),
+            "asinh": lambda a: (1 + a**2) ** sympy.Rational(-1, 2),
+            "acosh": lambda a: (a - 1) ** sympy.Rational(-1, 2) * (a + 1) ** sympy.Rational(-1, 2),
+            "atanh": lambda a: 1 / (1 - a**2),
+        }
+        if name not in slopes:
+            raise SeriesError(f"field must be made of elementary functions, but has {name!r:.60}")
+        at, slope = self.visit(argument), self.visit(slopes[name](argument))
+        return self.function(INTEGRAL, at, slope, number=INTEGRALS.index(name))
+
+    def _pair(self, name: str, argument: Any) -> int:
+        """sin and cos, or sinh and cosh, which follow from each other: two jets side by side."""
+        import sympy
+
+        pair = (sympy.sin, sympy.cos) if name in ("sin", "cos") else (sympy.sinh, sympy.cosh)
+        key = ("pair", pair, argument)
+        if key not in self.known:
+            operation = CIRCULAR if pair[0] is sympy.sin else HYPERBOLIC
+            self.known[key] = self.function(operation, self.visit(argument))
+        return self.known[key] + (name in ("cos", "cosh"))

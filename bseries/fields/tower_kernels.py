@@ -1,0 +1,419 @@
+"""Compiled: the terms of a B-series on a scene, at several points, by derivative towers.
+
+Everything is data: the same machine code serves every scene, method and order. `ints` and `numbers` hold all tables
+(see `tower_layout`). Numbers are handled in groups of `lanes` (rows of sites, or points) that become vector
+instructions; a place in the workspace `A` counts groups. Run by the interpreter on other numbers, with other elementary
+functions in place of those of `math`, the same source computes in any precision.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from math import acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, log, sin, sinh, sqrt
+from typing import Any
+
+import numpy as np
+from numba import carray  # pyright: ignore[reportPrivateImportUsage]
+
+from bseries.fields import taylor as jets
+from bseries.fields import tower_layout as layout
+from bseries.fields.taylor import (
+    ADD,
+    ARGUMENT,
+    CIRCULAR,
+    CONSTANT,
+    DATUM,
+    EXP,
+    HYPERBOLIC,
+    INTEGRAL,
+    MULTIPLY,
+    POWER,
+    SCALE,
+    SHIFT,
+)
+from integrators.compile.lowering import SOURCES
+from integrators.compile.lowering.units import lowered
+from trees.compiled import Kernel, float_kernel
+
+
+class LoweredKernel(Kernel):
+    """A kernel that returns nothing; its callees are lowered kernels as well (see `integrators.lowering`)."""
+
+    @cached_property
+    def compiled(self) -> Any:
+        """An intrinsic, for kernels that numba compiles."""
+        return lowered()(self.py_func)
+
+
+outer = partial(float_kernel, sources=(layout, jets, *SOURCES))
+
+ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
+ROLES = np.uint64(4)
+# Widths of rows, and where the second half of a difference begins.
+TERM_ROW, TAPE_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
+    np.uint64(layout.TABLES[name]) for name in ("term", "tape", "argument", "output", "contraction")
+)
+SECOND_HALF = np.uint64(4)
+
+
+@LoweredKernel
+def list_sites(ints, term, points, lane, sites, point, lanes):
+    """Write the sites and the point of every row of a term: points one after the other, rows within them."""
+    kind, count, rows = ints[term + layout.T_KIND], ints[term + layout.T_COUNT], ints[term + layout.T_ROWS]
+    for p in range(points):
+        i = ZERO
+        j = ONE
+        for row in range(rows):
+            at = lane * ROLES
+            point[lane] = p
+            lane += ONE
+            if kind == layout.TABLE:
+                for role in range(ROLES):
+                    sites[at + role] = ints[ints[layout.SITE] + (ints[term + layout.T_SITE] + row) * ROLES + role]
+            elif kind == layout.PAIRS:
+                sites[at] = i
+                sites[at + ONE] = j
+                j += ONE
+                if j == count:
+                    i += ONE
+                    j = i + ONE
+            else:
+                sites[at] = row
+                sites[at + ONE] = ZERO if row + ONE == count else row + ONE
+    # The last group is filled up with copies of its last row, whose results are not used.
+    while lane % lanes != ZERO:
+        point[lane] = point[lane - ONE]
+        for role in range(ROLES):
+            sites[lane * ROLES + role] = sites[(lane - ONE) * ROLES + role]
+        lane += ONE
+
+
+@LoweredKernel
+def multiply(A, ints, result, a, b, first, last, lanes):
+    """Add the product of two jets to a third."""
+    product = ints[layout.PRODUCT]
+    for k in range(first, last):
+        at = product + k + TWO * k
+        i, x, y = (result + ints[at]) * lanes, (a + ints[at + ONE]) * lanes, (b + ints[at + TWO]) * lanes
+        for w in range(lanes):
+            A[i + w] += A[x + w] * A[y + w]
+
+
+@LoweredKernel
+def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
+    """Add the products of two jets, each times its factor; b may be the result itself, whose lower degrees are done."""
+    product = ints[layout.PRODUCT]
+    for k in range(first, last):
+        at = product + k + TWO * k
+        i, x, y = (result + ints[at]) * lanes, (a + ints[at + ONE]) * lanes, (b + ints[at + TWO]) * lanes
+        scale = numbers[factor + k - first]
+        for w in range(lanes):
+            A[i + w] += scale * A[x + w] * A[y + w]
+
+
+@LoweredKernel
+def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes):
+    """sin and cos, or sinh and cosh: each one's derivative is the other, up to a sign."""
+    product = ints[layout.PRODUCT]
+    for k in range(first, last):
+        at = product + k + TWO * k
+        i, j = (result + ints[at]) * lanes, (pair + ints[at]) * lanes
+        x = (a + ints[at + ONE]) * lanes
+        y, z = (result + ints[at + TWO]) * lanes, (pair + ints[at + TWO]) * lanes
+        scale = numbers[factor + k - first]
+        for w in range(lanes):
+            A[i + w] += scale * A[x + w] * A[z + w]
+        for w in range(lanes):
+            A[j + w] += sign * scale * A[x + w] * A[y + w]
+
+
+@LoweredKernel
+def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
+    """The functions at the centre of a jet; a power is of `halves` roots where the exponent is so many halves."""
+    for w in range(lanes):
+        x = A[a * lanes + w]
+        at = result * lanes + w
+        if operation == POWER and halves != ZERO:
+            x = x if halves % TWO == ZERO else sqrt(x)
+            power = x
+            for _ in range(ONE, halves if halves % TWO != ZERO else halves // TWO):
+                power *= x
+            A[at] = power if number > 0 else 1 / power
+        elif operation == POWER:
+            A[at] = x**number
+        elif operation == EXP:
+            A[at] = exp(x)
+        elif operation == CIRCULAR:
+            A[at] = sin(x)
+            A[pair * lanes + w] = cos(x)
+        elif operation == HYPERBOLIC:
+            A[at] = sinh(x)
+            A[pair * lanes + w] = cosh(x)
+        elif number == 0:
+            A[at] = log(x)
+        elif number == 1:
+            A[at] = asin(x)
+        elif number == 2:
+            A[at] = acos(x)
+        elif number == 3:
+            A[at] = atan(x)
+        elif number == 4:
+            A[at] = asinh(x)
+        elif number == 5:
+            A[at] = acosh(x)
+        else:
+            A[at] = atanh(x)
+
+
+@LoweredKernel
+def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b, size, first, last, factor, lanes):
+    """A function of a jet, one degree after the other, from its differential equation; see `bseries.fields.taylor`."""
+    pair = result + size
+    evaluate_centre(A, operation, number, halves, result, a, pair, lanes)
+    if operation == POWER:
+        for w in range(lanes):
+            A[pair * lanes + w] = 1 / A[a * lanes + w]
+        for k in range(ONE, size):
+            for w in range(lanes):
+                A[(pair + k) * lanes + w] = A[(a + k) * lanes + w] * A[pair * lanes + w]
+        multiply_scaled(A, ints, numbers, result, pair, result, first, last, factor, lanes)
+    elif operation == EXP:
+        multiply_scaled(A, ints, numbers, result, a, result, first, last, factor, lanes)
+    elif operation == INTEGRAL:
+        multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes)
+    else:
+        sign = -1 if operation == CIRCULAR else 1
+        multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes)
+
+
+@LoweredKernel
+def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
+    """All steps of a term's formula; the local variables are at `x`, followed by the data."""
+    size, degree = ints[term + layout.T_SIZE], ints[term + layout.T_DEGREE]
+    variables = ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]
+    cells = size * lanes
+    for s in range(ints[term + layout.T_TAPE], ints[term + layout.T_TAPE_END]):
+        row = ints[layout.TAPE] + s * TAPE_ROW
+        operation, first, number = ints[row], ints[row + TWO], numbers[ints[layout.NUMBER] + s]
+        result, a, b = jets + ints[row + ONE] * size, jets + first * size, jets + ints[row + 3] * size
+        begin, end = ints[row + 4], ints[row + 5]
+        r, u, v = result * lanes, a * lanes, b * lanes
+        if operation == ADD:
+            for i in range(cells):
+                A[r + i] = A[u + i] + A[v + i]
+        elif operation == SCALE:
+            for i in range(cells):
+                A[r + i] = number * A[u + i]
+        elif operation == SHIFT:
+            for i in range(cells):
+                A[r + i] = A[u + i]
+            for w in range(lanes):
+                A[r + w] += number
+        else:
+            for i in range(cells + cells if operation in (CIRCULAR, HYPERBOLIC) else cells):
+                A[r + i] = 0
+            if operation == CONSTANT:
+                for w in range(lanes):
+                    A[r + w] = number
+            elif operation == DATUM:
+                for w in range(lanes):
+                    A[r + w] = A[(x + variables + first) * lanes + w]
+            elif operation == ARGUMENT:
+                for w in range(lanes):
+                    A[r + w] = A[(x + first) * lanes + w]
+                    if degree != ZERO:
+                        A[r + (first + ONE) * lanes + w] = 1
+            elif operation == MULTIPLY:
+                multiply(A, ints, result, a, b, begin, end, lanes)
+            else:
+                halves, factor = ints[row + 3], ints[layout.FACTOR] + ints[row + 6]
+                evaluate_function(
+                    A, ints, numbers, operation, number, halves, result, a, b, size, begin, end, factor, lanes
+                )
+
+
+@LoweredKernel
+def list_places(ints, term, place, lane, sites, point, places, lanes):
+    """Write where in a vector of all points a group of rows has its local variables and its outputs."""
+    dimension = ints[layout.DIMENSION]
+    at = place * lanes
+    for k in range(ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]):
+        for half in range(TWO):
+            row = ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + half * SECOND_HALF
+            for w in range(lanes):
+                site = sites[(lane + w) * ROLES + ints[row]]
+                places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
+                at += ONE
+    for output in range(ints[term + layout.T_OUTPUT], ints[term + layout.T_OUTPUT_END]):
+        row = ints[layout.OUTPUT] + OUTPUT_ROW * output + ONE
+        for w in range(lanes):
+            site = sites[(lane + w) * ROLES + ints[row]]
+            places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
+            at += ONE
+
+
+@LoweredKernel
+def gather(A, ints, values, vector, to, first, last, places, place, lanes):
+    """Write the local variables of a group of rows, taken from one vector."""
+    for k in range(first, last):
+        at, plus = (to + k - first) * lanes, (place + TWO * (k - first)) * lanes
+        if ints[ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
+            for w in range(lanes):
+                A[at + w] = values[vector, places[plus + w]]
+        else:
+            for w in range(lanes):
+                A[at + w] = values[vector, places[plus + w]] - values[vector, places[plus + lanes + w]]
+
+
+@LoweredKernel
+def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
+    """Write the data of the sites of a group of rows."""
+    begin = ints[term + layout.T_DATUM]
+    for k in range(begin, ints[term + layout.T_DATUM_END]):
+        row = ints[layout.DATUM_ROWS] + TWO * k
+        first = ints[layout.DATUM_VALUE] + ints[row + ONE]
+        for w in range(lanes):
+            A[(to + k - begin) * lanes + w] = numbers[first + sites[(lane + w) * ROLES + ints[row]]]
+
+
+@LoweredKernel
+def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
+    """Add one output of a tower, or of a sum of towers, to one vector."""
+    if positive != ZERO:
+        for w in range(rows):
+            values[vector, places[place * lanes + w]] += A[tower * lanes + w]
+    else:
+        for w in range(rows):
+            values[vector, places[place * lanes + w]] -= A[tower * lanes + w]
+
+
+@LoweredKernel
+def contract(A, ints, left, own, size, child, variables, shape, first, last, lanes):
+    """T_r(u ∘ v) = T_{r+1}(u) · F(v) for all ranks r that are kept, along the local variables that F(v) moves."""
+    directions = ints[layout.DIRECTION]
+    for k in range(size):
+        i, row = (own + k) * lanes, shape + k * variables
+        x, y = (left + ints[row + ints[directions + first]]) * lanes, (child + ints[directions + first]) * lanes
+        for w in range(lanes):
+            A[i + w] = A[x + w] * A[y + w]
+        for m in range(first + ONE, last):
+            x, y = (left + ints[row + ints[directions + m]]) * lanes, (child + ints[directions + m]) * lanes
+            for w in range(lanes):
+                A[i + w] += A[x + w] * A[y + w]
+
+
+@LoweredKernel
+def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
+    """The towers of the single node: all derivatives of the term's formula."""
+    x, jets, size = ints[layout.LOCALS], ints[layout.JETS], ints[term + layout.T_SIZE]
+    first, last = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
+    list_places(ints, term, place, lane, sites, point, places, lanes)
+    gather(A, ints, y, ZERO, x, first, last, places, place, lanes)
+    gather_data(A, ints, numbers, term, x + last - first, lane, sites, lanes)
+    evaluate_jet(A, ints, numbers, term, jets, x, lanes)
+    result = jets + ints[term + layout.T_RESULT] * size
+    for k in range(size):
+        scale = numbers[ints[layout.FACTORIAL] + ints[term + layout.T_FACTORIAL] + k]
+        for w in range(lanes):
+            A[(base + k) * lanes + w] = scale * A[(result + k) * lanes + w]
+
+
+@LoweredKernel
+def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, place, lanes):
+    """Everything that the trees with n nodes need of one group of rows of one term."""
+    begin, end = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
+    variables, shape = end - begin, ints[layout.RAISED] + ints[term + layout.T_RAISED]
+    children, by_order = base + ints[term + layout.T_SLOTS], ints[layout.CHILD_LEVEL] + ints[term + layout.T_CHILD]
+    for c in range(ints[by_order + n - ONE], ints[by_order + n]):
+        to = children + (c - ints[by_order]) * variables
+        gather(A, ints, fields, ints[ints[layout.CHILD] + c], to, begin, end, places, place, lanes)
+    first, stop = ints[term + layout.T_OUTPUT], ints[term + layout.T_OUTPUT_END]
+    goal = place + TWO * variables - first
+    for i in range((stop - first) * lanes):
+        A[i] = 0  # the workspace begins with the sums of towers, one for each output
+    level = ints[layout.LEVEL] + ints[term + layout.T_LEVEL] + n
+    for s in range(ints[level - ONE], ints[level]):
+        row = ints[layout.CONTRACTION] + CONTRACTION_ROW * s
+        left, own, size = base + ints[row], base + ints[row + ONE], ints[row + TWO]
+        child = children + ints[row + 3] * variables
+        contract(A, ints, left, own, size, child, variables, shape, ints[row + 4], ints[row + 5], lanes)
+        for use in range(ints[row + 6], ints[row + 7]):
+            at = ints[layout.USE] + use + TWO * use
+            target, weight = ints[at], numbers[ints[layout.WEIGHT] + use]
+            for output in range(ints[at + ONE], ints[at + TWO]):
+                traits = ints[layout.OUTPUT] + OUTPUT_ROW * output
+                tower = own + ints[traits]
+                if target != ZERO:
+                    scatter(A, tower, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
+                else:
+                    i, x = (output - first) * lanes, tower * lanes
+                    for w in range(lanes):
+                        A[i + w] += weight * A[x + w]
+    for output in range(first, stop):
+        positive = ints[ints[layout.OUTPUT] + OUTPUT_ROW * output + 4]
+        scatter(A, output - first, positive, out, n - ONE, rows, places, goal + output, lanes)
+
+
+@LoweredKernel
+def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
+    """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
+
+    `y` is one row with all points, `fields` has a row for each child and `out` one for each order; both begin with
+    zeros. `sites`, `point` and `places` are filled here.
+    """
+    for n in range(ONE, ints[layout.ORDER] + ONE):
+        lane, base, place = ZERO, ints[layout.TOWERS], ZERO
+        for t in range(ints[layout.TERMS]):
+            term = ints[layout.TERM] + TERM_ROW * t
+            if n == ONE:
+                list_sites(ints, term, points, lane, sites, point, lanes)
+            last = lane + points * ints[term + layout.T_ROWS]
+            while lane < last:
+                if n == ONE:
+                    begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes)
+                sweep_group(A, ints, numbers, term, n, out, fields, base, min(lanes, last - lane), places, place, lanes)
+                lane += lanes
+                base += ints[term + layout.T_GROUPS]
+                place += TWO * (ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT])
+                place += ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT]
+
+
+@outer
+def workspace(ints, points, lanes):
+    """What so many points need: rows of sites, groups of numbers, groups of places."""
+    rows, groups, entries = ZERO, ints[layout.TOWERS], ZERO
+    for t in range(ints[layout.TERMS]):
+        term = ints[layout.TERM] + TERM_ROW * t
+        count = (points * ints[term + layout.T_ROWS] + lanes - ONE) // lanes
+        rows += count * lanes
+        groups += count * ints[term + layout.T_GROUPS]
+        entries += count * (TWO * (ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]))
+        entries += count * (ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT])
+    return rows, groups, entries
+
+
+@outer
+def evaluate_many(y, out, chunk, ints, numbers, lanes):
+    """The terms at many points: `y` has a row for each, `out` one for each order and point; some points at a time."""
+    dimension, points = y.shape[1], np.uint64(chunk)
+    rows, groups, entries = workspace(ints, points, lanes)
+    A, places = np.empty(groups * lanes), np.empty(entries * lanes, np.uint64)
+    sites, point = np.empty(rows * ROLES, np.uint64), np.empty(rows, np.uint64)
+    fields = np.empty((ints[layout.FIELDS], chunk * dimension))
+    terms, some = np.empty((out.shape[0], chunk * dimension)), np.empty((1, chunk * dimension))
+    for first in range(0, y.shape[0], chunk):
+        size = min(chunk, y.shape[0] - first)
+        fields[:], terms[:] = 0, 0
+        for k in range(size * dimension):
+            some[0, k] = y[first + k // dimension, k % dimension]
+        sweep(some, terms, fields, A, sites, point, places, np.uint64(size), ints, numbers, lanes)
+        for n in range(out.shape[0]):
+            for k in range(size * dimension):
+                out[n, first + k // dimension, k % dimension] = terms[n, k]
+
+
+@outer
+def evaluate_pointers(y, out, points, dimension, order, chunk, lanes, ints, size, numbers, length):
+    """`evaluate_many` on pointers to contiguous arrays."""
+    states, terms = carray(y, (points, dimension)), carray(out, (order, points, dimension))
+    evaluate_many(states, terms, chunk, carray(ints, (size,)), carray(numbers, (length,)), np.uint64(lanes))

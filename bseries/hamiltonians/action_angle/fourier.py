@@ -1,0 +1,231 @@
+"""Fourier polynomials in some angles, with exact functions of the actions as coefficients.
+
+f(a, θ) = Σ_k (c_k(a) cos k·θ + s_k(a) sin k·θ), with one k of each pair ±k. Products are those of the addition
+theorems, so that the modes of a formula are found, and kept, without any search for simplifications.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from random import Random
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing, Element
+from bseries.fields.symbolic.sparse_polynomials import exponents
+
+if TYPE_CHECKING:
+    import sympy
+
+    Number = int | Fraction
+
+MOST_POWER = 50
+"""Formulas with higher powers of trigonometric polynomials are refused."""
+
+DIGITS = 100
+POINTS = 3
+"""A coefficient that vanishes to so many digits, at so many points, is zero."""
+
+
+class Mode(NamedTuple):
+    """cos k·θ, or sin k·θ; the first entry of k that is not zero is positive."""
+
+    k: tuple[int, ...]
+    is_sine: bool
+
+
+FourierPolynomial: TypeAlias = "dict[Mode, Element]"
+
+
+class FourierRing:
+    """Fourier polynomials in angles, over the ring of functions of the actions that some formulas call for.
+
+    Args:
+        formulas: The SymPy formulas it is made for.
+        actions: The symbols that coefficients are functions of; further symbols are parameters.
+        angles: The symbols of the angles.
+        limit: Coefficients with more monomials raise `TooLarge`.
+
+    Example:
+        >>> import sympy
+        >>> a, theta = sympy.symbols("a theta")
+        >>> fourier = FourierRing([sympy.sqrt(a) * sympy.sin(theta) ** 3], [a], [theta])
+        >>> fourier.expression(fourier.read(sympy.sqrt(a) * sympy.sin(theta) ** 3))
+        3*sqrt(a)*sin(theta)/4 - sqrt(a)*sin(3*theta)/4
+    """
+
+    def __init__(
+        self,
+        formulas: Iterable[sympy.Expr],
+        actions: Sequence[sympy.Symbol],
+        angles: Sequence[sympy.Symbol],
+        *,
+        limit: int = MOST_MONOMIALS,
+    ):
+        self.actions, self.angles = tuple(actions), tuple(angles)
+        self._angles = set(self.angles)
+        leaves = [leaf for formula in formulas for leaf in self._leaves(formula)]
+        self.coefficients = DifferentialRing(leaves, self.actions, limit=limit)
+        self.constant = Mode((0,) * len(self.angles), False)
+
+    def _leaves(self, formula: Any) -> Iterator[Any]:
+        """The largest parts of a formula that no angle occurs in."""
+        if not formula.free_symbols & self._angles:
+            yield formula
+        else:
+            for part in formula.args:
+                yield from self._leaves(part)
+
+    # Reading and writing.
+
+    def read(self, formula: Any) -> FourierPolynomial:
+        """A formula as a Fourier polynomial.
+
+        Raises:
+            SeriesError: It is no trigonometric polynomial in the angles.
+        """
+        if not formula.free_symbols & self._angles:
+            return self._clean({self.constant: self.coefficients.element(formula)})
+        if formula.is_Add:
+            return self.sum((1, self.read(part)) for part in formula.args)
+        if formula.is_Mul:
+            return self._product(map(self.read, formula.args))
+        if formula.is_Pow and formula.exp.is_Integer and 0 < formula.exp <= MOST_POWER:
+            return self._product([self.read(formula.base)] * int(formula.exp))
+        return self._wave(formula)
+
+    def _wave(self, formula: Any) -> FourierPolynomial:
+        """cos(k·θ + β) = cos β cos k·θ − sin β sin k·θ, or the like for a sine."""
+        import sympy
+
+        if isinstance(formula, sympy.sin | sympy.cos):
+            argument = sympy.expand(formula.args[0])
+            slopes = [argument.diff(angle) for angle in self.angles]
+            if all(slope.is_Integer for slope in slopes):
+                k, is_sine = tuple(map(int, slopes)), isinstance(formula, sympy.sin)
+                phase = argument.xreplace(dict.fromkeys(self.angles, sympy.Integer(0)))
+                cosine, sine = sympy.cos(phase), sympy.sin(phase)
+                weights = {False: sine, True: cosine} if is_sine else {False: cosine, True: -sine}
+                return self.sum(
+                    (sign, {mode: self.coefficients.element(weight)})
+                    for kind, weight in weights.items()
+                    for sign, mode in _canonical(k, kind)
+                )
+        names = ", ".join(map(str, self.angles))
+        raise SeriesError(
+            f"hamiltonian must have finitely many Fourier modes, of period 2π in {names}, but has {formula!s:.60}"
+        )
+
+    def expression(self, f: FourierPolynomial, *, simplify: bool = True) -> sympy.Expr:
+        """The SymPy expression; with `simplify` the coefficients are factored."""
+        import sympy
+
+        total: list[Any] = []
+        for (k, is_sine), x in sorted(f.items(), key=lambda item: (sum(map(abs, item[0].k)), item[0])):
+            argument = sympy.Add(*(n * angle for n, angle in zip(k, self.angles, strict=True)))
+            wave = sympy.sin(argument) if is_sine else sympy.cos(argument)
+            total.append(self.coefficients.to_expression(x, simplify=simplify) * wave)
+        return sympy.Add(*total)
+
+    # Arithmetic.
+
+    def sum(self, parts: Iterable[tuple[Number, FourierPolynomial]]) -> FourierPolynomial:
+        """The sum of multiples."""
+        gathered: dict[Mode, list[tuple[Number, Element]]] = defaultdict(list)
+        for factor, f in parts:
+            for mode, x in f.items():
+                gathered[mode].append((factor, x))
+        return self._clean({mode: self.coefficients.sum(summands) for mode, summands in gathered.items()})
+
+    def dot(self, pairs: Iterable[tuple[FourierPolynomial, FourierPolynomial]]) -> FourierPolynomial:
+        """The sum of products."""
+        gathered: dict[Mode, list[tuple[Number, Element]]] = defaultdict(list)
+        for f, g in pairs:
+            for left, x in f.items():
+                for right, y in g.items():
+                    xy = x * y
+                    for factor, mode in _superposition(left, right):
+                        gathered[mode].append((factor, xy))
+        return self._clean({mode: self.coefficients.sum(summands) for mode, summands in gathered.items()})
+
+    def _product(self, factors: Iterable[FourierPolynomial]) -> FourierPolynomial:
+        result: FourierPolynomial = {self.constant: self.coefficients.coerce(1)}
+        for factor in factors:
+            result = self.dot([(result, factor)])
+        return result
+
+    def along_action(self, f: FourierPolynomial, i: int) -> FourierPolynomial:
+        """The derivative with respect to the i-th action."""
+        return self._clean({mode: self.coefficients.derivative(x, i) for mode, x in f.items()})
+
+    def along_angle(self, f: FourierPolynomial, i: int) -> FourierPolynomial:
+        """The derivative with respect to the i-th angle."""
+        slopes = {Mode(k, not is_sine): (k[i] if is_sine else -k[i]) * x for (k, is_sine), x in f.items() if k[i]}
+        return self._clean(slopes)
+
+    def _clean(self, f: FourierPolynomial) -> FourierPolynomial:
+        return {mode: x for mode, x in f.items() if x}
+
+    def is_zero(self, x: Element) -> bool:
+        """Whether a coefficient is zero: by the relations of the ring, or else to 100 digits at several points.
+
+        Numbers have relations that the ring does not know, such as √(3 + 2√2) = 1 + √2.
+        """
+        return self.coefficients.is_zero(x) or all(self._vanishes(x, Random(seed)) for seed in range(POINTS))
+
+    def _vanishes(self, x: Element, random: Random) -> bool:
+        """Whether a coefficient is zero to many digits, in comparison with its monomials, at a random point."""
+        import mpmath
+        import sympy
+
+        monomials = [(number, list(exponents(monomial))) for monomial, number in x.terms.items()]
+        used = sorted({k for _, powers in monomials for k, _ in powers})
+        formulas = [self.coefficients.generators[k] for k in used]
+        symbols = sorted(set().union(*(formula.free_symbols for formula in formulas)), key=str)
+        with mpmath.workdps(DIGITS + 20):
+            # Of both signs, lest √(a²) count as a.
+            point = [mpmath.mpf(random.randint(-999_999, 999_999)) / 300_007 for _ in symbols]
+            try:
+                values = dict(zip(used, sympy.lambdify(symbols, formulas, "mpmath", dummify=True)(*point), strict=True))
+            except (ArithmeticError, ValueError):  # outside the domain of a function
+                return False
+            summands = [
+                mpmath.mpf(number.numerator) / number.denominator * mpmath.fprod(values[k] ** n for k, n in powers)
+                for number, powers in monomials
+            ]
+            return bool(abs(mpmath.fsum(summands)) <= mpmath.fsum(map(abs, summands)) * mpmath.mpf(10) ** -DIGITS)
+
+    def reciprocal(self, x: Element) -> Element:
+        """One over a coefficient; one over a number comes without roots in its denominator.
+
+        Raises:
+            SeriesError: The coefficient is zero as it stands.
+        """
+        import sympy
+
+        ring = self.coefficients
+        value: Any = ring.to_expression(x)
+        if value.is_number:
+            return ring.element(sympy.radsimp(1 / value))
+        return Element(ring, ring.polynomials.raised(x.terms, Fraction(-1)))
+
+
+def _canonical(k: tuple[int, ...], is_sine: bool) -> Iterator[tuple[int, Mode]]:
+    """A wave as a mode and its sign; a sine of nothing is none."""
+    leading = next((n for n in k if n), 0)
+    if leading or not is_sine:
+        flipped = leading < 0
+        yield -1 if flipped and is_sine else 1, Mode(tuple(-n for n in k) if flipped else k, is_sine)
+
+
+def _superposition(left: Mode, right: Mode) -> Iterator[tuple[Fraction, Mode]]:
+    """A product of two waves as a sum: 2 sin j sin k = cos(j − k) − cos(j + k), and so on."""
+    total = tuple(j + k for j, k in zip(left.k, right.k, strict=True))
+    difference = tuple(j - k for j, k in zip(left.k, right.k, strict=True))
+    is_sine = left.is_sine != right.is_sine
+    signs = {(False, False): (1, 1), (True, True): (1, -1), (True, False): (1, 1), (False, True): (-1, 1)}
+    for sign, k in zip(signs[left.is_sine, right.is_sine], (difference, total), strict=True):
+        for turn, mode in _canonical(k, is_sine):
+            yield Fraction(sign * turn, 2), mode

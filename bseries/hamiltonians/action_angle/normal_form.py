@@ -1,0 +1,235 @@
+"""Normal forms: nearly integrable Hamiltonians without their angles, and the way there and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.inputs import check_power, read_symbolic_step
+from integrators.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    import numpy as np
+    import sympy
+
+    from bseries.hamiltonians.action_angle.elimination import Elimination
+    from integrators.scenes.model.blocks import Block
+
+
+class SmallDenominator(NamedTuple):
+    """A denominator k·ω at a point: its k, the order in ε at which it first divides, and its value.
+
+    Example:
+        >>> SmallDenominator((3, -2), 3, 0.26).k
+        (3, -2)
+    """
+
+    k: tuple[int, ...]
+    order: int
+    value: float
+
+
+class NormalForm:
+    """What `lindstedt_poincare` gives: the new Hamiltonian, the generating function, and the map both ways.
+
+    The new variables (b, φ) bear the names of the old ones (a, θ), in formulas and in states; in the generating
+    function S(b, θ) actions are new ones and angles old ones.
+
+    Attributes:
+        scene: The scene.
+        parameter: The name of the small parameter ε.
+        order: The largest power of ε.
+        actions: The symbols of the actions.
+        angles: The symbols of the angles.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.hamiltonians.action_angle.lindstedt import lindstedt_poincare
+        >>> H = "a1^2/2 + sqrt(2)*a2 + eps*cos(theta1 - theta2)"
+        >>> rotors = bs.Scene({"a": 2, "theta": 2}, hamiltonian=H, parameters={"eps": "1/100"})
+        >>> form = lindstedt_poincare(rotors, 2)
+        >>> form.symbolic(2)
+        1/(4*(a1 - sqrt(2))**2)
+        >>> form.small_denominators(["3/2", 1], 1)
+        [SmallDenominator(k=(1, -1), order=1, value=0.0857864376269...)]
+        >>> b = form.to_normal([1, 1, 0.5, 0.25], 0.01)
+        >>> form.from_normal(b, 0.01)
+        array([1.  , 1.  , 0.5 , 0.25])
+    """
+
+    def __init__(self, scene: Scene, parameter: str, layout: tuple[Block, Block], elimination: Elimination):
+        self.scene, self.parameter, self._layout, self._elimination = scene, parameter, layout, elimination
+        self.actions, self.angles = elimination.fourier.actions, elimination.fourier.angles
+        self.order = len(elimination.normal) - 1
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables."""
+        return self.scene.variables
+
+    def symbolic(self, k: int) -> sympy.Expr:
+        """The term of the new Hamiltonian with ε^k.
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        return self._hamiltonians[self._power(k)]
+
+    @cached_property
+    def _hamiltonians(self) -> list[sympy.Expr]:
+        return [self._elimination.fourier.expression(term) for term in self._elimination.normal]
+
+    def expression(self, eps: Any) -> sympy.Expr:
+        """The new Hamiltonian for a value of the parameter, a number or a symbol.
+
+        Raises:
+            SeriesError: `eps` is neither.
+        """
+        import sympy
+
+        value = read_symbolic_step(eps, self.parameter)
+        return sympy.Add(*(term * value**k for k, term in enumerate(self._hamiltonians)))
+
+    def generating_function(self, k: int) -> sympy.Expr:
+        """S_k(b, θ), the term of the generating function with ε^k; S_0 = 0.
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        return self._elimination.fourier.expression(self._elimination.generating[self._power(k)])
+
+    def _power(self, k: int) -> int:
+        check_power(k, self.order, self.parameter)
+        return k
+
+    @property
+    def resonances(self) -> Mapping[tuple[int, ...], int]:
+        """The k of the angles that the new Hamiltonian still depends on, with the orders at which they come in."""
+        return MappingProxyType(self._elimination.resonances)
+
+    @cached_property
+    def denominators(self) -> Mapping[tuple[int, ...], sympy.Expr]:
+        """The formulas k·ω(b), by k, that something was divided by."""
+        write = self._elimination.fourier.coefficients.to_expression
+        return MappingProxyType({k: write(found.value) for k, found in self._elimination.denominators.items()})
+
+    def small_denominators(self, actions: Any, count: int = 10) -> list[SmallDenominator]:
+        """The smallest denominators at a point; zero is that of a resonance there.
+
+        Args:
+            actions: The values of the actions.
+            count: How many to list.
+
+        Raises:
+            SeriesError: `actions` are not as many numbers, or lie outside the domain of ω; `count` is no number.
+        """
+        from integrators.core.arguments import items
+        from integrators.scenes.model.formulas import read_numbers
+
+        if isinstance(count, bool) or not isinstance(count, int) or count < 0:
+            raise SeriesError(f"count must be a whole number, 0 or more, but was {count!r:.60}")
+        numbers = read_numbers(items(actions, "actions"), "actions")
+        if len(numbers) != len(self.actions):
+            raise SeriesError(f"actions must be {len(self.actions)} numbers, but were {len(numbers)}")
+        values = dict(zip(self.actions, numbers, strict=True))
+        found = []
+        for k, formula in self.denominators.items():
+            value: Any = formula.xreplace(values)
+            if not (value.is_number and value.is_finite and value.is_real):
+                raise SeriesError(f"actions must be where {formula!s:.60} is a real number, but there it was {value}")
+            found.append(SmallDenominator(k, self._elimination.denominators[k].order, float(value)))
+        return sorted(found, key=lambda entry: (abs(entry.value), entry.order, entry.k))[:count]
+
+    # The change of variables.
+
+    def to_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
+        """(a, θ) ↦ (b, φ) at one point or many: b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ).
+
+        Args:
+            y: The state, of shape (variables,), or (variables, n) for n points.
+            eps: The value of the parameter.
+            workers: How many threads share the points.
+
+        Returns:
+            An array of the shape of `y`.
+
+        Raises:
+            SeriesError: Newton's method does not find b somewhere: ε is too large, or a denominator too small.
+        """
+        return self._mapped(False, y, eps, workers)
+
+    def from_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
+        """(b, φ) ↦ (a, θ), the inverse of `to_normal`."""
+        return self._mapped(True, y, eps, workers)
+
+    @cached_property
+    def compiled(self) -> ModuleType:
+        """A module with compiled functions ``to_normal(y, eps, out)`` and ``from_normal(y, eps, out)``.
+
+        They take contiguous arrays, and write nan where Newton's method does not converge.
+        """
+        from bseries.hamiltonians.action_angle.normal_form_maps import compiled_maps
+
+        return compiled_maps(self._elimination, self._layout, self.parameter)
+
+    def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
+        import numpy as np
+
+        from bseries.fields.inputs import in_threads, read_states, read_step
+        from bseries.hamiltonians.action_angle.normal_form_maps import map_states
+
+        states, shape = read_states(y, self.scene.dimension)
+        value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self.compiled
+        in_threads(lambda k: map_states(maps, is_back, states[k], value, out[k]), len(states), workers)
+        lost = np.flatnonzero(~np.isfinite(out).all(axis=1))
+        if lost.size:
+            raise SeriesError(
+                f"y must be where Newton's method can solve for the change of variables with {self.parameter} = "
+                f"{value}, but at {lost.size} of {len(states)} points it could not, such as "
+                f"{states[lost[0]].tolist()!s:.60}"
+            )
+        return out.T.reshape(shape)
+
+    @cached_property
+    def normal_scene(self) -> Scene:
+        """The system of the new Hamiltonian, truncated: a scene with the parameter as a symbol."""
+        import sympy
+
+        blocks = {block.name: block.size for block in self.scene.blocks}
+        energy = self.expression(sympy.Symbol(self.parameter))
+        symbols = {str(symbol) for symbol in energy.free_symbols} - set(self.variables)
+        names = {name: name for name in sorted({self.parameter, *symbols})}
+        return Scene(blocks, hamiltonian=energy, parameters=names, name=f"normal form of {self.scene.name}")
+
+    def __repr__(self) -> str:
+        return f"<NormalForm of {self.scene.name} through {self.parameter}^{self.order}>"
+
+    def __str__(self) -> str:
+        rows = (f"{self.parameter}^{k:<3} {term}" for k, term in enumerate(self._hamiltonians))
+        return "\n".join([f"normal form of {self.scene.name}", *rows])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The series as plain data."""
+        return {
+            "schema": 1,
+            "kind": "normal-form",
+            "scene": self.scene.name,
+            "parameter": self.parameter,
+            "order": self.order,
+            "actions": list(map(str, self.actions)),
+            "angles": list(map(str, self.angles)),
+            "terms": [
+                {"power": k, "hamiltonian": str(term), "generating_function": str(self.generating_function(k))}
+                for k, term in enumerate(self._hamiltonians)
+            ],
+            "denominators": [
+                {"k": list(k), "order": self._elimination.denominators[k].order, "denominator": str(formula)}
+                for k, formula in self.denominators.items()
+            ],
+            "resonances": [{"k": list(k), "order": order} for k, order in self.resonances.items()],
+        }

@@ -1,0 +1,1 @@
+"""Nested brackets: free Lie algebras, the Baker–Campbell–Hausdorff series, and methods in terms of them."""

@@ -1,0 +1,207 @@
+"""BracketSeries: a modified Hamiltonian as a sum of nested brackets of its parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.presentation import latex_number, number_text
+from bseries.exceptions import SeriesError
+from bseries.fields.inputs import check_power
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+
+Bracket = tuple[str, ...]
+"""The names in a right-nested bracket: ("T", "T", "U") stands for {T,{T,U}}."""
+
+BRACES, COMMUTATORS = "{}", "[]"
+
+
+class BracketSeries(Mapping[Bracket, Any]):
+    """A sum of right-nested brackets of the parts of a Hamiltonian; those with n letters belong to h^(n−1).
+
+    As a mapping it runs over a basis of all brackets up to the order, with their exact coefficients; ``s["{T,{T,U}}"]``
+    and ``s["T", "T", "U"]`` are the same. Where a method is published as decimals, coefficients that are zero as far as
+    its digits tell are 0.
+
+    Attributes:
+        parts: The names of the parts.
+        order: Largest number of letters.
+        kinetic: The part T that is taken to be quadratic in the momenta while the others do not depend on them, so that
+            brackets vanish; None if nothing is known of the parts.
+        label: The method.
+        domain: The smallest domain that holds the coefficients.
+        digits: Significant digits of a method published as decimals.
+
+    Example:
+        >>> from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
+        >>> import bseries as bs
+        >>> verlet = bracket_hamiltonian(bs.method("stormer-verlet"), 3)
+        >>> verlet["{T,{T,U}}"], verlet["U", "U", "T"], len(verlet)
+        (Fraction(1, 12), Fraction(-1, 24), 5)
+        >>> print(verlet.to_latex())
+        T + U + h^{2} \\left(\\frac{1}{12} \\{T,\\{T,U\\}\\} - \\frac{1}{24} \\{U,\\{U,T\\}\\}\\right)
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[str],
+        terms: Sequence[Mapping[Bracket, Coefficient]],
+        *,
+        kinetic: str | None = None,
+        label: str = "",
+        domain: str = "QQ",
+        digits: int | None = None,
+        errors: Mapping[Bracket, float] = MappingProxyType({}),
+        fences: str = BRACES,
+    ):
+        self.parts = tuple(parts)
+        self.kinetic = kinetic
+        self.label = label
+        self.domain = domain
+        self.digits = digits
+        self._terms = tuple(map(dict, terms))
+        self._values = {word: value for term in self._terms for word, value in term.items()}
+        self._words = {bracket_text(word, fences): word for word in self._values}
+        self._errors = errors
+        self._fences = fences
+
+    @property
+    def order(self) -> int:
+        """Largest number of letters."""
+        return len(self._terms)
+
+    def term(self, k: int) -> dict[Bracket, Any]:
+        """The brackets with the factor h^k whose coefficients are not zero.
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        check_power(k, self.order - 1)
+        return {word: value for word, value in self._terms[k].items() if value}
+
+    def _word(self, bracket: object) -> Any:
+        return self._words.get(bracket.replace(" ", "")) if isinstance(bracket, str) else bracket
+
+    def __getitem__(self, bracket: Bracket | str) -> Any:
+        if bracket not in self:
+            last = next(reversed(self._words))
+            raise SeriesError(f"bracket must be one of the basis, such as {last:.60}, but was {bracket!s:.60}")
+        return self._values[self._word(bracket)]
+
+    def __contains__(self, bracket: object) -> bool:
+        return self._word(bracket) in self._values
+
+    def get(self, bracket: Any, default: Any = None) -> Any:
+        """The coefficient of a bracket, or `default` if it is not in the basis."""
+        return self._values.get(self._word(bracket), default)
+
+    def __iter__(self) -> Iterator[Bracket]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, BracketSeries) and (self.parts, self._terms) == (other.parts, other._terms)
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __repr__(self) -> str:
+        of = f" of {self.label}" if self.label else ""
+        return f"<BracketSeries{of}: {len(self)} brackets of {', '.join(self.parts)} to order {self.order}>"
+
+    def __str__(self) -> str:
+        rows = (f"h^{k:<3} {self.term_text(k)}" for k in range(self.order) if self.term(k))
+        title = self.label if self._fences == COMMUTATORS else f"modified Hamiltonian of {self.label}"
+        return "\n".join([title, *rows])
+
+    def term_text(self, k: int) -> str:
+        """What h^k multiplies, as text.
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        return _sum((self._number_text(word), bracket_text(word, self._fences)) for word in self.term(k))
+
+    def _number_text(self, word: Bracket) -> str:
+        return number_text(self._values[word], self._digits(word))
+
+    def _digits(self, word: Bracket) -> int | None:
+        """Significant digits that the digits of a method's decimals leave to a coefficient."""
+        value, error = self._values[word], self._errors.get(word, 0.0)
+        if self.digits is None or not value or not error:
+            return self.digits
+        return max(1, min(self.digits, 1 + math.floor(math.log10(abs(value) / error))))
+
+    def term_latex(self, k: int) -> str:
+        """What h^k multiplies, as LaTeX.
+
+        Raises:
+            SeriesError: There is no such power.
+        """
+        left, right = ("\\" + fence if fence in BRACES else fence for fence in self._fences)
+        return _sum(
+            (latex_number(x, self._digits(word)), bracket_text(word, (left, right))) for word, x in self.term(k).items()
+        )
+
+    def to_latex(self) -> str:
+        """The sum as a formula."""
+        terms = [(k, self.term_latex(k)) for k in range(self.order) if self.term(k)]
+        powers = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
+        return " + ".join(f"{powers[k]} \\left({text}\\right)" if k else text for k, text in terms) or "0"
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.to_latex()}$"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The sum as JSON-ready data."""
+        data: dict[str, Any] = {
+            "schema": 1,
+            "kind": "brackets",
+            "method": self.label,
+            "order": self.order,
+            "domain": self.domain,
+            "parts": list(self.parts),
+            "kinetic": self.kinetic,
+        }
+        if self.digits is not None:
+            data["digits"] = self.digits
+        data["terms"] = [
+            {
+                "power": k,
+                "bracket": bracket_text(word, self._fences),
+                "letters": list(word),
+                "coefficient": self._number_text(word),
+            }
+            for k, term in enumerate(self._terms)
+            for word in term
+        ]
+        return data
+
+
+def bracket_text(word: Sequence[str], fences: Sequence[str] = BRACES) -> str:
+    """A right-nested bracket as text.
+
+    Example:
+        >>> bracket_text(("T", "T", "U"))
+        '{T,{T,U}}'
+    """
+    left, right = fences
+    opening = "".join(f"{left}{name}," for name in word[:-1])
+    return opening + word[-1] + right * (len(word) - 1)
+
+
+def _sum(terms: Any) -> str:
+    """Numbers times brackets as a sum."""
+    text = ""
+    for number, bracket in terms:
+        compound = " + " in number or " - " in number
+        sign = "-" if number.startswith("-") and not compound else "+"
+        factor = f"({number})" if compound else number.removeprefix("-")
+        summand = bracket if factor == "1" else f"{factor} {bracket}"
+        text += f" {sign} {summand}" if text else f"-{summand}" if sign == "-" else summand
+    return text or "0"

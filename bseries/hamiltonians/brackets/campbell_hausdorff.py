@@ -1,0 +1,182 @@
+"""Modified Hamiltonians of splitting methods by the series of Baker, Campbell and Hausdorff.
+
+One step of a splitting method is a product of exponentials of Lie derivatives, and its logarithm is a sum of brackets
+of the parts. On tall trees, which are words, the modified equation is that logarithm; what remains is to write it in a
+basis of brackets. With {A,B} = A_q·B_p − A_p·B_q the field of {A,B} is X_A' X_B − X_B' X_A, the bracket of
+`lie_algebra`, so that words from the root to the leaf need no signs: the root belongs to the flow that acts last.
+
+Methods that are no chain of flows, such as force-gradient and partitioned Runge–Kutta methods, are read on the trees of
+separable systems, or of Nyström systems, which they are meant for. Most are splitting methods there; whether they are
+is not asked, but whether their modified equation is a sum of brackets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.modified import series
+from bseries.algebra.stages import check_method, own_trees
+from bseries.analysis.conjugation import field_elements
+from bseries.analysis.order import trusted
+from bseries.analysis.verdicts import failing, fields_of
+from bseries.exact.domains import exact_number
+from bseries.exceptions import SeriesError
+from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries
+from bseries.hamiltonians.brackets.bracket_trees import bracket_table, kinetic_of, read_kinetic, shown_names
+from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, lie_algebra
+from integrators.methods.kinds.splitting import Splitting
+from integrators.methods.program.interface import read_parts
+
+if TYPE_CHECKING:
+    from bseries.algebra.stages import Method
+
+
+def bracket_hamiltonian(
+    method: Method | BSeries, order: int | None = None, *, quadratic_kinetic: bool | str | None = None
+) -> BracketSeries:
+    """The modified Hamiltonian of a splitting method as a sum of nested brackets, for all Hamiltonians at once.
+
+    For methods in two blocks p and q the Hamiltonian is H = T(p) + U(q); for other splittings the parts keep their
+    names. On Poisson systems the brackets are those of the system.
+
+    Args:
+        method: A splitting method, or a composition of such methods; a partitioned Runge–Kutta or force-gradient
+            method that is one for separable Hamiltonians; or a series on coloured trees.
+        order: Largest number of letters N: powers h^0 … h^(N−1). For a series None means its own order.
+        quadratic_kinetic: Whether T is quadratic in the momenta, with constant coefficients, and the other parts do not
+            depend on them; brackets that vanish then are left out. The name of a part says that it is T; True means
+            T of T and U, and the first of two other parts, as in `modified_field`. None: if the method is made for such
+            systems.
+
+    Returns:
+        The sum, in a basis of brackets.
+
+    Raises:
+        SeriesError: The method has no parts, its modified equation is no sum of brackets (the first tree that shows it
+            is named), or an argument is not as it must be.
+
+    Example:
+        >>> import bseries as bs
+        >>> print(bracket_hamiltonian(bs.method("stormer-verlet"), 5, quadratic_kinetic=True))
+        modified Hamiltonian of stormer-verlet-kdk
+        h^0   T + U
+        h^2   1/12 {T,{T,U}} - 1/24 {U,{U,T}}
+        h^4   -1/720 {T,{T,{T,{T,U}}}} + 1/360 {U,{T,{T,{T,U}}}} - 1/480 {U,{U,{T,{T,U}}}} + 1/120 {T,{T,{U,{U,T}}}}
+
+    References:
+        HLW, sections III.4.2 and IX.9; E. Hairer, lecture on long-time behaviour, example 6;
+        R. I. McLachlan, B. Ryland, J. Math. Phys. 44 (2003) 3071–3087, doi:10.1063/1.1576904.
+    """
+    if isinstance(method, BSeries):
+        if quadratic_kinetic is not None:
+            raise SeriesError(f"quadratic_kinetic must be None for a series, but was {quadratic_kinetic!r:.60}")
+        label = method.label or "a series"
+        _check_parts(method.names, label)
+        return _in_brackets(fields_of(method, order), method.names, label)
+    _check_parts(check_method(method).names, method.name)
+    if quadratic_kinetic is None:
+        kinetic = kinetic_of(own_trees(method), len(method.names))
+    else:
+        kinetic = read_kinetic(quadratic_kinetic, method.names)
+    return in_brackets(method, order, kinetic)
+
+
+def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = False) -> BracketSeries:
+    """The series of Baker, Campbell and Hausdorff: log(exp A exp B) in commutators.
+
+    Args:
+        order: Largest number of letters.
+        names: The letters, two or more; log(exp A exp B exp C) for three.
+        symmetric: Whether to take log(exp(A/2) exp B exp(A/2)) instead, log(exp(A/2) exp(B/2) exp C …) for more.
+
+    Returns:
+        The sum, in a basis of commutators.
+
+    Raises:
+        SeriesError: The order is too large.
+        IntegratorError: `names` are no two or more different names.
+        TreeError: The order is no whole number ≥ 1.
+
+    Example:
+        >>> print(bch(4))
+        log(exp A exp B)
+        h^0   A + B
+        h^1   1/2 [A,B]
+        h^2   1/12 [A,[A,B]] + 1/12 [B,[B,A]]
+        h^3   -1/24 [B,[A,[A,B]]]
+
+    References:
+        HLW, sections III.4.2 (formula (4.11)) and III.4.3 (symmetric).
+    """
+    *others, last = read_parts(names)
+    if symmetric:
+        there = [(name, "1/2") for name in others]
+        flows = [*there, (last, "1"), *there[::-1]]
+    else:
+        flows = [(last, "1"), *((name, "1") for name in reversed(others))]  # the last factor acts first
+    factors = (f"exp {name}" if x == "1" else f"exp({name}/2)" for name, x in reversed(flows))
+    splitting = Splitting(flows, parts=names, name=f"log({' '.join(factors)})")
+    return in_brackets(splitting, order, None, fences=COMMUTATORS)
+
+
+def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown: Any) -> BracketSeries:
+    """A method's modified Hamiltonian, with this part quadratic in the momenta that the others do not depend on."""
+    table = bracket_table(method, order, kinetic)
+    fields = fields_of(series(trusted(method), table), None)  # pyright: ignore[reportArgumentType]
+    return _in_brackets(fields, method.names, method.name, kinetic, **shown)
+
+
+def _check_parts(names: Sequence[str], label: str) -> None:
+    if len(names) < 2:
+        raise SeriesError(f"method must treat parts of the field differently, but {label} has one part only")
+
+
+def _in_brackets(
+    fields: Sequence[BSeries], names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
+) -> BracketSeries:
+    """A field, the first of its samples, as a sum of brackets."""
+    field, parts = fields[0], shown_names(names)
+    letters = sorted(range(len(parts)), key=lambda color: (parts[color] != "T", color))
+    algebra = lie_algebra(field.table, tuple(letters))
+    samples = [field_elements(sample) for sample in fields]
+    terms, errors = [], {}
+    for degree in range(1, field.order + 1):
+        term, error = _coordinates(algebra, degree, samples, names, label)
+        brackets = [tuple(parts[letters[x]] for x in word) for word in algebra.basis(degree)]
+        terms.append(dict(zip(brackets, term, strict=True)))
+        errors.update(zip(brackets, error, strict=True))
+    return BracketSeries(
+        [parts[color] for color in letters],
+        terms,
+        kinetic=None if kinetic is None else parts[kinetic],
+        label=label,
+        domain=field.domain,
+        digits=field.digits,
+        errors=errors,
+        **shown,
+    )
+
+
+def _coordinates(
+    algebra: LieAlgebra, degree: int, samples: Sequence[tuple[list[Any], Any, Any]], names: Sequence[str], label: str
+) -> tuple[list[Any], list[float]]:
+    """The coordinates of the term with so many nodes, and how far those of the other samples are from them.
+
+    A coordinate is 0 where the samples leave it open whether it is.
+    """
+    found = [algebra.coordinates(degree, values, number) for values, number, _ in samples]
+    trees = sorted(set().union(*(rest for _, rest in found)))
+    residuals, *nearby = ([rest.get(tree, 0) for tree in trees] for _, rest in found)
+    broken = next(failing(residuals, nearby), None)
+    if broken is not None:
+        tree = algebra.table[trees[broken]].text(names)
+        raise SeriesError(
+            f"method must have a modified equation in brackets of its parts, as splitting methods have, but {label} "
+            f"has none: at h^{degree - 1} the tree {tree} breaks it"
+        )
+    values, *others = (coordinates for coordinates, _ in found)
+    nonzero, public = set(failing(values, others)), samples[0][2]
+    errors = [max((abs(float(other[k] - x)) for other in others), default=0.0) for k, x in enumerate(values)]
+    return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(values)], errors

@@ -1,0 +1,153 @@
+"""Modified Hamiltonians of splitting methods on scenes: the nested brackets evaluated, exactly.
+
+For any Poisson structure B(y) the bracket {A,X} = ∇Aᵀ B ∇X is the derivative of X along −B∇A, the field of A backwards.
+So the fields of the parts are all that is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from functools import cache
+from itertools import chain
+from typing import TYPE_CHECKING, Any, cast
+
+from bseries.algebra.stages import check_method, own_trees
+from bseries.exceptions import SeriesError
+from bseries.fields.differentials import FLOAT_DIGITS, refusing_large
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.flint_rings import fastest
+from bseries.hamiltonians.brackets.bracket_trees import is_chain, kinetic_of, shown_names
+from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets
+from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
+from integrators.scenes.particles.parts import check_kind, pieces_of
+
+if TYPE_CHECKING:
+    import sympy
+
+    from bseries.algebra.stages import Method
+    from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
+    from integrators.scenes.scene import Scene
+
+MOST_SIMPLIFIED = 2000
+"""To bring formulas with more monomials over common denominators takes longer than to find them."""
+
+
+def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
+    """The modified Hamiltonian of a splitting method on a scene, from brackets: the formulas by power of h.
+
+    Args:
+        method: A method as for `bracket_hamiltonian`.
+        scene: A Hamiltonian or Poisson system that is the sum of the method's parts.
+        order: Largest number of letters N: powers h^0 … h^(N−1).
+        parts: What the method's parts are, as for `modified_field`.
+
+    Returns:
+        The formulas of H, H_2, H_3, …
+
+    Raises:
+        SeriesError: The scene or its parts are not Hamiltonian, the modified equation of the method is no sum of
+            brackets, or a formula grows too large.
+        IntegratorError: The method's parts are none of the scene's, or it is not of the kind the method is meant for.
+
+    Example:
+        >>> import bseries as bs
+        >>> bracket_terms(bs.method("stormer-verlet"), bs.scene("pendulum"), 3)
+        (p**2/2 - cos(q), 0, p**2*cos(q)/12 - sin(q)**2/24)
+        >>> bracket_terms(bs.method("lie-trotter"), bs.scene("lotka-volterra"), 2)[1]
+        (p - 1)*(q - 2)/2
+
+    References:
+        HLW, section IX.3 (Hamiltonian and Poisson); E. Hairer, lecture on long-time behaviour, example 6.
+    """
+    if len(check_method(method).names) < 2:
+        raise SeriesError(f"method must treat parts of the field differently, but {method.name} has one part only")
+    pieces = pieces_of(method.names, scene, parts)
+    check_kind(method.name, own_trees(method), pieces, scene)
+    own = own_trees(method)
+    kinetic = kinetic_of(degrees(scene, pieces) if own is None else own, len(pieces))
+    if kinetic is None and not is_chain(method):
+        _check_separable(method.name, pieces, scene)
+    energies = dict(zip(shown_names(method.names), part_hamiltonians(scene, pieces), strict=True))
+    return _evaluated(in_brackets(method, order, kinetic), scene, energies)
+
+
+def part_hamiltonians(scene: Scene, pieces: Sequence[Piece]) -> list[sympy.Expr]:
+    """For each piece of the field its Hamiltonian.
+
+    Raises:
+        SeriesError: A piece has none.
+    """
+    import sympy
+
+    energy = scene.hamiltonian
+    if energy is None:
+        raise SeriesError(f"scene must be Hamiltonian or Poisson, but {scene.name} has no Hamiltonian")
+    if all(piece.blocks is None for piece in pieces):
+        summands = [[x for x in scene.summands if x.part == piece.part] for piece in pieces]
+        return [flat_hamiltonian(of_part, scene) or sympy.Integer(0) for of_part in summands]
+    found = _sorted_terms(energy, pieces, scene) or _sorted_terms(energy.expand(), pieces, scene)
+    if found is None:
+        raise SeriesError(f"scene must be a sum of Hamiltonians of the method's parts, but {scene.name} is not")
+    return found
+
+
+def _sorted_terms(energy: sympy.Expr, pieces: Sequence[Piece], scene: Scene) -> list[sympy.Expr] | None:
+    """The terms of a Hamiltonian by the pieces that they move; None if one moves more than a piece."""
+    import sympy
+
+    blocks = [block.name for block in scene.blocks for _ in block.variables]
+    found: list[list[sympy.Expr]] = [[] for _ in pieces]
+    for term in sympy.Add.make_args(energy):
+        field = hamiltonian_field(cast("sympy.Expr", term), scene)
+        moved = {block for block, entry in zip(blocks, field, strict=True) if entry}
+        at = next((k for k, piece in enumerate(pieces) if moved <= (piece.blocks or frozenset())), None)
+        if at is None:
+            return None
+        found[at].append(cast("sympy.Expr", term))
+    return [sympy.Add(*terms) for terms in found]
+
+
+def _check_separable(name: str, pieces: Sequence[Piece], scene: Scene) -> None:
+    """Refuse parts that depend on their own variables, for a method that is a splitting method only where none does."""
+    rows = degrees(scene, pieces)
+    if any(row[k] != 0 for k, row in enumerate(rows)):
+        raise SeriesError(f"scene must be separable for {name}, which is no chain of flows, but {scene.name} is not")
+
+
+def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sympy.Expr]) -> tuple[sympy.Expr, ...]:
+    """A sum of brackets for these Hamiltonians of its parts, by power of h."""
+    import sympy
+
+    numbers = [x for x in brackets.values() if not isinstance(x, Fraction)]
+    flows = {name: hamiltonian_field(energy, scene) for name, energy in energies.items()}
+    formulas = [*energies.values(), *chain.from_iterable(flows.values()), *numbers]
+    digits = None if brackets.digits is None else max(1, min(brackets.digits - 1, FLOAT_DIGITS))
+    with refusing_large(MOST_MONOMIALS):
+        ring = DifferentialRing.of(formulas, scene.symbols, digits=digits)
+        arithmetic = fastest(ring)
+        backwards = {
+            name: [(i, arithmetic.load(-ring.element(entry))) for i, entry in enumerate(flow) if entry]
+            for name, flow in flows.items()
+        }
+
+        @cache
+        def nested(word: Bracket) -> Any:
+            if len(word) == 1:
+                return arithmetic.load(ring.element(energies[word[0]]))
+            inner = nested(word[1:])
+            return arithmetic.dot((arithmetic.derivative(inner, i), entry) for i, entry in backwards[word[0]])
+
+        def written(k: int) -> sympy.Expr:
+            terms = brackets.term(k).items()
+            if k == 0 and all(x == 1 for _, x in terms):
+                return sympy.Add(*energies.values())  # as people write it
+            factors = [ring.coerce(x) if isinstance(x, Fraction) else ring.element(x) for _, x in terms]
+            total = arithmetic.dot(
+                (arithmetic.load(x), nested(word)) for x, (word, _) in zip(factors, terms, strict=True)
+            )
+            element = arithmetic.unload(total)
+            return ring.to_expression(element, simplify=element.size <= MOST_SIMPLIFIED)
+
+        return tuple(map(written, range(brackets.order)))

@@ -1,0 +1,180 @@
+"""Where a field stops being Hamiltonian: the one-form B^(−1) r is not closed, or it is and has periods.
+
+On a space of states where some variables are angles a closed form need not be the differential of a function: its
+integral once round an angle must vanish as well. That integral does not depend on the way. It is the difference of two
+values that the modified Hamiltonian, which is constant along solutions, then has at one state; what is left of it when
+a function on the space of states is wanted, and with it the energy, changes by minus the integral in every turn.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.integration import antiderivative
+from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
+from bseries.hamiltonians.verdicts import hamiltonian_order
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import sympy
+
+    from bseries.hamiltonians.drift.perturbations import Perturbation
+    from integrators.scenes.scene import Scene
+
+
+class Turn(NamedTuple):
+    """What the energy gains in a turn of an angle forwards, to leading order; backwards it loses as much.
+
+    Attributes:
+        variable: The angle.
+        period: Its period.
+        gain: The coefficient of the power of h.
+        digits: To how many digits it is known; None: exactly.
+    """
+
+    variable: str
+    period: sympy.Expr
+    gain: sympy.Expr
+    digits: int | None
+
+
+class Break(NamedTuple):
+    """A power of h at which a field is not Hamiltonian.
+
+    Attributes:
+        power: The power.
+        order: The first power at which it is not even Hamiltonian locally; that of the first term left out if it is.
+        turns: The turns with a gain, where it is Hamiltonian locally: they are all that fails then.
+    """
+
+    power: int
+    order: int
+    turns: tuple[Turn, ...]
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the field is Hamiltonian locally at this power of h."""
+        return self.power < self.order
+
+
+def breaks(r: Perturbation, least: int) -> Iterator[Break]:
+    """The powers of h from `least` on at which a modified field is not Hamiltonian, to the first not even locally.
+
+    Turns are looked at where formulas are written out.
+
+    Raises:
+        SeriesError: The scene has no structure, or a formula has symbols and is beyond the rules of
+            `antiderivative`.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.hamiltonians.drift.perturbations import Perturbation
+        >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
+        >>> next(breaks(Perturbation(bs.method("simplified-takahashi-imada"), asymmetric, 5), 1))
+        Break(power=4, order=5, turns=(Turn(variable='q', period=2*pi, gain=-pi/240, digits=None),))
+    """
+    order = hamiltonian_order(r.field)
+    angles = angle_periods(r.scene) if r.has_formulas else {}
+    for k in range(least, order):
+        turns = tuple(turn for turn in (_turn(r, k, i, period) for i, period in angles.items()) if turn.gain)
+        if turns:
+            yield Break(k, order, turns)
+    if order < r.field.order:
+        yield Break(order, order, ())
+
+
+def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
+    """The places of the variables in which the Hamiltonian of a scene is periodic, and their periods.
+
+    Example:
+        >>> import bseries as bs
+        >>> angle_periods(bs.scene("pendulum")), angle_periods(bs.scene("kepler"))
+        ({1: 2*pi}, {})
+    """
+    formulas = [scene.hamiltonian, *(entry for row in scene.poisson or () for entry in row)]
+    periods = {i: common_period(formulas, x) for i, x in enumerate(scene.symbols)}
+    return {i: period for i, period in periods.items() if period is not None}
+
+
+def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
+    """A period that formulas have in common as they are written; None if there is none, or none of them has x.
+
+    It is positive if it is a number. With symbols, absolute values would hide that its multiples are multiples of 2π.
+
+    Example:
+        >>> import sympy
+        >>> x, y = sympy.symbols("x y")
+        >>> common_period([y * sympy.sin(2 * x / 3), sympy.cos(x / 2 + y)], x), common_period([x + sympy.sin(x)], x)
+        (12*pi, None)
+    """
+    import sympy
+
+    slopes: set[Any] = set()
+    waiting: list[Any] = [formula for formula in formulas if formula.has(x)]
+    while waiting:
+        part = waiting.pop()
+        slope: Any = sympy.diff(part.args[0], x) if isinstance(part, sympy.sin | sympy.cos) else x
+        if not slope.has(x):
+            slopes.add(slope)
+        elif not part.args:
+            return None
+        else:
+            waiting += (inner for inner in part.args if inner.has(x))
+    if not slopes:
+        return None
+    unit = min(slopes, key=sympy.default_sort_key)
+    multiples = [sympy.simplify(slope / unit) for slope in slopes]
+    if not all(multiple.is_Rational for multiple in multiples):
+        return None
+    whole = [Fraction(int(multiple.p), int(multiple.q)) for multiple in multiples]
+    scale = math.lcm(*(f.denominator for f in whole))
+    greatest = math.gcd(*(int(f * scale) for f in whole))
+    period = 2 * sympy.pi * scale / (greatest * unit)
+    return abs(period) if period.is_number else -period if period.could_extract_minus_sign() else period
+
+
+def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
+    """F(period) − F(0), where all sines and cosines in F have this period in x; 0 where that cancels.
+
+    Example:
+        >>> import sympy
+        >>> x, k = sympy.symbols("x k")
+        >>> rise(x * sympy.sin(1) + sympy.cos(k * x + x), x, 2 * sympy.pi / (k + 1))
+        2*pi*sin(1)/(k + 1)
+    """
+    import sympy
+
+    held = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
+    found: Any = sympy.factor(held.subs(x, period) - held.subs(x, 0))
+    return sympy.Integer(0) if found.equals(0) else found
+
+
+def _turn(r: Perturbation, k: int, i: int, period: Any) -> Turn:
+    """The gain −∫ω_i dy_i of a turn, by an antiderivative if there is a rule for it, else by quadrature."""
+    x, name = r.scene.symbols[i], r.scene.variables[i]
+    formula = r.ring.to_expression(r.form(k)[i], simplify=False)
+    found = antiderivative(formula, x)
+    if found is not None:
+        gain = -rise(found, x, period)
+        if not gain.free_symbols & set(r.scene.symbols):
+            return Turn(name, period, gain, None)
+    if formula.free_symbols - set(r.scene.symbols):
+        raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
+    return Turn(name, period, _by_quadrature(formula, x, period, r.scene), DIGITS)
+
+
+def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Expr:
+    """−∫ω dx over a period, with the other variables at the start of the scene."""
+    import mpmath
+    import sympy
+
+    start = scene.start or (0,) * scene.dimension
+    others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
+    function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)
+    length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
+    mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
+    return sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0)

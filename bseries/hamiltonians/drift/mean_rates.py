@@ -1,0 +1,240 @@
+"""Whether the energy drifts: the first power of h at which a modified field is not Hamiltonian, and what that does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.analysis.order import order_of
+from bseries.exceptions import SeriesError
+from bseries.hamiltonians.drift.forms import Break, angle_periods, breaks
+from bseries.hamiltonians.drift.orbits import Orbit, closed_orbit
+from bseries.hamiltonians.drift.perturbations import Perturbation
+from bseries.hamiltonians.drift.report import DriftReport
+from bseries.hamiltonians.drift.statistics import (
+    BLOCKS,
+    BOUNDED,
+    HALVINGS,
+    LINEAR,
+    SQUARE_ROOT,
+    UNDECIDED,
+    RateStatistics,
+    rate_statistics,
+)
+from bseries.hamiltonians.from_trees import energy_trees
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bseries.algebra.stages import Method
+    from integrators.scenes.scene import Scene
+
+STEPS = 100_000
+CHUNK = 8192
+"""How many states of a trajectory are kept at a time."""
+REASONS = {
+    LINEAR: "the mean of dH~/dt along the trajectory is not zero",
+    SQUARE_ROOT: "the mean of dH~/dt along the trajectory is zero within its error, but its integral spreads",
+    UNDECIDED: "the trajectory is too short, or its energy is lost: dH~/dt does not have the same law all the time",
+    BOUNDED: "along the trajectory no drift is seen: the mean of dH~/dt is zero within its error",
+}
+
+
+def energy_drift(
+    method: Method | BSeries,
+    scene: Scene,
+    order: int | None = None,
+    *,
+    y0: Any = None,
+    h: float | None = None,
+    steps: int = STEPS,
+    parts: Any = None,
+) -> DriftReport:
+    """Whether the energy error of a method on a scene stays bounded, drifts linearly, or like a random walk.
+
+    Formally the method follows y' = B ∇H̃ + r, and r begins with the first power h^K at which the modified field is not
+    the field of a function that is globally defined. To leading order H̃ changes at the rate ∇H · r, and what counts is
+    its mean. "Bounded" means that no drift shows through the powers of h that are looked at.
+
+    With one degree of freedom there are three cases. If the one-form B^(−1) r is closed, it is the differential of a
+    function, unless variables are angles: then the gain of energy per turn, minus its integral over a period, decides
+    for all orbits (for the simplified Takahashi–Imada method it is −h⁴α²/2 ∫U‴U′² dq). If it is not closed, the mean is
+    taken along the orbit of y' = f(y) through `y0`, power by power. With several degrees of freedom it is taken along
+    `steps` steps of the method, and compared with its standard error. A mean of zero alone does not make a random walk:
+    the variance of the integral tells one, which needs correlations that decay, from bounded oscillations.
+
+    Args:
+        method: A method, or a modified field.
+        scene: The scene, with a Hamiltonian.
+        order: The largest number of nodes N: powers h^0 … h^(N−1); by default three more than the order of the method,
+            and at least 7; for a series its own.
+        y0: The start. With one degree of freedom and a closed form the verdict is about all orbits if it is None;
+            otherwise None means the start of the scene.
+        h: The step size, for predicted slopes; needed with several degrees of freedom.
+        steps: How long the trajectory is with several degrees of freedom.
+        parts: As for `modified_field`.
+
+    Returns:
+        The report.
+
+    Raises:
+        SeriesError: The scene has no Hamiltonian, or an argument does not fit.
+        IntegratorError: A step failed, or `y0` does not fit.
+
+    Example:
+        >>> import bseries as bs
+        >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
+        >>> report = energy_drift(bs.method("simplified-takahashi-imada"), asymmetric, y0=[2.5, 0], h=0.2)
+        >>> print(report.verdict, report.turns[0].gain, f"{report.slope():.4g}")
+        linear drift -pi/240 -6.543e-06
+        >>> energy_drift(bs.method("stormer-verlet"), asymmetric).verdict
+        'bounded'
+
+    References:
+        E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019;
+        E. Faou, E. Hairer, T.-L. Pham, BIT 44 (2004) 699–709; E. Hairer, lecture on long-time behaviour, section 4.
+    """
+    accuracy, least_steps = _accuracy(method), BLOCKS * 2**HALVINGS
+    if isinstance(steps, bool) or not isinstance(steps, int) or steps < least_steps:
+        raise SeriesError(f"steps must be a whole number from {least_steps} on, but was {steps!r:.60}")
+    if order is None and not isinstance(method, BSeries):
+        order = max(7, accuracy + 3)
+    r = Perturbation(method, scene, order, parts=parts)
+    far = f"through h^{r.field.order - 1}"
+    report = DriftReport(r, _step_size(h), BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
+    least = accuracy
+    if scene.poisson is None:
+        found = energy_trees(method, scene, r.field.order, parts).verdict
+        if found.breaks is None:
+            return report
+        report, least = report._replace(breaks=found.breaks), found.order
+    later = breaks(r, least)
+    broken = next(later, None)
+    if broken is None:
+        return report._replace(reason=f"on this scene the modified field is Hamiltonian {far}, and globally so")
+    report = report._replace(broken=broken)
+    if scene.dimension == 2:
+        if broken.is_closed and y0 is None:
+            return _on_all_orbits(report, broken)
+        return _on_one_orbit(report, chain([broken], later), accuracy, y0)
+    powers = range(broken.power, min(broken.power + accuracy, r.field.order))
+    return _wandering(report, powers, method, y0, steps, parts)
+
+
+def _accuracy(method: Method | BSeries) -> int:
+    """The order of the method: the first power of h with a term in the modified field."""
+    if not isinstance(method, BSeries):
+        return order_of(method)
+    return next((tree.order - 1 for tree, value in method.items() if tree.order > 1 and value), method.order)
+
+
+def _step_size(h: Any) -> float | None:
+    if h is None:
+        return None
+    try:
+        size = float(h)
+    except (TypeError, ValueError, OverflowError):
+        size = 0.0
+    if isinstance(h, bool) or not 0 < abs(size) < math.inf:
+        raise SeriesError(f"h must be a number other than 0, but was {h!r:.60}")
+    return size
+
+
+def _state(scene: Scene, y0: Any) -> list[float]:
+    """A start as floats, that of the scene if it is None."""
+    if y0 is None:
+        return scene.y0.tolist()
+    import numpy as np
+
+    try:
+        start = np.array([float(x) for x in y0])
+    except (TypeError, ValueError, OverflowError):
+        start = np.array([])
+    if start.shape != (scene.dimension,) or not np.isfinite(start).all():
+        raise SeriesError(f"y0 must be {scene.dimension} finite numbers, but was {y0!r:.60}")
+    return start.tolist()
+
+
+def _on_all_orbits(report: DriftReport, broken: Break) -> DriftReport:
+    """The verdict with one degree of freedom if the form is closed: every turn of an angle has the same gain."""
+    reason = f"the energy gains {_gains(broken)}, and nothing before h^{broken.order} on orbits that do not go round"
+    return report._replace(verdict=LINEAR, reason=reason)
+
+
+def _gains(broken: Break) -> str:
+    gains = (f"{turn.gain} h^{broken.power} with every forward turn of {turn.variable}" for turn in broken.turns)
+    return " and ".join(gains)
+
+
+def _on_one_orbit(report: DriftReport, found: Iterable[Break], accuracy: int, y0: Any) -> DriftReport:
+    """The verdict with one degree of freedom on the orbit through y0: the first mean rate that is not zero."""
+    r, last = report.perturbation, report.perturbation.field.order - 1
+    if y0 is None and r.scene.start is None:
+        return report._replace(verdict=UNDECIDED, reason="the mean rate depends on the orbit: y0 must be given")
+    orbit, means = closed_orbit(r.scene, _state(r.scene, y0), angle_periods(r.scene)), list[tuple[int, Any]]()
+    for broken in found:
+        if not broken.is_closed:
+            last = min(broken.power + accuracy - 1, last)
+        for k, mean in _means(r, broken, orbit, last):
+            means.append((k, mean))
+            if mean:
+                size = f"the mean of dH~/dt along the orbit is of order h^{k}"
+                reason = f"the energy gains {_gains(broken)}" if broken.is_closed else size
+                return report._replace(verdict=LINEAR, reason=reason, orbit=orbit, means=tuple(means))
+    reason = f"the mean of dH~/dt along the orbit vanishes through h^{last}"
+    if report.broken is not None and report.turns:
+        reason += f"; the energy gains {_gains(report.broken)}, but the orbit makes no such turn"
+    return report._replace(reason=reason, orbit=orbit, means=tuple(means))
+
+
+def _means(r: Perturbation, broken: Break, orbit: Orbit, last: int) -> Iterator[tuple[int, Any]]:
+    """The mean rates along an orbit that a break makes: its own, and if the form is not closed those to a last power.
+
+    Along orbits that gain nothing from the turns H̃ is a function as far as the form is closed, as it is without turns.
+    """
+    if broken.is_closed:
+        gain = sum(turn.gain * orbit.turns[r.scene.places[turn.variable]] for turn in broken.turns)
+        yield broken.power, gain / orbit.period if gain else 0
+    else:
+        for k in filter(r.has_terms, range(broken.power, last + 1)):
+            yield k, orbit.mean(r.rate(k)) if orbit.period else 0
+
+
+def _wandering(
+    report: DriftReport, powers: Sequence[int], method: Method | BSeries, y0: Any, steps: int, parts: Any
+) -> DriftReport:
+    """The verdict with several degrees of freedom: the rate along a trajectory of the method."""
+    r, h = report.perturbation, report.h
+    if (y0 is None and r.scene.start is None) or h is None or isinstance(method, BSeries):
+        reason = "mean rates are taken along a trajectory: a method, a step size and a start must be given"
+        return report._replace(verdict=UNDECIDED, reason=reason)
+    powers = list(filter(r.has_terms, powers))
+    rates = _rates(r, powers, method, _state(r.scene, y0), h, steps, parts)
+    found: list[tuple[int, RateStatistics]] = []
+    for k, row in zip(powers, rates, strict=True):
+        found.append((k, rate_statistics(row, abs(h))))
+        if found[-1][1].kind in (LINEAR, UNDECIDED):
+            break
+    last = found[-1][1].kind
+    walks = any(statistics.kind == SQUARE_ROOT for _, statistics in found)
+    verdict = SQUARE_ROOT if walks and last == BOUNDED else last
+    return report._replace(verdict=verdict, reason=REASONS[verdict], statistics=tuple(found))
+
+
+def _rates(
+    r: Perturbation, powers: Sequence[int], method: Method, state: Any, h: float, steps: int, parts: Any
+) -> np.ndarray:
+    """The rates by power at every step of a trajectory, of which only a piece is kept at a time."""
+    import numpy as np
+
+    from integrators import integrate
+
+    pieces = []
+    for made in range(0, steps, CHUNK):
+        y = integrate(r.scene, method, h=h, steps=min(CHUNK, steps - made), y0=state, parts=parts).y
+        pieces.append([r.rates(y[:, :-1], k) for k in powers])
+        state = y[:, -1]
+    return np.hstack(pieces)

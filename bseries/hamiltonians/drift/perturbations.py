@@ -1,0 +1,146 @@
+"""What a method adds to a Hamiltonian field: y' = B(y) ∇H̃(y) + r(y), and how fast it changes H̃."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from bseries.exceptions import SeriesError
+from bseries.fields.differentials import refusing_large
+from bseries.fields.modified_invariants import covector, inverse_structure
+from bseries.fields.scene_series import SceneSeries, modified_field
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.hamiltonians.routes import modified_hamiltonian
+from integrators.scenes.model.blocks import canonical_blocks
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+    from bseries.algebra.bseries import BSeries
+    from bseries.algebra.stages import Method
+    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+    from bseries.hamiltonians.routes import ModifiedHamiltonian
+    from integrators.scenes.scene import Scene
+
+
+MOST_VARIABLES = 6
+"""Formulas are written out for so many variables."""
+
+
+class Perturbation:
+    """The part r of a modified field f_h = B ∇H̃ + r, and the rate ∇H̃ · r at which H̃ changes.
+
+    Where a method is known as a symplectic one and a perturbation, like the simplified method of Takahashi and Imada, r
+    is the difference of the two modified fields. For others it is f_h itself, of which a Hamiltonian part adds total
+    derivatives to the rate, which no mean sees. Of the rate only ∇H · r is given: in means along solutions of
+    y' = f(y) what is missing has a factor h^p more, p being the order of the method.
+
+    Args:
+        method: The method, or its modified field.
+        scene: The scene, with a Hamiltonian.
+        order: The largest number of nodes N: powers h^0 … h^(N−1).
+        parts: As for `modified_field`.
+
+    Attributes:
+        scene: The scene.
+        twin: The symplectic method that r is measured from; None where there is none.
+        field: The modified field f_h.
+        series: r, as a function on the scene.
+
+    Raises:
+        SeriesError: The scene has no Hamiltonian, or the method's parts are not clear.
+
+    Example:
+        >>> import bseries as bs
+        >>> r = Perturbation(bs.method("simplified-takahashi-imada", alpha="alpha"), bs.scene("pendulum"), 5)
+        >>> r.twin.name, r.terms(4), r.rate(4)
+        ('takahashi-imada', (alpha**2*sin(q)**3/2, 0), alpha**2*p*sin(q)**3/2)
+
+    References:
+        E. Hairer, lecture on long-time behaviour, equations (17) and (18).
+    """
+
+    def __init__(self, method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None):
+        self.field = self.series = modified_field(method, scene, order, parts=parts)
+        if scene.hamiltonian is None:
+            raise SeriesError(f"scene must have a Hamiltonian, but {scene.name} has none")
+        self.scene, self._method, self._parts = scene, method, parts
+        twin: Any = getattr(method, "symplectic_form", method)
+        self.twin: Method | None = None if twin is method else twin
+        if self.twin is not None:
+            difference = self.field.series - self._modified(self.twin, order).series
+            label = f"{self.field.label} less that of {self.twin.name}"
+            self.series = SceneSeries(scene, self.field.trees, difference.with_label(label))
+
+    def _modified(self, method: Method | BSeries, order: int | None) -> SceneSeries:
+        return modified_field(method, self.scene, order, parts=self._parts)
+
+    @property
+    def has_formulas(self) -> bool:
+        """Whether formulas are written out: there are few variables, and no decimals."""
+        series = self.field.series
+        return self.scene.dimension <= MOST_VARIABLES and series.is_exact and series.digits is None
+
+    def has_terms(self, k: int) -> bool:
+        """Whether r has trees at h^k."""
+        series = self.series.series
+        return not all(series.is_zero(series.table[at]) for at in series.table.ids(k + 1))
+
+    def terms(self, k: int) -> tuple[sympy.Expr, ...]:
+        """The formulas of r at h^k."""
+        return self.series.symbolic(k)
+
+    def rate(self, k: int) -> sympy.Expr:
+        """The formula of ∇H · r at h^k."""
+        with refusing_large(MOST_MONOMIALS):
+            products = zip(self._gradient, self.series.formulas.elements(k + 1), strict=True)
+            return self.ring.to_expression(self.ring.dot(products))
+
+    def rates(self, y: np.ndarray, k: int) -> np.ndarray:
+        """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled.
+
+        Raises:
+            SeriesError: The scene is not canonical.
+        """
+        pair = canonical_blocks(self.scene.blocks)
+        if self.scene.poisson is not None or pair is None:
+            raise SeriesError(f"scene must be canonical, but {self.scene.name} is not")
+        p, q = (slice(block.offset, block.end) for block in pair)
+        f, r = self._first(y, 0.0), self.series.terms(y)[k]
+        return (f[q] * r[p] - f[p] * r[q]).sum(axis=0)
+
+    def hamiltonian(self, power: int | None) -> ModifiedHamiltonian:
+        """H̃: that of the twin to the order of f_h, or what f_h comes from before a power of h (None: to its order).
+
+        Raises:
+            SeriesError: It has no formula.
+        """
+        method = self._method if self.twin is None else self.twin
+        order = self.field.order if power is None or self.twin is not None else power
+        return modified_hamiltonian(method, self.scene, order, parts=self._parts)
+
+    def form(self, k: int) -> list[Element]:
+        """The one-form B^(−1) r at h^k, the differential of K where r is B ∇K."""
+        return covector(self.series, self._inverse, k)
+
+    @property
+    def ring(self) -> DifferentialRing:
+        """The ring that the formulas live in."""
+        return self.series.formulas.ring
+
+    @cached_property
+    def _inverse(self) -> list[list[Element]]:
+        return inverse_structure(self.series)
+
+    @cached_property
+    def _gradient(self) -> list[Element]:
+        """∇H."""
+        formula: Any = self.scene.hamiltonian
+        energy = self.ring.element(formula)
+        return [self.ring.derivative(energy, i) for i in range(self.scene.dimension)]
+
+    @cached_property
+    def _first(self) -> SceneSeries:
+        """f, compiled."""
+        return self._modified(self._method, 1)

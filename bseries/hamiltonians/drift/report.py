@@ -1,0 +1,195 @@
+"""What `energy_drift` found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
+
+if TYPE_CHECKING:
+    import sympy
+
+    from bseries.hamiltonians.drift.forms import Break, Turn
+    from bseries.hamiltonians.drift.orbits import Orbit
+    from bseries.hamiltonians.drift.perturbations import Perturbation
+    from bseries.hamiltonians.drift.statistics import RateStatistics
+    from bseries.hamiltonians.routes import ModifiedHamiltonian
+    from trees.tree import Tree
+
+LONGEST_FORMULA = 300
+LEADING_DIGITS = 2
+"""Digits of what is known to leading order in h only."""
+
+
+class DriftReport(NamedTuple):
+    """Whether the energy, or a modified Hamiltonian H̃ that is a function on the space of states, drifts, and how fast.
+
+    Attributes:
+        perturbation: What is not Hamiltonian in the modified field, with its formulas `terms(k)` and `rate(k)`.
+        h: The step size, if one was given.
+        verdict: ``"bounded"``, ``"linear drift"``, ``"square-root drift"``, or ``"undecided"`` where data is missing.
+        reason: Why, in one sentence.
+        breaks: The first tree for which the modified field is not Hamiltonian whatever H is.
+        broken: The first power of h at which it is not Hamiltonian on this scene.
+        orbit: With one degree of freedom the orbit that was looked at.
+        means: The mean rates along that orbit, by power of h.
+        statistics: With several degrees of freedom the rates along a trajectory, by power of h.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.energy_drift(bs.method("rk4"), bs.scene("pendulum"), y0=[2.5, 0], h=0.1)
+        >>> report.verdict, report.power, f"{report.slope():.1e}"
+        ('linear drift', 5, '-3.6e-07')
+    """
+
+    perturbation: Perturbation
+    h: float | None
+    verdict: str
+    reason: str
+    breaks: Tree | None = None
+    broken: Break | None = None
+    orbit: Orbit | None = None
+    means: tuple[tuple[int, Any], ...] = ()
+    statistics: tuple[tuple[int, RateStatistics], ...] = ()
+
+    @property
+    def power(self) -> int | None:
+        """The first power of h at which the modified field is not Hamiltonian; None if there is none."""
+        return None if self.broken is None else self.broken.power
+
+    @property
+    def turns(self) -> tuple[Turn, ...]:
+        """What the energy gains in a turn of an angle, at h^power."""
+        return () if self.broken is None else self.broken.turns
+
+    @property
+    def rate(self) -> sympy.Expr | None:
+        """The formula of dH̃/dt at h^power."""
+        return None if self.power is None else self.perturbation.rate(self.power)
+
+    @property
+    def hamiltonian(self) -> ModifiedHamiltonian:
+        """H̃ as far as it is meant: that of the symplectic form, or the terms before h^power.
+
+        Raises:
+            SeriesError: It has no formula.
+        """
+        return self.perturbation.hamiltonian(self.power)
+
+    @property
+    def drift(self) -> tuple[int, Any] | None:
+        """The power of h and its coefficient in the mean of dH̃/dt; None where none is predicted."""
+        means = self.means or [(k, s.mean) for k, s in self.statistics if s.kind == LINEAR]
+        return next(((k, mean) for k, mean in means if mean), None)
+
+    @property
+    def spread(self) -> tuple[int, float] | None:
+        """The power k of h and D in the variance h^2k · 2 D t of a random walk; None where none was seen."""
+        found = ((k, s.diffusion) for k, s in self.statistics if s.kind == SQUARE_ROOT)
+        return next(found, None)
+
+    def slope(self, h: float | None = None) -> float:
+        """The predicted slope of the energy error to leading order in h, by default for the step size that was given.
+
+        Raises:
+            SeriesError: There is no step size, or nothing to predict it from.
+        """
+        h = self.h if h is None else h
+        if h is None:
+            raise SeriesError("h must be given for a slope, but was not")
+        if self.drift is not None:
+            power, mean = self.drift
+            if getattr(mean, "free_symbols", None):
+                raise SeriesError(f"parameters must be numbers for a slope, but the mean rate is {mean!s:.60}")
+            return float(mean) * h**power
+        if self.verdict == UNDECIDED or (self.verdict == LINEAR and self.orbit is None):
+            raise SeriesError(f"y0 must be given for a slope, but the verdict is about all orbits: {self.reason}")
+        return 0.0
+
+    def deviation(self, t: float, h: float | None = None) -> float:
+        """The predicted standard deviation of the energy error at a time, of a random walk.
+
+        Raises:
+            SeriesError: There is no step size, or no random walk.
+        """
+        h = self.h if h is None else h
+        if h is None or self.spread is None:
+            raise SeriesError(f"verdict must be {SQUARE_ROOT} for a deviation, and h given, but it is {self.verdict}")
+        power, diffusion = self.spread
+        return abs(h) ** power * (2 * diffusion * abs(t)) ** 0.5
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self._title}: {self.verdict}", f"  {self.reason}", *self._lines()])
+
+    @property
+    def _title(self) -> str:
+        r = self.perturbation
+        return f"{r.field.label} on {r.scene.title}, to h^{r.field.order - 1}"
+
+    def _lines(self) -> Iterator[str]:
+        r = self.perturbation
+        if self.breaks is not None:
+            names = r.field.series.names
+            yield f"  not Hamiltonian for every H: {self.breaks.text(names if len(names) > 1 else None)}"
+        if self.power is not None:
+            if r.twin is not None:
+                yield f"  symplectic but for a perturbation: {r.twin.name}"
+            if r.has_formulas:
+                yield f"  dH~/dt = h^{self.power} * {_short(self.rate)} + ..."
+        for turn in self.turns:
+            how = "" if turn.digits is None else f" (by quadrature, {turn.digits} digits)"
+            yield f"  gain of the energy in a turn of {turn.variable} by {turn.period}: {turn.gain} h^{self.power}{how}"
+        if self.orbit is not None:
+            yield f"  orbit through {list(self.orbit.y0)}: {self.orbit.kind}, period {float(self.orbit.period):.10g}"
+        for k, mean in self.means:
+            yield f"  mean of dH~/dt along it at h^{k}: {shown_number(mean)}"
+        for k, s in self.statistics:
+            yield f"  mean of dH~/dt at h^{k}, over t = {s.time:.6g}: {s.mean:.4g} ± {s.error:.2g}: {s.kind}"
+            yield f"  variance of its integral: 2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
+        if self.h is not None and self.drift is not None:
+            slope = shown_number(self.drift[1] * self.h ** self.drift[0], LEADING_DIGITS)
+            yield f"  predicted slope at h = {self.h:g}, to leading order: {slope}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain data."""
+        r = self.perturbation
+        data: dict[str, Any] = {
+            "schema": 1,
+            "kind": "drift",
+            "series": r.field.label,
+            "scene": r.scene.name,
+            "effects": list(r.scene.active),
+            "order": r.field.order,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "breaks": None if self.breaks is None else self.breaks.text(r.field.series.names or None),
+            "power": self.power,
+        }
+        if self.power is not None:
+            data["symplectic_form"] = None if r.twin is None else r.twin.name
+            if r.has_formulas:
+                data["perturbation"] = [str(formula) for formula in r.terms(self.power)]
+                data["rate"] = str(self.rate)
+            data["turns"] = [
+                {**turn._asdict(), "period": str(turn.period), "gain": str(turn.gain)} for turn in self.turns
+            ]
+        if self.orbit is not None:
+            data["orbit"] = {"y0": list(self.orbit.y0), "kind": self.orbit.kind, "period": float(self.orbit.period)}
+            data["means"] = [{"power": k, "mean": str(shown_number(mean))} for k, mean in self.means]
+        if self.statistics:
+            data["statistics"] = [{"power": k, **s._asdict()} for k, s in self.statistics]
+        if self.drift is not None:
+            data["drift"] = {"power": self.drift[0], "coefficient": str(shown_number(self.drift[1]))}
+        return data
+
+
+def _short(formula: Any) -> str:
+    text = f"({formula})"
+    return text if len(text) <= LONGEST_FORMULA else f"{text[:LONGEST_FORMULA]}..."
+
+
+def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
+    """A number to some digits; formulas of parameters as they are."""
+    return value if getattr(value, "free_symbols", None) else f"{float(value):.{digits}g}"

@@ -1,0 +1,113 @@
+"""The mean of a rate along a long trajectory, its standard error, and how its integral spreads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from bseries.exceptions import SeriesError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
+BLOCKS = 32
+"""The number of blocks that a trajectory is cut into for its standard error."""
+HALVINGS = 4
+"""How often blocks are cut into halves, to see how spread grows with time."""
+CERTAIN = 4.0
+"""What is so many standard errors from zero is not zero."""
+MOST_OF_ALL = 0.7
+"""A block that has so much of the sum of squares is not one of many."""
+STEEPEST = 1.5
+"""Variances that grow faster than t to this power (t² for what goes one way) are those of blocks that are too short."""
+
+
+class RateStatistics(NamedTuple):
+    """What a rate r, sampled along a trajectory, tells about its integral W(t) = ∫ r dt.
+
+    Over times that are longer than correlations last, W has the mean m t and the variance c + 2 D t: c comes from the
+    part of r that is a derivative of a bounded function, and D from what is left.
+
+    Attributes:
+        time: How long the trajectory is.
+        mean: m, the mean of the rate.
+        error: Its standard error, from the longest blocks.
+        diffusion: D, from the variances of blocks of several lengths.
+        diffusion_error: Its standard error.
+        growth: The exponent γ of the power t^γ that fits the variances of blocks.
+        largest: The part of a single block in the sum of squares of all: near 1, the rate is not stationary.
+
+    Example:
+        >>> import numpy as np
+        >>> white = np.random.default_rng(1).standard_normal(2**15)
+        >>> wave = np.cos(np.arange(2**15))
+        >>> [rate_statistics(rates, 0.01).kind for rates in (white, wave, white + 0.1, wave + 0.1)]
+        ['square-root drift', 'bounded', 'linear drift', 'linear drift']
+        >>> 0.7 < rate_statistics(white, 0.01).diffusion / (0.01 / 2) < 1.4
+        True
+    """
+
+    time: float
+    mean: float
+    error: float
+    diffusion: float
+    diffusion_error: float
+    growth: float
+    largest: float
+
+    @property
+    def kind(self) -> str:
+        """``"linear drift"``, ``"square-root drift"``, ``"bounded"`` or ``"undecided"``.
+
+        Bounded are rates of which neither drift is seen within this time. Undecided are those that have not the same
+        law all the time, as when a trajectory leaves its energy, or whose correlations last longer than blocks.
+        """
+        if self.largest > MOST_OF_ALL or self.growth > STEEPEST:
+            return UNDECIDED
+        if abs(self.mean) > CERTAIN * self.error:
+            return LINEAR
+        return SQUARE_ROOT if self.diffusion > CERTAIN * self.diffusion_error else BOUNDED
+
+
+def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
+    """The statistics of a rate.
+
+    Args:
+        rates: The rate at equidistant times, (n,).
+        dt: The time between two.
+
+    Raises:
+        SeriesError: There are too few values, or some are not finite.
+
+    References:
+        H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
+    """
+    import numpy as np
+
+    least = BLOCKS * 2**HALVINGS
+    if len(rates) < least:
+        raise SeriesError(f"rates must be {least} or more to tell drifts apart, but were {len(rates)}")
+    if not np.isfinite(rates).all():
+        raise SeriesError("rates must be finite, but one was not")
+    length = len(rates) // least
+    used = rates[: least * length]
+    mean, gains = float(used.mean()), ((used - used.mean()) * dt).reshape(-1, length).sum(axis=1)
+    times = length * dt * 2.0 ** np.arange(HALVINGS + 1)
+    variances = np.array([gains.reshape(-1, 2**k).sum(axis=1).var(ddof=1) for k in range(HALVINGS + 1)])
+    error = float(np.sqrt(variances[-1] / BLOCKS) / times[-1])
+    squares = gains.reshape(BLOCKS, -1).sum(axis=1) ** 2
+    largest = float(squares.max() / squares.sum()) if squares.any() else 0.0
+    growth = float(np.polyfit(np.log(times), np.log(variances), 1)[0]) if variances.all() else 0.0
+    return RateStatistics(len(used) * dt, mean, error, *_slope(times, variances), growth, largest)
+
+
+def _slope(times: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
+    """D and its error, of c + 2 D t fitted to variances whose relative errors are those of so many blocks."""
+    import numpy as np
+
+    if not variances.all():
+        return 0.0, 0.0
+    errors = variances * np.sqrt(2 * times / (BLOCKS * times[-1]))
+    design = np.stack([np.ones_like(times), 2 * times], axis=1) / errors[:, None]
+    covariance = np.linalg.inv(design.T @ design)
+    return float((covariance @ design.T @ (variances / errors))[1]), float(np.sqrt(covariance[1, 1]))

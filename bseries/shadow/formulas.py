@@ -1,0 +1,195 @@
+"""The shadow energies of the Störmer–Verlet method as exact formulas in the potentials and forces of a few steps.
+
+Steps are kick–drift–kick with H = pᵀM⁻¹p/2 + U(q), g = ∇U(q), D = h d/dt along the modified flow that interpolates
+them. Skeel and Hardy add the variables α = 1 and β, so that H = pᵀM⁻¹p/2 + α²U(q/α) is homogeneous of degree 2; hence
+so are its brackets and the modified Hamiltonian H̃, and β' = pᵀq' − qᵀp' − 2H̃. The steps themselves say
+
+    h p = M sinh(D) q,    h² g = −M (2 cosh D − 2) q,    h (qᵀg − 2U) = 2 tanh(D/2) β,
+
+and so express p, g and U by q alone and the constant H̃. A bilinear form in q is a function of u and v, which stand
+for D on the left and on the right factor; with S = (u + v)/2, δ = (v − u)/2 and in units of M/h² these are
+
+    pᵀp: sinh²S − sinh²δ,    gᵀg: 4 (cosh S − cosh δ)²,    U: H̃ + 1 − cosh S cosh δ + (δ/S) sinh S sinh δ.
+
+A combination of pᵀM⁻¹p/2 with such terms at shifted steps is H̃ up to O(h^order) if its function of u and v vanishes
+through the degree `order`. Potentials and forces one step to each side suffice for order 6, two for order 10, six for
+order 24; positions do not enter, nor do their rounding errors. All weights of potentials are positive.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+from operator import mul
+from typing import TypeAlias
+
+from bseries.exceptions import SeriesError
+
+LEAST_ORDER, MOST_ORDER = 2, 24
+
+PRIME = 2**127 - 1
+
+Wave: TypeAlias = tuple[int, int]
+"""The function cosh(aS) cosh(bδ), as (a, b)."""
+Waves: TypeAlias = dict[Wave, int]
+"""A sum of these."""
+
+
+class ShadowFormula:
+    """The shadow energy of one order, at a step that is called 0; made by `shadow_formula`.
+
+    H̃ = p₀ᵀM⁻¹p₀/2 + Σ w_i U_i + h p₀ᵀM⁻¹ Σ_{i>0} a_i (g_i − g_−i) + h² Σ b_ij g_iᵀM⁻¹g_j.
+
+    Attributes:
+        order: Its error is O(h^order).
+        potentials: The weights w_i = w_−i of potentials, from i = 0 on.
+        works: The factors a_i, from i = 1 on.
+        products: The factors b_ij by (i, j), i ≤ j; g_i·g_j is counted once.
+
+    Example:
+        >>> shadow_formula(10)
+        <ShadowFormula of order 10: 5 steps>
+    """
+
+    def __init__(
+        self,
+        order: int,
+        potentials: tuple[Fraction, ...],
+        works: tuple[Fraction, ...],
+        products: dict[tuple[int, int], Fraction],
+    ):
+        self.order, self.potentials, self.works, self.products = order, potentials, works, products
+
+    def __repr__(self) -> str:
+        return f"<ShadowFormula of order {self.order}: {2 * self.reach + 1} steps>"
+
+    @property
+    def reach(self) -> int:
+        """How many steps before and after it looks at."""
+        return len(self.potentials) - 1
+
+
+@lru_cache(maxsize=16)
+def shadow_formula(order: int) -> ShadowFormula:
+    """The shadow energy of an order.
+
+    Args:
+        order: An even number from 2, the energy itself, to 24.
+
+    Raises:
+        SeriesError: There is no such order.
+
+    Example:
+        >>> formula = shadow_formula(4)
+        >>> print(*formula.potentials, formula.products)
+        5/6 1/12 {(0, 0): Fraction(1, 24)}
+
+    References:
+        Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X (the homogeneous extension);
+        Engle, Skeel, Drees, J. Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
+    """
+    check_order(order)
+    if order == LEAST_ORDER:
+        return ShadowFormula(order, (Fraction(1),), (), {})
+    half = order // 2
+    reach, is_odd = divmod(half, 2)
+    inner = reach if is_odd else reach - 1  # forces are needed on fewer steps than potentials where half is even
+    centres = [(c, lag) for c in range(2 * inner + 1) for lag in range(c % 2, 2 * inner + 1 - c, 2)]
+    if is_odd:
+        centres.remove((0, 2 * inner))  # one solution has no product of the first and the last force
+    columns = [_potential(i, half) for i in range(reach + 1)]
+    columns += [_moments(_work(i), half) for i in range(1, inner + 1)]
+    columns += [_moments(_product(c, lag), half) for c, lag in centres]
+    kinetic = _moments({(2, 0): 1, (0, 2): -1}, half)
+    rows = [[*(4 * column[k] for column in columns), -kinetic[k]] for k in range(len(kinetic))]
+    rows.append([*map(Fraction, [1] * (reach + 1) + [0] * (len(columns) - reach - 1)), Fraction(1)])
+    solution = _solution(rows)
+    weights, works, rest = solution[: reach + 1], solution[reach + 1 : reach + 1 + inner], solution[reach + 1 + inner :]
+    products: dict[tuple[int, int], Fraction] = {}
+    for (c, lag), value in zip(centres, rest, strict=True):
+        for centre in {c, -c}:
+            products[(centre - lag) // 2, (centre + lag) // 2] = value if c == 0 else value / 2
+    potentials = tuple(value if i == 0 else value / 2 for i, value in enumerate(weights))
+    return ShadowFormula(order, potentials, tuple(works), products)
+
+
+def check_order(order: int) -> None:
+    """Refuse what is no order of a shadow energy."""
+    if not isinstance(order, int) or order % 2 or not LEAST_ORDER <= order <= MOST_ORDER:
+        raise SeriesError(f"order must be an even number from {LEAST_ORDER} to {MOST_ORDER}, but was {order!r:.60}")
+
+
+def _powers(half: int) -> list[tuple[int, int]]:
+    """The exponents (2i, 2j) of S and δ below the order of the error."""
+    return [(2 * i, 2 * j) for i in range(half + 1) for j in range(half + 1 - i)]
+
+
+def _moments(waves: Waves, half: int) -> list[Fraction]:
+    """The coefficients of S^i δ^j / (i! j!)."""
+    return [Fraction(sum(x * a**i * b**j for (a, b), x in waves.items())) for i, j in _powers(half)]
+
+
+def _potential(shift: int, half: int) -> list[Fraction]:
+    """(U_shift + U_−shift)/2 − H̃: cosh(2 shift S) times what stands for U."""
+    waves = [((2 * shift, 0), 2), ((2 * shift + 1, 1), -1), ((2 * shift - 1, 1), -1)]
+    plain, two = _moments(_gathered(waves), half), 2 * shift
+    # cosh(two S) sinh(S)/S = (sinh((two + 1) S) − sinh((two − 1) S)) / (2 S)
+    rest = [Fraction(((two + 1) ** (i + 1) - (two - 1) ** (i + 1)) * j, 2 * (i + 1)) for i, j in _powers(half)]
+    return [x / 2 + y for x, y in zip(plain, rest, strict=True)]
+
+
+def _work(shift: int) -> Waves:
+    """h pᵀ(g_shift − g_−shift), symmetrised in u and v."""
+    waves: list[tuple[Wave, int]] = []
+    for n, factor in ((shift + 1, -1), (shift - 1, -1), (shift, 2)):  # 2 sinh(u) sinh(nv) is, symmetrised:
+        waves += [((n + 1, n - 1), factor), ((n - 1, n + 1), -factor)]
+    return _gathered(waves)
+
+
+def _product(centre: int, lag: int) -> Waves:
+    """h² g_iᵀg_j, i + j = centre and j − i = lag, and its images: 4 (cosh S − cosh δ)² cosh(centre S) cosh(lag δ)."""
+    waves: list[tuple[Wave, int]] = [((centre, lag), 4)]
+    for x in (-1, 1):
+        waves += [((centre + 2 * x, lag), 1), ((centre, lag + 2 * x), 1)]
+        waves += [((centre + x, lag + y), -2) for y in (-1, 1)]
+    return _gathered(waves)
+
+
+def _gathered(waves: list[tuple[Wave, int]]) -> Waves:
+    found: Waves = {}
+    for wave, factor in waves:
+        found[wave] = found.get(wave, 0) + factor
+    return found
+
+
+def _solution(rows: list[list[Fraction]]) -> list[Fraction]:
+    """The solution of a system that has exactly one: modulo a prime, then as fractions, then proved."""
+    pivots: list[list[int]] = []
+    waiting = [[_residue(x) for x in row] for row in rows]
+    for _ in range(len(rows[0]) - 1):
+        found = next(row for row in waiting if row[0])
+        inverse = pow(found[0], -1, PRIME)
+        pivot = [x * inverse % PRIME for x in found[1:]]
+        waiting = [[(x - row[0] * y) % PRIME for x, y in zip(row[1:], pivot, strict=True)] for row in waiting]
+        waiting = list(filter(any, waiting))
+        pivots.append(pivot)
+    values: list[int] = []
+    for *factors, right in reversed(pivots):
+        values.insert(0, (right - sum(map(mul, factors, values))) % PRIME)
+    solution = [_fraction(value) for value in values]
+    if any(sum(map(mul, row, solution)) != row[-1] for row in rows):
+        raise ArithmeticError("the solution modulo a prime is none in fractions")
+    return solution
+
+
+def _residue(value: Fraction) -> int:
+    return value.numerator * pow(value.denominator, -1, PRIME) % PRIME
+
+
+def _fraction(residue: int) -> Fraction:
+    """The fraction with a small numerator and denominator that has this residue, by Euclid's algorithm."""
+    (a, b), (x, y) = (PRIME, residue), (0, 1)
+    while b * b > PRIME:
+        quotient = a // b
+        a, b, x, y = b, a - quotient * b, y, x - quotient * y
+    return Fraction(b, y)

@@ -1,0 +1,104 @@
+"""To SciPy and back: pairs of the catalogue for `solve_ivp`, scenes as its right-hand sides."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from foundation.extras import how_to_install
+from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.tableaux.runge_kutta import RungeKutta
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+    from integrators.bindings.scipy_pairs import PairSolver
+    from integrators.scenes.scene import Scene
+
+
+def scipy_solver(method: RungeKutta) -> type[PairSolver]:
+    """A pair as a solver class of SciPy, for ``solve_ivp(…, method=scipy_solver(method))``.
+
+    Steps are chosen as SciPy's own Runge–Kutta solvers choose them, with `rtol`, `atol`, `max_step` and `first_step`;
+    the order of the estimated error comes from the tableau. The weights `b` advance the solution. A last stage that is
+    the next step's first is not evaluated twice. States may be complex.
+
+    Between steps the solution is continuously differentiable, and of order p − 1 for a method of order p ≤ 9 (p for
+    p ≤ 3). ``verner65`` takes one evaluation of the right-hand side more for each step that is interpolated, ``dop853``
+    four, the other pairs of the catalogue none.
+
+    Args:
+        method: An explicit method with one or two rows of embedded weights, such as ``method("tsit5")``.
+
+    Returns:
+        A class; equal methods of the same name have the same. Its attribute ``method`` is the method.
+
+    Raises:
+        IntegratorError: The method has symbols, is implicit, inconsistent, or has no embedded weights of use.
+        ImportError: If SciPy is not installed.
+
+    Example:
+        >>> from scipy.integrate import solve_ivp
+        >>> from integrators import method
+        >>> tsit5 = scipy_solver(method("tsit5"))
+        >>> found = solve_ivp(lambda t, y: -y, (0, 1), [1.0], method=tsit5, rtol=1e-8, atol=1e-10)
+        >>> print(f"{found.y[0, -1]:.7f}", tsit5.order, tsit5.error_estimator_order)
+        0.3678794 5 4
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.4.
+    """
+    try:
+        from integrators.bindings.scipy_pairs import solver_class
+    except ImportError as missing:
+        raise ImportError(f"scipy_solver needs SciPy: {how_to_install('scipy')}") from missing
+    if not isinstance(method, RungeKutta):
+        raise IntegratorError(f"method must be a RungeKutta, but was {shorten(repr(method))}")
+    return solver_class(method, method.name)
+
+
+def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
+    """The field of a scene as a compiled function f(t, y), as `solve_ivp` and others want it.
+
+    Args:
+        scene: The scene; its parameters must be numbers. Scenes are autonomous: where a field depends on the time, that
+            is one of the variables, and the argument t is never looked at.
+
+    Returns:
+        A function of the time and of a state, one real number for each variable of the scene, that returns a new array.
+
+    Raises:
+        IntegratorError: `scene` is none, or a parameter is a symbol; when called: y is no such state.
+
+    Example:
+        >>> from scipy.integrate import solve_ivp
+        >>> from integrators import method, scene
+        >>> kepler = scene("kepler")
+        >>> span = (0, 6.283185307179586)
+        >>> found = solve_ivp(
+        ...     right_hand_side(kepler), span, kepler.y0, method=scipy_solver(method("dop853")), rtol=1e-12, atol=1e-12
+        ... )
+        >>> bool(abs(found.y[:, -1] - kepler.y0).max() < 1e-9)
+        True
+    """
+    import numpy as np
+
+    from integrators.compile.scene_source import compiled_scene
+    from integrators.scenes.scene import Scene
+
+    if not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
+    field, shape = compiled_scene(scene).field, (scene.dimension,)
+
+    def fun(t: float, y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        if np.iscomplexobj(y):
+            raise IntegratorError("y must be real, but was complex")
+        state = np.ascontiguousarray(y, dtype=float)
+        if state.shape != shape:
+            raise IntegratorError(f"y must have the shape {shape}, but had {state.shape}")
+        out = np.empty(shape)
+        field(state, out)
+        return out
+
+    return fun

@@ -1,0 +1,1 @@
+"""From formulas to machine code: operation graph, printed source, LLVM code, and the cache on disk."""

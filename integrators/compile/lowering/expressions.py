@@ -1,0 +1,222 @@
+"""Expressions of generated functions in LLVM."""
+
+# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+from __future__ import annotations
+
+import ast
+import builtins
+import operator
+from collections.abc import Callable
+from functools import partial, reduce
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
+
+from integrators.compile.lowering.syntax import refuse
+
+if TYPE_CHECKING:
+    from integrators.compile.lowering.units import Unit
+
+OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow, ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.LShift: operator.lshift,
+    ast.BitOr: operator.or_, ast.BitAnd: operator.and_, ast.USub: operator.neg, ast.Not: operator.not_,
+    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}  # fmt: skip
+EXTREMES = {max: operator.gt, min: operator.lt}
+WHOLE, UNSIGNED = types.int64, types.uint64
+
+
+class Value(NamedTuple):
+    """A value: its numba type, and what it is in LLVM."""
+
+    type: Any
+    llvm: Any
+
+
+class Expressions(ast.NodeVisitor):
+    """Writes the values of expressions in the body of a function.
+
+    Names are variables in memory, which LLVM puts into registers; each keeps the type it is first given, but for one
+    that is a pointer first and then a number, or the other way round.
+
+    Args:
+        unit: The functions that this one belongs to.
+        made: The function in LLVM.
+        function: The function of Python.
+    """
+
+    def __init__(self, unit: Unit, made: Any, function: Any):
+        self.unit, self.made = unit, made
+        self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
+        # memory for variables comes before what is read from the module, and that before everything else
+        entry, constants, begin = self.block(), self.block(), self.block()
+        self.constants, self.builder = ir.IRBuilder(constants), ir.IRBuilder(begin)
+        self.jumps = (entry, constants), (constants, begin)
+        self.variables: dict[str, Value] = {}
+
+    def block(self) -> Any:
+        """A new block of instructions."""
+        return self.made.append_basic_block()
+
+    def generic_visit(self, node: ast.AST) -> Any:
+        refuse(node)
+
+    def visit_Name(self, node: ast.Name) -> Value:
+        known = self.variables.get(node.id)
+        if known is None:
+            if node.id in self.local:
+                refuse(node, "is read before it is written")
+            known = self.variables[node.id] = self._global(node.id)
+        return Value(known.type, self.builder.load(known.llvm))
+
+    def visit_Constant(self, node: ast.Constant) -> Value:
+        return self._constant(node.value)
+
+    def visit_Attribute(self, node: ast.Attribute) -> Value:
+        if not isinstance(node.value, ast.Name) or node.value.id in self.local:
+            refuse(node)
+        return self._constant(getattr(self.known(node.value.id), node.attr))
+
+    def visit_Tuple(self, node: ast.Tuple) -> Value:
+        items = self._items(node)
+        kind = types.BaseTuple.from_types([item.type for item in items])
+        return Value(kind, self.unit.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
+
+    def visit_Subscript(self, node: ast.Subscript) -> Value:
+        array = self.visit(node.value)
+        if not isinstance(array.type, types.CPointer):
+            return self._call(operator.getitem, array, self.visit(node.slice))
+        return Value(array.type.dtype, self.builder.load(self._place(array, node.slice)))
+
+    def visit_BinOp(self, node: ast.BinOp) -> Value:
+        return self._call(self._operator(node), self.visit(node.left), self.visit(node.right))
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
+        return self._call(self._operator(node), self.visit(node.operand))
+
+    def visit_Compare(self, node: ast.Compare) -> Value:
+        (operation,), (right,) = node.ops, node.comparators
+        if isinstance(operation, ast.In) and isinstance(right, ast.Tuple):
+            return self.visit(ast.BoolOp(ast.Or(), [ast.Compare(node.left, [ast.Eq()], [x]) for x in right.elts]))
+        if type(operation) not in OPERATORS:
+            refuse(node)
+        return self._call(OPERATORS[type(operation)], self.visit(node.left), self.visit(right))
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
+        first, *others = node.values
+        for other in others:  # conditional expressions refuse other values than these
+            yes, no = (other, ast.Constant(False)) if isinstance(node.op, ast.And) else (ast.Constant(True), other)
+            first = ast.IfExp(first, yes, no)
+        return self.visit(first)
+
+    def visit_IfExp(self, node: ast.IfExp) -> Value:
+        then, other, after = self.block(), self.block(), self.block()
+        self.builder.cbranch(self._truth(node.test), then, other)
+        ends = []
+        for block, expression in ((then, node.body), (other, node.orelse)):
+            self.builder.position_at_end(block)
+            ends.append((self.visit(expression), self.builder.block))
+            self.builder.branch(after)
+        self.builder.position_at_end(after)
+        (value, _), (another, _) = ends
+        if value.type != another.type:
+            refuse(node, f"is a {value.type} or a {another.type}")
+        chosen = self.builder.phi(value.llvm.type)
+        for end, block in ends:
+            chosen.add_incoming(end.llvm, block)
+        return Value(value.type, chosen)
+
+    def visit_Call(self, node: ast.Call) -> Value:
+        function = self.known(ast.unparse(node.func))
+        arguments = [self.visit(x) for x in node.args]
+        if isinstance(function, _Intrinsic):  # which may need the values of numbers
+            arguments = [*map(_literal, arguments, node.args)]
+        if function in EXTREMES:
+            if len({x.type for x in arguments}) > 1:
+                refuse(node, "compares several types")
+            return reduce(partial(self._extreme, EXTREMES[function]), arguments)
+        if not isinstance(function, FunctionType):
+            return self._call(function, *arguments)
+        return self.unit.call(self.builder, function, arguments)
+
+    def _operator(self, node: Any) -> Callable[..., Any]:
+        return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
+
+    def _extreme(self, exceeds: Any, one: Value, other: Value) -> Value:
+        """The other one of two values if it exceeds the first."""
+        return Value(one.type, self.builder.select(self._call(exceeds, other, one).llvm, other.llvm, one.llvm))
+
+    def _items(self, node: ast.expr) -> list[Value]:
+        """The values of a tuple."""
+        if isinstance(node, ast.Tuple):
+            return [self.visit(x) for x in node.elts]
+        value = self.visit(node)
+        return [*map(Value, value.type.types, cgutils.unpack_tuple(self.builder, value.llvm))]
+
+    def _place(self, pointer: Value, index: ast.expr) -> Any:
+        """The place of an entry in memory."""
+        return self.builder.gep(pointer.llvm, [self._cast(self.visit(index), WHOLE)])
+
+    def _truth(self, node: ast.expr) -> Any:
+        value = self.visit(node)
+        return self.unit.context.is_true(self.builder, value.type, value.llvm)
+
+    def known(self, name: str) -> Any:
+        """What a name of the module means."""
+        return self.names[name] if name in self.names else getattr(builtins, name)
+
+    def _global(self, name: str) -> Value:
+        """A constant of the module as a variable."""
+        value = self._constant(self.known(name))
+        place = cgutils.alloca_once(self.constants, value.llvm.type, name=name)
+        self.constants.store(value.llvm, place)
+        return Value(value.type, place)
+
+    def _constant(self, value: Any) -> Value:
+        kind = types.unliteral(self.unit.typing.resolve_value_type(value))
+        return Value(kind, self.unit.context.get_constant_generic(self.constants, kind, value))
+
+    def _call(self, function: Any, *arguments: Value) -> Value:
+        """Call what numba knows."""
+        signature, call = self.unit.implementation(function, tuple(x.type for x in arguments))
+        values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
+        return Value(types.unliteral(signature.return_type), call(self.builder, values))
+
+    def _kept(self, value: Value, kind: Any) -> Any:
+        """The value as one of another type, for a place that can hold it."""
+        given = types.unliteral(value.type)
+        if not _can_hold(kind, given):
+            raise NotImplementedError(f"a {given} is no {kind}")
+        return self._cast(value, kind)
+
+    def _cast(self, value: Value, kind: Any) -> Any:
+        if value.type == kind:
+            return value.llvm
+        return self.unit.context.cast(self.builder, value.llvm, value.type, kind)
+
+
+def _can_hold(kind: Any, given: Any) -> bool:
+    """Whether all values of one type are values of another, or nearly: integers become doubles, as in Python."""
+    if kind == given:
+        return True
+    parts: tuple[Any, Any] = getattr(kind, "types", None), getattr(given, "types", None)  # those of tuples
+    if None not in parts:
+        return len(parts[0]) == len(parts[1]) and all(map(_can_hold, *parts))
+    if kind == types.float64:
+        return given == types.boolean or given in types.number_domain
+    if kind not in types.integer_domain or given not in types.integer_domain:
+        return kind in types.integer_domain and given == types.boolean
+    return given.signed <= kind.signed and given.bitwidth + (kind.signed > given.signed) <= kind.bitwidth
+
+
+def _literal(value: Value, node: ast.expr) -> Value:
+    """The value with its number for a type, if it is an integer that is written out."""
+    if isinstance(node, ast.Constant) and type(node.value) is int:
+        return value._replace(type=types.literal(node.value))
+    return value

@@ -1,0 +1,482 @@
+"""Sums over sites as lines of Python: loops around formulas in local variables, without arrays of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from integrators.compile.lowering import MOST_PERMUTED, WIDTH
+from integrators.compile.printer import count_operations, source_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import sympy
+
+    from integrators.scenes.model.local_terms import Argument, Data, LocalTerm, Place
+    from integrators.scenes.model.system import System
+    from integrators.scenes.model.terms import Sites
+
+
+INDICES = ("i", "j", "k", "l")
+"""The loop variables for the sites of a row, by role."""
+
+
+class Context(Protocol):
+    """What lines need from the text around them."""
+
+    number: str | None
+    zero: str
+    lanes: bool
+
+    def numbers(self, values: Sequence[sympy.Expr]) -> str:
+        """The name of a constant array of exact numbers."""
+        ...
+
+    def sites(self, values: Sequence[int]) -> str:
+        """The name of a constant array of integers."""
+        ...
+
+
+class SiteSum:
+    """Formulas summed over the same rows of sites.
+
+    Attributes:
+        sites: The rows.
+        outputs: A formula for each place it is added at; what else a key can be is up to the user of the class.
+        arguments: The symbol of each local variable.
+        data: The symbol of each parameter that differs from site to site.
+    """
+
+    def __init__(self, sites: Sites):
+        self.sites = sites
+        self.outputs: dict[Any, Any] = {}
+        self.arguments: dict[Argument, sympy.Symbol] = {}
+        self.data: dict[Data, Any] = {}
+
+    @classmethod
+    def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
+        """Formulas in the variables of a scene, summed over nothing."""
+        from integrators.scenes.model.local_terms import Argument, Place
+        from integrators.scenes.model.terms import Sites
+
+        total = cls(Sites("single"))
+        names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}
+        total.outputs = {key: formula.xreplace(names) for key, formula in outputs.items()}
+        return total
+
+    def add(self, term: LocalTerm, outputs: Iterable[tuple[Any, sympy.Expr]]) -> None:
+        """Add formulas in the local variables and data of a term."""
+        import sympy
+
+        names: dict[Any, Any] = {sympy.Symbol(f"x{k}"): self._argument(x) for k, x in enumerate(term.arguments)}
+        names |= {sympy.Symbol(f"d{k}"): self._datum(data) for k, data in enumerate(term.data)}
+        for key, formula in outputs:
+            self.outputs[key] = self.outputs.get(key, sympy.Integer(0)) + formula.xreplace(names)
+
+    def _argument(self, argument: Argument) -> sympy.Symbol:
+        import sympy
+
+        plus, minus = argument
+        name = f"y{plus.offset}" if minus is None and plus.stride == 0 else f"x{len(self.arguments)}"
+        return self.arguments.setdefault(argument, sympy.Symbol(name))
+
+    def _datum(self, data: Data) -> sympy.Expr:
+        """The symbol of a parameter with a value for each site; the value itself where all sites have the same."""
+        import sympy
+
+        if len(set(data.values)) == 1:
+            return data.values[0]
+        return self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}"))
+
+    def covered(self, place: Place) -> set[int]:
+        """The entries that one pass over the rows writes once each at a place; none if it may write one twice."""
+        if self.sites.kind == "single":
+            return {place.offset}
+        if self.sites.kind == "each" and place.stride:
+            return set(range(place.offset, place.offset + place.stride * self.sites.count, place.stride))
+        return set()
+
+    def lines(self, targets: Mapping[Any, str], context: Context) -> list[str]:
+        """The statements.
+
+        Args:
+            targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``, in the order wanted.
+            context: How numbers are written.
+
+        Returns:
+            The lines, indented from 0. Over pairs, what belongs to the first site is read before the inner loop and
+            written after it.
+        """
+        if not self.outputs:
+            return []
+        if context.lanes and suits_lanes(self):
+            return lane_lines(self, targets, context)
+        first = 0 if self.sites.kind == "pairs" else None
+        before: list[str] = []
+        body: list[str] = []
+        after: list[str] = []
+        names, targets = self.names(), dict(targets)
+        read: dict[Place | None, str] = {}
+        for argument, symbol in self.arguments.items():
+            if symbol in names:
+                for place in argument:
+                    if place is not None and place.role == first and place not in read:
+                        read[place] = f"u{len(read)}"
+                        before.append(f"{read[place]} = {entry('y', place)}")
+                body.append(f"{symbol} = {difference(argument, read)}")
+        for data, symbol in self.data.items():
+            if symbol in names:
+                line = f"{symbol} = {context.numbers(data.values)}[{INDICES[data.role]}]"
+                (before if data.role == first else body).append(line)
+        for key in targets:
+            if first is not None and getattr(key, "role", None) == first:
+                name = f"a{len(after)}"
+                before.append(f"{name} = {context.zero}")
+                after.append(f"{targets[key]} {name}")
+                targets[key] = f"{name} +="
+        assignments = [(target, self.outputs[key]) for key, target in targets.items()]
+        body += source_lines(assignments, names, number=context.number)
+        return self.loop(before, body, after, context)
+
+    def names(self) -> dict[Any, str]:
+        """What the formulas use."""
+        free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
+        return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
+
+    def loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
+        """A loop over the rows, with statements before and after the inner loop over second sites of pairs."""
+        kind, n = self.sites.kind, self.sites.count
+        if kind == "single":
+            return body
+        if kind == "pairs":
+            inner = [f"for j in range(i + 1, {n}):", *indented(body)]
+            return [f"for i in range({n - 1}):", *indented([*before, *inner, *after])]
+        if kind == "table":
+            columns = [context.sites(column) for column in zip(*self.sites.table, strict=True)]
+            rows = [f"{index} = {column}[row]" for index, column in zip(INDICES, columns, strict=False)]
+            return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
+        second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
+        return [f"for i in range({self.sites.size}):", *indented([*second, *body])]
+
+
+def difference(argument: Argument, known: Mapping[Any, str] | None = None) -> str:
+    """The text of a local variable: an entry of the state, or the difference of two."""
+    places = [place for place in argument if place is not None]
+    return " - ".join((known or {}).get(place) or entry("y", place) for place in places)
+
+
+def entry(array: str, place: Place) -> str:
+    """The entry of an array at a place."""
+    if place.stride == 0:
+        return f"{array}[{place.offset}]"
+    index = INDICES[place.role] if place.stride == 1 else f"{place.stride}*{INDICES[place.role]}"
+    return f"{array}[{place.offset} + {index}]" if place.offset else f"{array}[{index}]"
+
+
+def zeros(entries: Iterable[int], zero: str) -> list[str]:
+    """Statements that set entries of `out` to zero: consecutive ones by a loop."""
+    lines: list[str] = []
+    for _, run in groupby(enumerate(sorted(entries)), key=lambda pair: pair[1] - pair[0]):
+        places = [place for _, place in run]
+        if len(places) > 3:
+            start = f"{places[0]}, " if places[0] else ""
+            lines += [f"for i in range({start}{places[-1] + 1}):", f"    out[i] = {zero}"]
+        else:
+            lines += [f"out[{place}] = {zero}" for place in places]
+    return lines
+
+
+def indented(lines: Iterable[str]) -> list[str]:
+    """The lines as the body of a block."""
+    return [f"    {line}" for line in lines]
+
+
+FILL = 4
+"""Lanes of one loop are filled up to a multiple of so many; what idle ones give is lost."""
+
+
+class Ring(NamedTuple):
+    """The lanes of all pairs of n sites.
+
+    Attributes:
+        rows: The pair of each lane, its smaller site first; idle lanes repeat the last one.
+        lanes: For each distance from 1 to n/2 the lane of every site with the site so far on.
+    """
+
+    rows: list[tuple[int, ...]]
+    lanes: list[list[int]]
+
+    @classmethod
+    def of(cls, n: int) -> Ring:
+        """The lanes for n sites: those of sites that fill vectors come first, distance by distance.
+
+        Example:
+            >>> Ring.of(3)
+            Ring(rows=[(0, 1), (1, 2), (0, 2), (0, 2)], lanes=[[0, 1, 2]])
+        """
+        distances, full = range(1, n // 2 + 1), n // WIDTH * WIDTH
+        numbers: dict[tuple[int, int], int] = {}
+        for sites in (range(full), range(full, n)):
+            for distance in distances:
+                for site in sites:
+                    numbers.setdefault(_pair(site, distance, n), len(numbers))
+        return cls(
+            filled([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
+        )
+
+
+def filled(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The rows of all lanes, idle ones among them."""
+    return rows + rows[-1:] * (-len(rows) % FILL)
+
+
+def lane_data(
+    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], context: Context
+) -> dict[sympy.Symbol, str]:
+    """How lanes, each for a row of sites, read parameters that differ from site to site."""
+    return {
+        symbol: f"{context.numbers([data.values[row[data.role]] for row in rows])}[r]"
+        for data, symbol in total.data.items()
+        if symbol in names
+    }
+
+
+def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
+    other = (site + distance) % n
+    return min(site, other), max(site, other)
+
+
+def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
+    """Whether all is added up over pairs, or to entries of both sites, the same but for the sign."""
+    if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
+        return False
+    at_sites = {key: target for key, target in targets.items() if not _is_total(target)}
+    if not all(getattr(key, "stride", 0) and target.startswith("out[") for key, target in at_sites.items()):
+        return False
+    entries = _by_place({key: scatter[key] for key in at_sites})
+    return all(len(roles) == 2 and roles[0][0] == roles[1][0] for roles in entries.values())
+
+
+def _is_total(target: str) -> bool:
+    """Whether all pairs are added up, for a variable that is no entry of an array."""
+    return "[" not in target
+
+
+def ring_lines(
+    total: SiteSum,
+    targets: Mapping[Any, str],
+    values: Sequence[sympy.Expr],
+    scatter: Mapping[Any, tuple[int, str]],
+    context: Context,
+) -> list[str]:
+    """The statements of a sum that suits.
+
+    Args:
+        total: The sum.
+        targets: For keys of the outputs the left-hand side.
+        values: The formulas.
+        scatter: For each output its formula's number and its sign.
+        context: How numbers are written.
+    """
+
+    n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
+    arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
+    copies, differences = _gather(arguments, ring, n, context)
+    entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
+    lanes = names | lane_data(total, names, ring.rows, context)
+    formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
+    return [
+        *copies,
+        *(f"v{k} = stack({len(ring.rows)})" for k in range(len(values))),
+        f"for r in range({len(ring.rows)}):",
+        *indented([*differences, *formula]),
+        *(f"{targets[key]} {_over_pairs(*scatter[key], n * (n - 1) // 2)}" for key in targets if key not in entries),
+        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, context)),
+    ]
+
+
+def _over_pairs(number: int, sign: str, count: int) -> str:
+    """The sum of a formula over all pairs."""
+    total = _balanced([f"v{number}[{lane}]" for lane in range(count)])
+    return total if sign == "+" else f"-({total})"
+
+
+def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
+    """For each place in the sites, its offset and stride, what the two sites of a pair are given."""
+    found: dict[tuple[int, int], dict[int, tuple[int, str]]] = {}
+    for place, value in scatter.items():
+        found.setdefault((place.offset, place.stride), {})[place.role] = value
+    return found
+
+
+def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Context) -> tuple[list[str], list[str]]:
+    """Statements that copy entries of all sites to arrays, and those that make local variables of lanes."""
+    sites = [context.sites(column) for column in zip(*ring.rows, strict=True)]
+    arrays: dict[tuple[int, int], str] = {}
+
+    def text(place: Place) -> str:
+        if not place.stride:
+            return f"y[{place.offset}]"
+        array = arrays.setdefault((place.offset, place.stride), f"q{len(arrays)}")
+        return f"{array}[{sites[place.role]}[r]]"
+
+    differences = [
+        f"{name} = {' - '.join(text(x) for x in argument if x is not None)}" for argument, name in arguments.items()
+    ]
+    copies = [f"{array} = stack({n})" for array in arrays.values()]
+    for (offset, stride), array in arrays.items():
+        copies += [f"for i in range({n}):", f"    {array}[i] = y[{offset} + {stride}*i]"]
+    return copies, differences
+
+
+def _sum_lines(
+    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, context: Context
+) -> list[str]:
+    """Statements that add to every site what its pairs give it."""
+    (number, first), (_, second) = roles[0], roles[1]
+    terms = [
+        _term(f"v{number}[{context.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], context)
+        for lanes, firsts in _pairs_of_sites(ring, n)
+    ]
+    offset, stride = place
+    return [f"for i in range({n}):", f"    out[{offset} + {stride}*i] += {_balanced(terms)}"]
+
+
+def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]]:
+    """For all sites a lane each, and whether the site is the first of that pair; over again until they had all."""
+    for distance, lanes in enumerate(ring.lanes, 1):
+        yield lanes, [site + distance < n for site in range(n)]
+        if 2 * distance < n:  # otherwise the site so far back is the one so far on
+            yield [lanes[site - distance] for site in range(n)], [site < distance for site in range(n)]
+
+
+def _term(value: str, signs: Sequence[str], context: Context) -> str:
+    import sympy
+
+    if len(set(signs)) == 1:
+        return value if signs[0] == "+" else f"-{value}"
+    return f"{context.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
+
+
+def _balanced(terms: Sequence[str]) -> str:
+    """A sum in which no term waits for more than the logarithm of their number of others."""
+    if len(terms) < 3:
+        return " + ".join(terms)
+    half = len(terms) // 2
+    return " + ".join(f"({_balanced(part)})" if len(part) > 1 else part[0] for part in (terms[:half], terms[half:]))
+
+
+FEWEST_LANES, FEWEST_PAIRS = 8, 3
+MOST_FLAT = MOST_PERMUTED
+MOST_LANES = 4096
+SLOW = {"call", "power"}
+"""Operations that have no vector instructions: they take so long that nothing else matters."""
+
+
+def suits_lanes(total: SiteSum) -> bool:
+    """Whether three passes are faster than one."""
+    kind, n = total.sites.kind, total.sites.count
+    if kind in ("single", "each") or total.sites.size < (FEWEST_PAIRS if kind == "pairs" else FEWEST_LANES):
+        return False
+    if total.sites.size > MOST_FLAT and (kind != "pairs" or n > MOST_LANES):
+        return False
+    formulas = [(f"v{k}", formula) for k, formula in enumerate(total.outputs.values())]
+    return not SLOW & count_operations(source_lines(formulas, total.names())).keys()
+
+
+def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> list[str]:
+    """The statements of a sum in three passes.
+
+    Args:
+        total: The sum.
+        targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``.
+        context: How numbers are written.
+    """
+
+    flat = total.sites.size <= MOST_FLAT
+    lane = "r" if flat else "j"
+    values, scatter = _values({key: total.outputs[key] for key in targets})
+    if flat and suits_ring(total, targets, scatter):
+        return ring_lines(total, targets, values, scatter, context)
+    before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
+    names = total.names()
+    local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
+    rows = filled([*total.sites.rows()]) if flat else []
+    data, row = (lane_data(total, names, rows, context), []) if flat else _data(total, names, context)
+    lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
+    formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
+    gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
+    size = len(rows) if flat else total.sites.count
+    arrays = [f"{name} = stack({size})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
+    if flat:
+        following = ["r += 1"]
+        idle = [f"{name}[{r}] = 1.0" for r in range(total.sites.size, size) for name in local.values()]
+        return [
+            *arrays,
+            *idle,
+            "r = 0",
+            *total.loop([], gather + following, [], context),
+            f"for r in range({size}):",
+            *indented(formula),
+            "r = 0",
+            *total.loop(before, body + following, after, context),
+        ]
+    lanes_of_row = f"for j in range(i + 1, {size}):"
+    passes = [line for lines in (gather, formula, body) for line in (lanes_of_row, *indented(lines))]
+    return [*arrays, f"for i in range({size - 1}):", *indented([*row, *before, *passes, *after])]
+
+
+def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[Any, tuple[int, str]]]:
+    """Different values up to their sign, and for each output which of them it is, with the sign."""
+    values: list[sympy.Expr] = []
+    scatter: dict[Any, tuple[int, str]] = {}
+    for key, formula in outputs.items():
+        if -formula in values:
+            scatter[key] = values.index(-formula), "-"
+            continue
+        if formula not in values:
+            values.append(formula)
+        scatter[key] = values.index(formula), "+"
+    return values, scatter
+
+
+def _sums(
+    scatter: Mapping[Any, tuple[int, str]], targets: Mapping[Any, str], lane: str, first: int | None
+) -> tuple[list[str], list[str], list[str]]:
+    """Statements before, in and after the loop over lanes: what goes to the first site of a row is summed up first."""
+    before: list[str] = []
+    body: list[str] = []
+    after: list[str] = []
+    for key, target in targets.items():
+        number, sign = scatter[key]
+        left, operation = target.rsplit(" ", 1)
+        if first is not None and getattr(key, "role", None) == first:
+            name = f"a{len(after)}"
+            before.append(f"{name} = 0.0")
+            after.append(f"{target} {name}")
+            left, operation = name, "+="
+        value = f"v{number}[{lane}]"
+        if operation == "+=":
+            body.append(f"{left} {sign}= {value}")
+        else:
+            body.append(f"{left} = {value if sign == '+' else f'-{value}'}")
+    return before, body, after
+
+
+def _data(
+    total: SiteSum, names: Mapping[sympy.Symbol, str], context: Context
+) -> tuple[dict[sympy.Symbol, str], list[str]]:
+    """How the lanes of a row read parameters of sites, and statements that read those of its first site."""
+    found: dict[sympy.Symbol, str] = {}
+    row: list[str] = []
+    for data, symbol in total.data.items():
+        if symbol not in names:
+            continue
+        if data.role == 0:
+            found[symbol] = names[symbol]
+            row.append(f"{names[symbol]} = {context.numbers(data.values)}[i]")
+        else:
+            found[symbol] = f"{context.numbers(data.values)}[j]"
+    return found, row

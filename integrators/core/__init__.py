@@ -1,0 +1,1 @@
+"""Common ground: errors, argument checks, immutable values, files and optional packages."""

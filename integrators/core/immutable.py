@@ -1,0 +1,72 @@
+"""Values that never change: compared, hashed and pickled by their data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+
+class Frozen:
+    """A value whose attributes are set once, by its constructor, through ``__dict__``.
+
+    Lazily computed attributes are ``functools.cached_property``, which writes to ``__dict__`` too.
+    """
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        """What makes two values of the same class equal."""
+        raise NotImplementedError
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return self is other or self._data == other._data  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        known = self.__dict__.get("_hash")
+        if known is None:
+            known = self.__dict__["_hash"] = hash((type(self).__name__, self._data))
+        return known
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the hash: that of a text is another in every process."""
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__} is immutable: {name} cannot be set")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{type(self).__name__} is immutable: {name} cannot be deleted")
+
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def remembered(function: Function) -> Function:
+    """A function that keeps its results in its first argument; `functools.cache` would keep that, too, for ever.
+
+    Args:
+        function: A method, or a function of an object and hashable positional arguments.
+
+    Example:
+        >>> class Squares:
+        ...     @remembered
+        ...     def of(self, x):
+        ...         print("computing", x)
+        ...         return x * x
+        >>> squares = Squares()
+        >>> squares.of(3), squares.of(3)
+        computing 3
+        (9, 9)
+    """
+    name = f"_remembered_{function.__name__}"
+
+    @wraps(function)
+    def known(owner: Any, *arguments: Any) -> Any:
+        values = owner.__dict__.setdefault(name, {})
+        if arguments not in values:
+            values[arguments] = function(owner, *arguments)
+        return values[arguments]
+
+    return cast(Function, known)

@@ -1,0 +1,1 @@
+"""Exact numbers and formulas: the safe parser, exact arithmetic, tableau entries, polynomials."""

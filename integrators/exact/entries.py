@@ -1,0 +1,211 @@
+"""What a tableau entry may be: `Fraction` where rational, SymPy where exact but irrational, float."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from math import fsum, inf, isfinite
+from numbers import Rational, Real
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact import arithmetic as exact
+from integrators.exact.expressions import parse_number
+
+if TYPE_CHECKING:
+    import sympy
+
+    Entry = Fraction | float | sympy.Expr
+
+
+FLOAT_PRECISION = 2.0**-50
+NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
+
+
+def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
+    """One entry of a tableau, kept exact.
+
+    Args:
+        value: a number of Python, NumPy or SymPy, a SymPy expression of roots and symbols, or a formula as text.
+        argument: what a message calls the entry.
+        names: symbols that a formula may use; the symbols of a SymPy expression need not be declared.
+
+    Returns:
+        A `Fraction` if the value is rational, a float if it is one, else a SymPy expression.
+
+    Raises:
+        IntegratorError: the value is not finite and real, or not made of rationals, roots and declared symbols.
+    """
+    if isinstance(value, str | Decimal):
+        return parse_number(str(value), names=names, argument=argument)
+    if is_sympy(value):
+        return _from_sympy(value, argument)
+    if isinstance(value, Rational) and not isinstance(value, bool):
+        try:
+            return exact.bounded(Fraction(int(value.numerator), int(value.denominator)))
+        except ArithmeticError as error:
+            raise IntegratorError(f"{argument} must be of reasonable size, but {error}") from None
+    if isinstance(value, Real) and not isinstance(value, bool):
+        number = float(value)
+        if not isfinite(number):
+            raise IntegratorError(f"{argument} must be a finite number, but was {value}")
+        if number != value:
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(repr(value))}")
+        return number
+    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shorten(repr(value))}")
+
+
+def is_sympy(value: object) -> bool:
+    """Whether a value is a SymPy object; SymPy is not imported to find out."""
+    sympy = sys.modules.get("sympy")
+    return sympy is not None and isinstance(value, sympy.Basic)
+
+
+def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
+    """A SymPy expression read through its text: one grammar decides what is allowed, and one form is stored."""
+    import sympy
+
+    if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise IntegratorError(f"{argument} must be a finite number, but was {shorten(str(value))}")
+    if value.is_number and value.is_real is False:
+        raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
+    if value.has(sympy.Float):
+        if value.free_symbols:
+            raise IntegratorError(
+                f"{argument} must not mix floats and symbols, but was {shorten(str(value))}: write fractions"
+            )
+        if isinstance(value, sympy.Float) and sympy.Rational(value) != sympy.Rational(float(value)):
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(str(value))}")
+        return round_entry(value)
+    names = sorted(str(symbol) for symbol in value.free_symbols)
+    return parse_number(str(value), names=names, argument=argument)
+
+
+def round_entry(value: Any) -> float:
+    """The double nearest to a number.
+
+    Raises:
+        IntegratorError: The number is beyond the range of doubles.
+    """
+    try:
+        number = float(value.evalf(30)) if is_sympy(value) else float(value)
+    except OverflowError:
+        number = inf
+    if not isfinite(number):
+        raise IntegratorError(
+            f"numbers must be in the range of doubles to be rounded, but one was {shorten(str(value))}"
+        )
+    return number
+
+
+def sum_entries(values: Iterable[Entry]) -> Entry:
+    """The sum of entries of one method: exact, or correctly rounded for floats."""
+    terms: list[Any] = list(values)
+    if any(isinstance(value, float) for value in terms):
+        _refuse_symbols_among_floats(terms)
+        try:
+            return fsum(terms)
+        except OverflowError:
+            raise IntegratorError(
+                f"sums of entries must be finite, but that of {shorten(str(terms))} was not"
+            ) from None
+    if not any(map(is_sympy, terms)):
+        return sum(terms, Fraction(0))
+    import sympy
+
+    total = sympy.expand(sympy.Add(*terms))
+    return Fraction(int(total.p), int(total.q)) if isinstance(total, sympy.Rational) else total
+
+
+def multiply_entries(x: Any, y: Any) -> Any:
+    """The product of two entries in one normal form, so that equal products are equal."""
+    if not (is_sympy(x) or is_sympy(y)):
+        return x * y
+    if isinstance(x, float) or isinstance(y, float):
+        _refuse_symbols_among_floats((x, y))
+        return round_entry(x) * round_entry(y)
+    import sympy
+
+    if x == 0 or y == 0:
+        return Fraction(0)
+    number, other = (x, y) if isinstance(x, Fraction) else (y, x)
+    if number == 1 and other.has(sympy.CRootOf):  # in its normal form already, and to expand roots takes long
+        return other
+    first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
+    product = sympy.expand(first * second)
+    return Fraction(int(product.p), int(product.q)) if isinstance(product, sympy.Rational) else product
+
+
+def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
+    if symbol_names(values):
+        raise IntegratorError(NO_SYMBOLS_AMONG_FLOATS)
+
+
+def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
+    """Whether terms sum to zero: exactly, or within what inexact entries can show.
+
+    Args:
+        terms: numbers of one method, or products of two.
+        precision: the relative error of the entries, 0 if they are exact.
+
+    Returns:
+        The answer, or None for a formula that can neither be shown to vanish nor not to.
+
+    Example:
+        >>> terms = [Fraction(1, 3), Fraction("-0.333")]
+        >>> cancels(terms, 0), cancels(terms, Fraction(1, 100))
+        (False, True)
+    """
+    if precision:
+        return abs(sum(terms)) <= precision * sum(map(abs, terms))
+    if not any(map(is_sympy, terms)):
+        return sum(terms) == 0
+    import sympy
+
+    total = sympy.expand(sympy.Add(*terms))
+    if isinstance(total, sympy.Rational):
+        return total == 0
+    return False if _differs_from_zero(total) else total.equals(0)
+
+
+def _differs_from_zero(formula: Any) -> bool:
+    """Whether a formula is certainly not zero at one point; most are not, and a proof by SymPy takes its time."""
+    import sympy
+
+    symbols = sorted(formula.free_symbols, key=str)
+    value = formula.subs({symbol: sympy.Rational(7919 + k, 6007) for k, symbol in enumerate(symbols)}).evalf(30)
+    return bool(value.is_number and value.is_finite and abs(value) > 1e-20)
+
+
+def certainly_differs(x: Entry, number: int, precision: Fraction | float) -> bool:
+    """Whether an entry is not a number; what roots or symbols leave undecided after 20 digits counts as equal."""
+    return _differs_from_zero(x - number) if is_sympy(x) else cancels((x, -number), precision) is False
+
+
+def relative_error(domain: str, digits: int | None) -> Fraction | float:
+    """The relative error of entries: 0 if they are exact, else what so many digits, or doubles, leave open."""
+    published = Fraction(0) if digits is None else Fraction(10, 10**digits)
+    return max(published, FLOAT_PRECISION) if domain == "float" else published
+
+
+def find_domain(values: Iterable[Entry]) -> str:
+    """The smallest of the domains QQ, algebraic, symbolic and float that holds all entries."""
+    values = list(values)
+    formulas = [value for value in values if is_sympy(value)]
+    if any(isinstance(value, float) for value in values):
+        return "float"
+    if any(value.free_symbols for value in formulas):  # type: ignore[union-attr]
+        return "symbolic"
+    return "algebraic" if formulas else "QQ"
+
+
+def symbol_names(values: Iterable[Entry]) -> tuple[str, ...]:
+    """The names of the symbols in some entries, sorted."""
+    return tuple(sorted({str(symbol) for value in values if is_sympy(value) for symbol in value.free_symbols}))  # type: ignore[union-attr]
+
+
+def substitute(value: Entry, replacements: Mapping[Any, Any], argument: str) -> Entry:
+    """An entry with SymPy objects put in place of its symbols."""
+    return read_entry(value.xreplace(replacements), argument) if is_sympy(value) else value  # type: ignore[union-attr]

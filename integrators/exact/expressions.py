@@ -1,0 +1,317 @@
+"""The one parser of formulas written by users. Text is read by a grammar of its own and never evaluated as code.
+
+    sum      = product {("+" | "-") product}
+    product  = unary {("*" | "/") unary}
+    unary    = {"+" | "-"} power
+    power    = atom [("^" | "**") unary]
+    atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")"
+
+Decimals are read exactly as the fractions they spell. Rational formulas give `Fraction`s and need no SymPy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact import arithmetic as exact
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.exact.arithmetic import Exact
+
+T = TypeVar("T")
+
+ELEMENTARY = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+    *("exp", "log"),
+)
+"""The functions that `parse_expression` knows besides roots."""
+
+ROOTS = ("sqrt", "cbrt", "root")
+NOT_FINITE = ("nan", "inf", "infinity", "oo", "zoo")
+MAX_LENGTH = 10_000
+MAX_DEPTH = 100
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[-+*/^(),]))"
+)
+
+
+def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
+    """Read a formula of numbers, roots and declared symbols.
+
+    Args:
+        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)`` and ``root(x, n)``.
+        names: the symbols it may use.
+        argument: what a message calls it.
+
+    Returns:
+        A `Fraction` if it is rational, else a SymPy expression in plain symbols (``sympy.Symbol(name)``).
+
+    Raises:
+        IntegratorError: the text is no such formula, or a number in it is infinite, not real or too long.
+
+    Example:
+        >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
+        (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
+    """
+    names = check_names(names, f"symbols of {argument}")
+    value = _Parser(text, names, (), argument).parse()
+    # SymPy's text of a formula can stand for another form of it, 1/(3*(x + 1)) for 1/(3*x + 3); a stable form is kept.
+    while not isinstance(value, Fraction):
+        form = _Parser(format_number(value), names, (), argument).parse()
+        if form == value:
+            break
+        value = form
+    return value
+
+
+def parse_expression(
+    text: str, *, names: Iterable[str], functions: Iterable[str] = ELEMENTARY, argument: str = "expression"
+) -> sympy.Expr:
+    """Read a formula of numbers, roots, declared symbols, pi and elementary functions.
+
+    Args:
+        text: the formula.
+        names: the symbols it may use.
+        functions: the functions it may use, of `ELEMENTARY`.
+        argument: what a message calls it.
+
+    Returns:
+        A SymPy expression in plain symbols; decimals have become fractions.
+
+    Raises:
+        IntegratorError: the text is no such formula, or a number in it is infinite, not real or too long.
+
+    Example:
+        >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
+        p**2/2 - cos(q)/2
+    """
+    value = _Parser(text, check_names(names, f"symbols of {argument}"), tuple(functions), argument).parse()
+    import sympy
+
+    return sympy.Rational(value.numerator, value.denominator) if isinstance(value, Fraction) else value
+
+
+def format_number(value: Any) -> str:
+    """The text of a number or formula: `parse_number` reads it back to an equal value.
+
+    Args:
+        value: an integer, a `Fraction`, a float or a SymPy expression.
+
+    Returns:
+        The text; a float's is the shortest that gives the same float.
+
+    Example:
+        >>> format_number(Fraction(1, 2)), format_number(0.1)
+        ('1/2', '0.1')
+    """
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def decimal_text(value: Fraction) -> str:
+    """The text of a fraction: a decimal if it is a finite one, else as `format_number`.
+
+    Example:
+        >>> decimal_text(Fraction(-161, 1000)), decimal_text(Fraction(1, 66))
+        ('-0.161', '1/66')
+    """
+    places = value.denominator.bit_length()
+    scaled = value * 10**places
+    if scaled.denominator > 1:
+        return str(value)
+    digits = str(abs(scaled.numerator)).rjust(places + 1, "0")
+    return "-" * (value < 0) + f"{digits[:-places]}.{digits[-places:]}".rstrip("0").rstrip(".")
+
+
+def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
+    """The names of symbols as a tuple, if a formula can use them.
+
+    Args:
+        names: letters, digits and ``_``, a letter or ``_`` first; not the names of functions.
+        argument: what a message calls them.
+
+    Returns:
+        The names.
+
+    Raises:
+        IntegratorError: one is not such a name.
+    """
+    checked = () if isinstance(names, str) else tuple(names)
+    if isinstance(names, str):
+        raise IntegratorError(f"{argument} must be a sequence of names, but was the text {shorten(names)!r}")
+    for name in checked:
+        match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
+        if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *NOT_FINITE):
+            raise IntegratorError(
+                f"{argument} must be letters, digits and _ and not name a function, but one was {shorten(str(name))!r}"
+            )
+    return checked
+
+
+class _Parser:
+    """One reading of one text: `parse` goes down the grammar above, one method per rule."""
+
+    def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
+        if not isinstance(text, str):
+            raise IntegratorError(f"{argument} must be a formula as text, but was {shorten(repr(text))}")
+        self.text, self.names, self.functions, self.argument = text, names, functions, argument
+        if len(text) > MAX_LENGTH:
+            self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
+        self.depth = 0
+        self.place = 0
+        self.tokens = self.tokenize(text.replace("−", "-").rstrip())
+
+    def refuse(self, problem: str, position: int | None = None) -> NoReturn:
+        """Raise the one error of this module."""
+        where = "" if position is None else f" at position {position + 1}"
+        raise IntegratorError(f"{self.argument} must be a formula, but {shorten(self.text)!r} {problem}{where}")
+
+    def tokenize(self, text: str) -> list[tuple[str, str, int]]:
+        """The tokens as (kind, text, position), and an end."""
+        tokens, position = [], 0
+        while position < len(text):
+            match = _TOKEN.match(text, position)
+            if match is None:
+                position += len(text[position:]) - len(text[position:].lstrip())
+                self.refuse(f"has {text[position]!r}", position)
+            kind = match.lastgroup or ""
+            tokens.append((kind, match[kind], match.start(kind)))
+            position = match.end()
+        return [*tokens, ("end", "", len(text))]
+
+    def parse(self) -> Exact:
+        try:
+            value = self.sum()
+        except RecursionError:
+            self.refuse("is nested too deeply")
+        if self.kind != "end":
+            self.expected("an operator")
+        return value
+
+    @property
+    def kind(self) -> str:
+        return self.tokens[self.place][0]
+
+    @property
+    def token(self) -> str:
+        return self.tokens[self.place][1]
+
+    @property
+    def position(self) -> int:
+        return self.tokens[self.place][2]
+
+    def expected(self, what: str) -> NoReturn:
+        if self.kind == "end":
+            self.refuse(f"ends where {what} is expected")
+        self.refuse(f"has {shorten(self.token)!r} where {what} is expected", self.position)
+
+    def skip(self, sign: str) -> None:
+        if self.token != sign:
+            self.expected(repr(sign))
+        self.place += 1
+
+    def compute(self, position: int, operation: Callable[..., T], *arguments: Any) -> T:
+        """Do one operation; what arithmetic refuses is refused with the operation's position."""
+        try:
+            return operation(*arguments)
+        except ArithmeticError as error:
+            self.refuse(str(error), position)
+
+    def nested(self, rule: Callable[[], T]) -> T:
+        if self.depth == MAX_DEPTH:
+            self.refuse(f"is nested more than {MAX_DEPTH} deep", self.position)
+        self.depth += 1
+        value = rule()
+        self.depth -= 1
+        return value
+
+    def sum(self) -> Exact:
+        start = self.position
+        terms = [self.product()]
+        while self.token in ("+", "-"):
+            sign = Fraction(1 if self.token == "+" else -1)
+            self.place += 1
+            terms.append(self.product(sign))
+        return self.compute(start, exact.add, terms)
+
+    def product(self, sign: Fraction = Fraction(1)) -> Exact:
+        start = self.position
+        sign, first = self.unary(sign)
+        factors = [first]
+        while self.token in ("*", "/"):
+            divides, position = self.token == "/", self.position
+            self.place += 1
+            sign, factor = self.unary(sign)
+            factors.append(self.compute(position, exact.invert, factor) if divides else factor)
+        return self.compute(start, exact.multiply, factors if sign == 1 else [sign, *factors])
+
+    def unary(self, sign: Fraction) -> tuple[Fraction, Exact]:
+        """The sign so far, changed by each minus, and what follows; a product takes its sign as one more factor."""
+        while self.token in ("+", "-"):
+            sign = -sign if self.token == "-" else sign
+            self.place += 1
+        return sign, self.power()
+
+    def power(self) -> Exact:
+        base, position = self.atom(), self.position
+        if self.token not in ("^", "**"):
+            return base
+        self.place += 1
+        sign, exponent = self.nested(lambda: self.unary(Fraction(1)))
+        if self.functions and not isinstance(exponent, Fraction):
+            return self.compute(position, exact.transcendental_power, base, exact.multiply([sign, exponent]))
+        return self.compute(position, exact.power, base, exact.multiply([sign, exponent]))
+
+    def atom(self) -> Exact:
+        kind, token, position = self.tokens[self.place]
+        if kind == "number":
+            self.place += 1
+            return self.number(token, position)
+        if kind == "name":
+            self.place += 1
+            return self.name(token, position)
+        if token != "(":
+            self.expected("a number, a name or '('")
+        return self.arguments()[0]
+
+    def arguments(self, count: int = 1) -> list[Exact]:
+        """So many sums between parentheses."""
+        self.skip("(")
+        values = [self.nested(self.sum)]
+        while len(values) < count:
+            self.skip(",")
+            values.append(self.nested(self.sum))
+        self.skip(")")
+        return values
+
+    def number(self, token: str, position: int) -> Fraction:
+        exponent = token.lower().partition("e")[2].lstrip("+-0")
+        if len(token) > exact.MAX_DIGITS or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
+            self.refuse(f"has a number of more than {exact.MAX_DIGITS} digits", position)
+        return self.compute(position, exact.bounded, Fraction(token))
+
+    def name(self, name: str, position: int) -> Exact:
+        if name in self.names:
+            import sympy
+
+            return sympy.Symbol(name)
+        if name in ROOTS:
+            values = self.arguments(2 if name == "root" else 1)
+            degree = values[1] if name == "root" else Fraction(2 if name == "sqrt" else 3)
+            return self.compute(position, exact.root, values[0], degree)
+        if name in self.functions:
+            return self.compute(position, exact.apply, name, self.arguments()[0])
+        if name == "pi" and self.functions:
+            import sympy
+
+            return sympy.pi
+        if name.lower() in NOT_FINITE:
+            self.refuse("is not finite", position)
+        known = ", ".join((*self.names, *ROOTS, *self.functions))
+        return self.refuse(f"has the unknown name {shorten(name)!r} (known: {shorten(known)})", position)

@@ -1,0 +1,109 @@
+"""Exact numbers as text in Python: the nearest double, or an expression that gives any precision."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.expressions import ELEMENTARY
+
+if TYPE_CHECKING:
+    from integrators.compile.operation_graph import Coefficient
+
+SUM, PRODUCT, ATOM = range(3)
+"""How tightly the outermost operation of a text binds."""
+
+
+def literal(value: Coefficient) -> str:
+    """The double nearest to an exact number, as text.
+
+    Raises:
+        IntegratorError: The number is beyond the range of doubles, or cannot be told from zero.
+
+    Example:
+        >>> import sympy
+        >>> literal(Fraction(1, 3)), literal(sympy.sqrt(2)), literal(Fraction(4))
+        ('0.3333333333333333', '1.4142135623730951', '4.0')
+    """
+    try:
+        return repr(nearest_double(value))
+    except ArithmeticError:
+        raise IntegratorError(
+            f"formula must have numbers that doubles can stand for, but has {shorten(str(value))}"
+        ) from None
+
+
+def nearest_double(value: Any) -> float:
+    """The double nearest to an exact number; where two are, the even one.
+
+    Python rounds fractions so, SymPy does not. Irrational numbers are rounded to 40 digits first, which only a number
+    as close to the middle of two doubles would notice.
+
+    Args:
+        value: A rational number of Python, or a real number of SymPy.
+
+    Raises:
+        ArithmeticError: It is beyond the range of doubles, or cannot be told from zero.
+        TypeError: It is no real number.
+
+    Example:
+        >>> import sympy
+        >>> nearest_double(Fraction(1, 3)), nearest_double(1 - sympy.sqrt(2))
+        (0.3333333333333333, -0.41421356237309503)
+    """
+    if not hasattr(value, "evalf"):
+        return float(value)
+    import sympy
+
+    digits: Any = sympy.Rational(value if value.is_Rational else value.evalf(40, strict=True))
+    return int(digits.p) / int(digits.q)
+
+
+def exact_text(value: Coefficient, number: str) -> str:
+    """An exact number as an expression of integers, roots and functions.
+
+    Args:
+        value: The number.
+        number: The name of a function that makes p/q of integers p, q.
+
+    Raises:
+        IntegratorError: The number is not made of these.
+
+    Example:
+        >>> import sympy
+        >>> exact_text(sympy.sqrt(3) / 6 + sympy.pi, "ratio")
+        'sqrt(3)*ratio(1, 6) + pi'
+    """
+    return bound_text(value, number)[0]
+
+
+def bound_text(value: Any, number: str) -> tuple[str, int]:
+    """The text of an exact number, and how tightly it binds."""
+    if isinstance(value, Fraction) or value.is_Rational:
+        p, q = (value.numerator, value.denominator) if isinstance(value, Fraction) else (value.p, value.q)
+        return (str(p), ATOM if p >= 0 else SUM) if q == 1 else (f"{number}({p}, {q})", ATOM)
+    name, parts = type(value).__name__, [bound_text(part, number) for part in value.args]
+    if name == "Pi":
+        return "pi", ATOM
+    if name == "Exp1":
+        return "exp(1)", ATOM
+    if value.is_Add:
+        return " + ".join(within(part, SUM) for part in reversed(parts)), SUM
+    if value.is_Mul:
+        return "*".join(within(part, PRODUCT) for part in reversed(parts)), PRODUCT
+    if value.is_Pow and value.exp == Fraction(1, 2):
+        return f"sqrt({parts[0][0]})", ATOM
+    if value.is_Pow:
+        base = (f"{number}({value.base}, 1)", ATOM) if value.base.is_Integer else parts[0]
+        return f"{within(base, ATOM)}**{within(parts[1], ATOM)}", PRODUCT
+    if name in ELEMENTARY:
+        return f"{name}({parts[0][0]})", ATOM
+    raise IntegratorError(
+        f"formula must have numbers made of integers, roots, pi and functions, but has {shorten(str(value))!r}"
+    )
+
+
+def within(part: tuple[str, int], binding: int) -> str:
+    """A text as an operand of an operation that binds so tightly."""
+    return part[0] if part[1] >= binding else f"({part[0]})"

@@ -1,0 +1,114 @@
+"""Exponential methods of Lawson's kind: a Runge–Kutta method for the field seen from the flow of its linear part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.entries import multiply_entries, sum_entries
+from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.tableaux.runge_kutta import RungeKutta
+
+if TYPE_CHECKING:
+    from integrators.exact.entries import Entry
+    from integrators.methods.program.evaluations import LinearForm
+    from integrators.methods.program.program import ProgramBuilder
+
+
+class LawsonMethod(ProgramMethod):
+    """A Lawson method (integrating factor method) for y' = L y + N(y).
+
+    It applies a Runge–Kutta method to v(t) = exp(−tL) y(t). Written in y:
+    Y_i = exp(c_i h L) y0 + h Σ_j a_ij exp((c_i − c_j) h L) N(Y_j), and
+    y1 = exp(h L) y0 + h Σ_j b_j exp((1 − c_j) h L) N(Y_j).
+
+    The first part of the field must be linear: its nodes in trees have at most one child.
+
+    Args:
+        tableau: the Runge–Kutta method, an explicit one.
+        parts: the names of the linear and of the nonlinear part.
+        name: what messages call the method.
+        reference: where the method was published.
+
+    Raises:
+        IntegratorError: `tableau` is no explicit `RungeKutta`, or a name is unusable.
+
+    Example:
+        The Lawson–Euler method y1 = exp(hL) (y0 + h N(y0)):
+
+        >>> print(LawsonMethod(RungeKutta([[0]], [1])))
+        k1 = h f_N(y)
+        k2 = z(1) - z(0), z' = h f_L(z), z(0) = y + k1
+        y1 = y + k1 + k2
+
+    References:
+        J. D. Lawson, SIAM J. Numer. Anal. 4 (1967) 372–380, doi:10.1137/0704033; M. Hochbruck, A. Ostermann,
+        Acta Numerica 19 (2010) 209–286, doi:10.1017/S0962492910000048.
+    """
+
+    tableau: RungeKutta
+
+    def __init__(
+        self,
+        tableau: RungeKutta,
+        *,
+        parts: Sequence[str] = ("L", "N"),
+        name: str | None = None,
+        reference: str | None = None,
+    ) -> None:
+        if not isinstance(tableau, RungeKutta) or not tableau.is_explicit:
+            raise IntegratorError(f"tableau must be an explicit RungeKutta, but was {shorten(repr(tableau))}")
+        labels = {"name": name, "reference": reference, "digits": tableau.digits}
+        self._set({"tableau": tableau}, parts=read_parts(parts, count=2), **labels)
+
+    @property
+    def stages(self) -> int:
+        """The number of stages."""
+        return self.tableau.stages
+
+    @property
+    def max_children(self) -> tuple[tuple[int | None, ...], ...]:
+        """How often each part can be differentiated along the two, and in all: L y is linear."""
+        return (1, 1, 1), (None, None, None)
+
+    def _lower(self, builder: ProgramBuilder) -> LinearForm:
+        tableau = self.tableau
+        propagator = _Propagator(builder, self.names[0])
+        k: list[LinearForm] = []
+        for row, c in zip(tableau.A, tableau.c, strict=True):
+            k.append(builder.field(propagator.point(c, row, tableau.c, k), self.names[1]))
+        return propagator.point(Fraction(1), tableau.b, tableau.c, k)
+
+
+class _Propagator:
+    """Points and vectors carried along by the flow of the linear part."""
+
+    def __init__(self, builder: ProgramBuilder, part: str) -> None:
+        self._builder, self._part = builder, part
+        self._known: dict[tuple[LinearForm, Entry], LinearForm] = {}
+
+    def point(
+        self, time: Entry, weights: Sequence[Entry], nodes: Sequence[Entry], k: Sequence[LinearForm]
+    ) -> LinearForm:
+        """exp(time·hL) y + Σ_j weights[j] exp((time − nodes[j])·hL) k_j, one flow for each node."""
+        vectors: dict[Entry, LinearForm] = {}
+        for x, node, vector in zip(weights, nodes, k, strict=False):
+            if x != 0:
+                vectors[node] = vectors.get(node, 0) + vector.times(x)
+        y = self._builder.y
+        total = self._flow(y + vectors.pop(Fraction(0), 0 * y), time)
+        for node, vector in vectors.items():
+            elapsed = sum_entries((time, multiply_entries(node, Fraction(-1))))
+            # exp(tL) v = exp(tL) (y + v) − exp(tL) y, as L is linear
+            total = total + self._flow(y + vector, elapsed) - self._flow(y, elapsed)
+        return total
+
+    def _flow(self, at: LinearForm, time: Any) -> LinearForm:
+        """exp(time·hL) at."""
+        if time == 0:
+            return at
+        if (at, time) not in self._known:
+            self._known[at, time] = self._builder.flow(at, self._part, time=time)
+        return at + self._known[at, time]

@@ -1,0 +1,1 @@
+"""Methods as programs: evaluations of the field and linear combinations of them."""

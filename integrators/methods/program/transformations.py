@@ -1,0 +1,110 @@
+"""Programs out of programs: steps of another length, one method after another, the adjoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from integrators.exact.entries import multiply_entries, round_entry
+from integrators.methods.program.evaluations import LinearForm
+from integrators.methods.program.program import Average, Derivative, Field, Flow, Program
+
+if TYPE_CHECKING:
+    from integrators.exact.entries import Entry
+    from integrators.methods.program.program import Evaluation
+
+
+def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], LinearForm]:
+    """The evaluations and the end of a step of factor · h.
+
+    What was h f(·) is now factor · h f(·), so every such k stands for factor · k. A flow is the increment itself, over
+    factor times the time.
+    """
+    own = [Fraction(1) if isinstance(evaluation, Flow) else factor for evaluation in program.evaluations]
+
+    def change(form: LinearForm) -> LinearForm:
+        return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
+
+    def lengthen(evaluation: Evaluation) -> Evaluation:
+        if isinstance(evaluation, Flow):
+            return evaluation._replace(time=multiply_entries(evaluation.time, factor))
+        return evaluation
+
+    return tuple(lengthen(mapped(evaluation, change)) for evaluation in program.evaluations), change(program.result)
+
+
+def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm]) -> Evaluation:
+    """The evaluation with a function of every linear form."""
+    match evaluation:
+        case Field(part, at):
+            return Field(part, function(at))
+        case Derivative(part, at, along):
+            return Derivative(part, function(at), function(along))
+        case Flow(part, at, time, forcing):
+            return Flow(part, function(at), time, tuple(map(function, forcing)))
+        case Average(part, path, power):
+            return Average(part, tuple(map(function, path)), power)
+
+
+def appended(
+    program: Program, factor: Entry, *, first: int, start: LinearForm, parts: Sequence[int]
+) -> tuple[list[Evaluation], LinearForm]:
+    """A step of factor · h that begins at `start`, as evaluations number `first` and on, and its end.
+
+    Args:
+        program: the method.
+        factor: the fraction of the step.
+        first: the number of the first of its evaluations.
+        start: the point at which the step begins.
+        parts: for each part of the program its number among the parts wanted.
+
+    Returns:
+        The evaluations and the end of the step.
+    """
+    evaluations, end = scaled(program, factor)
+
+    def renumber(form: LinearForm) -> LinearForm:
+        return form.renumbered(lambda e: LinearForm(0, {first + e: 1}), start)
+
+    def place(evaluation: Evaluation) -> Evaluation:
+        moved: Any = mapped(evaluation, renumber)
+        return moved if moved.part is None else moved._replace(part=parts[moved.part])
+
+    return [place(evaluation) for evaluation in evaluations], renumber(end)
+
+
+def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]:
+    """The adjoint Φ*_h = Φ_(−h)⁻¹: the step of −h that begins at y1 ends at y0.
+
+    With y0 = y1 + (end − start) the point y1 becomes y − (end − start), and everything else is as it was.
+    """
+    evaluations, end = scaled(program, Fraction(-1))
+    start = LinearForm(1) - (end - LinearForm(1))
+
+    def restart(form: LinearForm) -> LinearForm:
+        return form.renumbered(lambda e: LinearForm(0, {e: 1}), start)
+
+    return tuple(mapped(evaluation, restart) for evaluation in evaluations), start
+
+
+def as_decimals(program: Program, digits: int) -> Program:
+    """The program with floats as the decimals that they stand for, of which so many digits are correct."""
+
+    def change(evaluation: Evaluation) -> Evaluation:
+        changed = mapped(evaluation, exact)
+        return changed._replace(time=Fraction(round_entry(changed.time))) if isinstance(changed, Flow) else changed
+
+    def exact(form: LinearForm) -> LinearForm:
+        return form.map(lambda x: Fraction(round_entry(x)))
+
+    return Program(
+        [change(evaluation) for evaluation in program.evaluations],
+        exact(program.result),
+        parts=program.names,
+        auxiliary=program.auxiliary,
+        name=program.name,
+        reference=program.reference,
+        digits=digits,
+        max_children=program.max_children,
+    )

@@ -1,0 +1,1 @@
+"""Butcher tableaux: Runge–Kutta and partitioned Runge–Kutta methods, and their files."""

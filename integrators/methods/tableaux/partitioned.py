@@ -1,0 +1,211 @@
+"""Partitioned Runge–Kutta methods: one tableau for each part of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.arguments import check_label, check_partition_names
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.immutable import Frozen
+from integrators.methods.tableaux import structure
+from integrators.methods.tableaux.runge_kutta import RungeKutta, check_known, emit
+from integrators.methods.tableaux.tableau_input import in_color_order
+
+if TYPE_CHECKING:
+    from integrators.methods.program.program import Program
+
+DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
+"""The domains of entries, each containing those before."""
+
+
+class PartitionedRungeKutta(Frozen):
+    """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, all with the same stages.
+
+    With y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). So these are also the
+    additive Runge–Kutta methods with any number of parts, such as implicit–explicit ones; see
+    `GeneralizedAdditiveRungeKutta` for parts that have stages of their own.
+
+    Args:
+        partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and perhaps c. Their order
+            is that of the colours 0, 1, …, but p always comes before q; names start with a letter, and t and τ are
+            reserved.
+        parameters: the symbols that formulas in text may use.
+        name: what messages call the method.
+        reference: where the method was published.
+        warn: whether to emit a `TableauWarning` for each of `issues`; a part that is a `RungeKutta` has warned itself.
+
+    Raises:
+        IntegratorError: fewer than two parts, a bad name, different numbers of stages, or a part that is no tableau.
+
+    Example:
+        The Störmer–Verlet method, kick–drift–kick:
+
+        >>> kick = RungeKutta([["1/2", 0], ["1/2", 0]], ["1/2", "1/2"])
+        >>> drift = RungeKutta([[0, 0], ["1/2", "1/2"]], ["1/2", "1/2"])
+        >>> verlet = PartitionedRungeKutta({"p": kick, "q": drift}, name="stormer-verlet")
+        >>> verlet.is_symplectic, verlet.is_symmetric, verlet.is_explicit, verlet.is_explicit_if_separable
+        (True, True, False, True)
+
+    References:
+        Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.2 and III.2.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    partitions: tuple[RungeKutta, ...]
+    reference: str | None
+
+    def __init__(
+        self,
+        partitions: Mapping[str, RungeKutta | Mapping[str, Any]],
+        *,
+        parameters: Iterable[str] = (),
+        name: str | None = None,
+        reference: str | None = None,
+        warn: bool = True,
+    ) -> None:
+        if not isinstance(partitions, Mapping) or len(partitions) < 2:
+            raise IntegratorError(
+                f"partitions must map two or more names to tableaux, but was {shorten(repr(partitions))}"
+            )
+        check_partition_names(partitions)
+        names = in_color_order(partitions)
+        parts = tuple(_read_part(key, partitions[key], parameters) for key in names)
+        for key, part in zip(names, parts, strict=True):
+            if part.stages != parts[0].stages:
+                raise IntegratorError(
+                    f"partitions must have the same number of stages, "
+                    f"but {names[0]} has {parts[0].stages} and {key} has {part.stages}"
+                )
+        if len({part.domain for part in parts} & {"float", "symbolic"}) == 2:
+            domains = ", ".join(f"{key} is {part.domain}" for key, part in zip(names, parts, strict=True))
+            raise IntegratorError(f"partitions must not mix floats and symbols, but {shorten(domains)}")
+        check_label(name, "name")
+        check_label(reference, "reference")
+        self.__dict__.update(
+            names=names, partitions=parts, name="custom" if name is None else name, reference=reference
+        )
+        if warn:
+            emit(issue for key, issue in self._part_issues if not isinstance(partitions[key], RungeKutta))
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.names, self.partitions
+
+    def __repr__(self) -> str:
+        stages = f"{self.stages} stage{'s' * (self.stages > 1)}"
+        return f"<PartitionedRungeKutta {self.name}: {', '.join(self.names)}, {stages}>"
+
+    def __str__(self) -> str:
+        return "\n\n".join(f"{name}:\n{part}" for name, part in zip(self.names, self.partitions, strict=True))
+
+    def _repr_html_(self) -> str:
+        return "".join(
+            f"<div>{name}</div>{part._repr_html_()}" for name, part in zip(self.names, self.partitions, strict=True)
+        )
+
+    @property
+    def stages(self) -> int:
+        """The number of stages of every part."""
+        return self.partitions[0].stages
+
+    @property
+    def algebra(self) -> None:
+        """None: the parts may have one each."""
+        return None
+
+    @property
+    def embedded(self) -> tuple[()]:
+        """The embedded weights: none."""
+        return ()
+
+    @property
+    def digits(self) -> int | None:
+        """The smallest number of correct digits of a part, None if all are exact."""
+        return min((part.digits for part in self.partitions if part.digits is not None), default=None)
+
+    @property
+    def domain(self) -> str:
+        """The smallest domain that holds the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
+        return max((part.domain for part in self.partitions), key=DOMAINS.index)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in all parts, sorted."""
+        return tuple(sorted({name for part in self.partitions for name in part.parameters}))
+
+    @cached_property
+    def _part_issues(self) -> tuple[tuple[str, str], ...]:
+        pairs = zip(self.names, self.partitions, strict=True)
+        return tuple((name, f"partition {name}: {issue}") for name, part in pairs for issue in part.issues)
+
+    @property
+    def issues(self) -> tuple[str, ...]:
+        """The issues of the parts, each with the name of its part."""
+        return tuple(issue for _, issue in self._part_issues)
+
+    @cached_property
+    def is_explicit(self) -> bool:
+        """Whether every part is explicit, so that nothing needs solving whatever the fields depend on."""
+        return all(part.is_explicit for part in self.partitions)
+
+    @cached_property
+    def is_explicit_if_separable(self) -> bool:
+        """Whether the stages can be computed in some order when no block's field depends on the block itself.
+
+        So it is for the Störmer–Verlet method and symplectic Euler methods on H(p, q) = T(p) + U(q).
+        """
+        return all(
+            structure.is_acyclic([getattr(part, sparsity) for part in self.partitions])
+            for sparsity in ("_sure_sparsity", "_sparsity")
+        )
+
+    @cached_property
+    def is_symplectic(self) -> bool:
+        """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for every two parts (HLW, Theorem VI.4.6).
+
+        With two parts p and q the method is then symplectic for every Hamiltonian; a separable one does not need
+        b_i = b̂_i.
+        """
+        return all(structure.is_symplectic_pair(first, second) for first, second in combinations(self.partitions, 2))
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether one reversal of the stages shows that every part is its own adjoint (HLW, V.2)."""
+        return structure.is_symmetric(self.partitions)
+
+    @cached_property
+    def program(self) -> Program:
+        """The stages and the step as a program, with one evaluation for each part and stage."""
+        from integrators.methods.tableaux.tableau_programs import tableau_program
+
+        return tableau_program(self)
+
+    def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
+        """The method with values in place of symbols, as `RungeKutta.substitute`."""
+        check_known(values, self.parameters)
+        return self._map(lambda part: part.substitute({k: v for k, v in values.items() if k in part.parameters}))
+
+    def to_float(self) -> PartitionedRungeKutta:
+        """The method with every entry rounded to the nearest double."""
+        return self._map(RungeKutta.to_float)
+
+    def _map(self, function: Callable[[RungeKutta], RungeKutta]) -> PartitionedRungeKutta:
+        parts = dict(zip(self.names, map(function, self.partitions), strict=True))
+        return PartitionedRungeKutta(parts, name=self.name, reference=self.reference, warn=False)
+
+
+def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:
+    if isinstance(part, RungeKutta):
+        return part
+    if not isinstance(part, Mapping) or not {"A", "b"} <= part.keys() <= {"A", "b", "c"}:
+        raise IntegratorError(
+            f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shorten(repr(part))}"
+        )
+    try:
+        return RungeKutta(**part, parameters=parameters, name=name, warn=False)
+    except IntegratorError as error:
+        raise IntegratorError(f"partition {name}: {error}") from None

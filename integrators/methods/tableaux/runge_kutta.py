@@ -1,0 +1,387 @@
+"""Runge–Kutta methods as frozen, validated, exact data."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.arguments import check_label
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.immutable import Frozen
+from integrators.exact import entries
+from integrators.exact.expressions import format_number
+from integrators.methods.tableaux import structure
+from integrators.methods.tableaux.tableau_input import read_tableau
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from integrators.exact.entries import Entry
+    from integrators.methods.program.program import Program
+    from integrators.methods.tableaux.stage_algebra import StageAlgebra
+
+    Row = tuple[Entry, ...]
+
+
+class TableauWarning(UserWarning):
+    """A tableau is usable but contradicts itself: a row sum is not its node, or the weights do not sum to 1."""
+
+
+class RungeKutta(Frozen):
+    """A Runge–Kutta method: its Butcher tableau, exact and immutable.
+
+    Entries may be integers, fractions, decimals (``decimal.Decimal`` or text, taken exactly), formulas as text such as
+    ``"1/2 - sqrt(3)/6"``, SymPy expressions, or floats. Rational entries become `Fraction`; what is exact but
+    irrational stays a SymPy expression; one float makes every entry a float. Symbols are plain ``sympy.Symbol``s,
+    without assumptions. Two methods are equal if their entries, domain and digits are; names do not count.
+
+    Args:
+        A: the stage matrix, a square array by rows.
+        b: the weights.
+        c: the nodes; the row sums of A if not given.
+        embedded: a second row of weights for error estimates, or a sequence of several; kept as a tuple of rows.
+        parameters: the symbols that formulas in text may use.
+        name: what messages call the method.
+        digits: for a tableau published as decimals, how many significant digits are correct; None if entries are exact.
+        reference: where the method was published.
+        warn: whether to emit a `TableauWarning` for each of `issues`.
+
+    Raises:
+        IntegratorError: sizes do not fit, or an entry is not a finite real number or formula.
+
+    Example:
+        >>> midpoint = RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="explicit-midpoint")
+        >>> midpoint.A[1][0], midpoint.c, midpoint.is_explicit
+        (Fraction(1, 2), (Fraction(0, 1), Fraction(1, 2)), True)
+        >>> print(midpoint)
+        0   │
+        1/2 │ 1/2
+        ────┼───────
+            │ 0    1
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.1;
+        Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.1.
+    """
+
+    name: str
+    embedded: tuple[Row, ...]
+    digits: int | None
+    reference: str | None
+    algebra: StageAlgebra | None
+
+    def __init__(
+        self,
+        A: Any,
+        b: Any,
+        c: Any = None,
+        *,
+        embedded: Any = None,
+        parameters: Iterable[str] = (),
+        name: str | None = None,
+        digits: int | None = None,
+        reference: str | None = None,
+        warn: bool = True,
+    ) -> None:
+        matrix, weights, nodes, extra = read_tableau(A, b, c, embedded, parameters, digits)
+        nodes = tuple(map(entries.sum_entries, matrix)) if nodes is None else nodes
+        self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)
+        self._label(name, reference)
+        if warn:
+            emit(self.issues)
+
+    @classmethod
+    def from_algebra(cls, algebra: StageAlgebra, *, name: str | None = None, reference: str | None = None) -> Self:
+        """The method that a stage algebra stands for; its tableau is computed, exactly, when asked for.
+
+        Such a method equals another exactly if their algebras are equal. No warnings are emitted; see `issues`.
+
+        Args:
+            algebra: node polynomial, stage matrix and weights as rational data.
+            name: what messages call the method.
+            reference: where the method was published.
+
+        Returns:
+            The method.
+
+        Raises:
+            IntegratorError: `algebra` is no `StageAlgebra`.
+        """
+        from integrators.methods.tableaux.stage_algebra import StageAlgebra
+
+        if not isinstance(algebra, StageAlgebra):
+            raise IntegratorError(f"algebra must be a StageAlgebra, but was {shorten(repr(algebra))}")
+        method = cls.__new__(cls)
+        method.__dict__.update(embedded=(), digits=None, algebra=algebra)
+        method._label(name, reference)
+        return method
+
+    def _label(self, name: str | None, reference: str | None) -> None:
+        check_label(name, "name")
+        check_label(reference, "reference")
+        self.__dict__.update(name="custom" if name is None else name, reference=reference)
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        if self.algebra is not None:
+            return (self.algebra,)
+        return self.domain, self.A, self.b, self.c, self.embedded, self.digits
+
+    def __repr__(self) -> str:
+        return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
+
+    def __str__(self) -> str:
+
+        return tableau_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return tableau_html(self)
+
+    @cached_property
+    def _exact(self) -> tuple[tuple[Row, ...], Row, Row]:
+        assert self.algebra is not None
+        return self.algebra.tableau_exact()
+
+    @cached_property
+    def A(self) -> tuple[Row, ...]:
+        """The stage matrix, by rows."""
+        return self._exact[0]
+
+    @cached_property
+    def b(self) -> Row:
+        """The weights."""
+        return self._exact[1]
+
+    @cached_property
+    def c(self) -> Row:
+        """The nodes."""
+        return self._exact[2]
+
+    @property
+    def stages(self) -> int:
+        """The number of stages."""
+        return self.algebra.stages if self.algebra is not None else len(self.b)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the parts: one, without a name."""
+        return ("",)
+
+    @property
+    def partitions(self) -> tuple[Self]:
+        """The parts: the method itself."""
+        return (self,)
+
+    @cached_property
+    def _entries(self) -> tuple[Entry, ...]:
+        return tuple(v for row in (*self.A, self.b, self.c, *self.embedded) for v in row)
+
+    @cached_property
+    def domain(self) -> str:
+        """The smallest domain that holds the entries: QQ, decimal, algebraic, symbolic or float."""
+        if self.algebra is not None:
+            return "QQ" if self.algebra.has_rational_nodes else "algebraic"
+        domain = entries.find_domain(self._entries)
+        return "decimal" if self.digits is not None and domain == "QQ" else domain
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in the tableau, sorted."""
+        return entries.symbol_names(self._entries) if self.domain == "symbolic" else ()
+
+    @property
+    def precision(self) -> Fraction | float:
+        """The relative error of the entries: 0 if they are exact."""
+        return entries.relative_error(self.domain, self.digits)
+
+    @cached_property
+    def program(self) -> Program:
+        """The stages and the step as a program."""
+        from integrators.methods.tableaux.tableau_programs import tableau_program
+
+        return tableau_program(self)
+
+    @cached_property
+    def row_sums(self) -> Row:
+        """The sums of the rows of A."""
+        if self.algebra is not None:
+            return self.algebra.values(self.algebra.row_sums)
+        return tuple(map(entries.sum_entries, self.A))
+
+    @property
+    def weight_sum(self) -> Entry:
+        """The sum of the weights: 1 for a consistent method."""
+        if self.algebra is not None:
+            return self.algebra.b[0]
+        return entries.sum_entries(self.b)
+
+    @cached_property
+    def issues(self) -> tuple[str, ...]:
+        """One sentence for each contradiction: a row sum that is not its node, weights that do not sum to 1."""
+        return structure.find_issues(self)
+
+    @cached_property
+    def _sparsity(self) -> tuple[tuple[bool, ...], ...]:
+        """Which entries of A are not zero."""
+        return tuple(tuple(entries.cancels([v], self.precision) is not True for v in row) for row in self.A)
+
+    @cached_property
+    def _sure_sparsity(self) -> tuple[tuple[bool, ...], ...]:
+        """Entries of A that are certainly not zero, found without exact roots."""
+        if self.algebra is None:
+            return self._sparsity
+        return tuple(tuple(abs(v) > 1e-9 for v in row) for row in self.algebra.tableau_float()[0])
+
+    @cached_property
+    def is_explicit(self) -> bool:
+        """Whether A is strictly lower triangular: every stage is given by those before."""
+        return _is_lower(self._sure_sparsity, 0) and _is_lower(self._sparsity, 0)
+
+    @cached_property
+    def is_diagonally_implicit(self) -> bool:
+        """Whether A is lower triangular but not strictly: the stages are solved for one after another."""
+        return _is_lower(self._sure_sparsity, 1) and _is_lower(self._sparsity, 1) and not self.is_explicit
+
+    @cached_property
+    def is_symplectic(self) -> bool:
+        """Whether b_i a_ij + b_j a_ji = b_i b_j: all quadratic invariants are kept (HLW, Theorems IV.2.2 and VI.4.3).
+
+        The condition is sufficient, and for irreducible methods necessary. It must hold for every value of the symbols.
+        """
+        return structure.is_symplectic_pair(self, self)
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether the method is its own adjoint by the tableau: a_σ(i)σ(j) + a_ij = b_j (HLW, Theorem V.2.3).
+
+        σ reverses the stages, as they stand or in order of their row sums. The condition is sufficient, and for
+        irreducible methods necessary.
+        """
+        return structure.is_symmetric([self])
+
+    def substitute(self, values: Mapping[str, Any]) -> RungeKutta:
+        """The method with values in place of symbols.
+
+        Args:
+            values: what to put for some or all of `parameters`: numbers, formulas as text, SymPy expressions.
+
+        Returns:
+            A new method.
+
+        Raises:
+            IntegratorError: a name is no parameter, or an entry becomes infinite.
+
+        Example:
+            >>> family = RungeKutta([["gamma"]], [1], parameters=["gamma"], name="theta")
+            >>> family.substitute({"gamma": "1/2"}).A
+            ((Fraction(1, 2),),)
+        """
+        check_known(values, self.parameters)
+        if not values:
+            return self
+        import sympy
+
+        read = {name: entries.read_entry(value, name, self.parameters) for name, value in values.items()}
+        replacements = {sympy.Symbol(name): sympy.sympify(value, strict=True) for name, value in read.items()}
+        return self._mapped(
+            lambda value, place: entries.substitute(value, replacements, place), nodes=self.c != self.row_sums
+        )
+
+    def to_float(self) -> RungeKutta:
+        """The method with every entry rounded to the nearest double.
+
+        Raises:
+            IntegratorError: the tableau has symbols without values.
+        """
+        if self.parameters:
+            raise IntegratorError(
+                f"parameters must have values before rounding, but {', '.join(self.parameters)} had none"
+            )
+        if self.algebra is not None:
+            return RungeKutta(*self.algebra.tableau_float(), name=self.name, reference=self.reference, warn=False)
+        return self._mapped(lambda value, _: entries.round_entry(value), nodes=True)
+
+    def _mapped(self, function: Callable[[Entry, str], Entry], *, nodes: bool) -> RungeKutta:
+        """The method with a function of every entry and its place; without `nodes` they are the new row sums."""
+
+        def row(values: Row, label: str) -> list[Entry]:
+            return [function(value, f"{label}[{j}]") for j, value in enumerate(values, 1)]
+
+        return RungeKutta(
+            [row(values, f"A[{i}]") for i, values in enumerate(self.A, 1)],
+            row(self.b, "b"),
+            row(self.c, "c") if nodes else None,
+            embedded=[row(values, f"embedded[{k}]") for k, values in enumerate(self.embedded, 1)],
+            name=self.name,
+            digits=self.digits,
+            reference=self.reference,
+            warn=False,
+        )
+
+
+def _is_lower(sparsity: Sequence[Sequence[bool]], first: int) -> bool:
+    """Whether row i is zero from place i + first on."""
+    return not any(any(row[i + first :]) for i, row in enumerate(sparsity))
+
+
+def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:
+    """Refuse values for what is no parameter."""
+    for name in values:
+        if name not in parameters:
+            known = ", ".join(parameters) or "of which there are none"
+            raise IntegratorError(f"values must be for the parameters {known}, but one was for {shorten(repr(name))}")
+
+
+def emit(issues: Iterable[str]) -> None:
+    """Warn of each issue, at the line that called the constructor."""
+    for issue in issues:
+        warnings.warn(issue, TableauWarning, stacklevel=3)
+
+
+DIGITS = 10
+
+
+def tableau_text(method: RungeKutta) -> str:
+    """The nodes, a bar, the stage matrix; below a line the weights, and the embedded weights."""
+    rows = _cells(method)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        " │ ".join((row[0].ljust(widths[0]), "  ".join(map(str.ljust, row[1:], widths[1:])))).rstrip() for row in rows
+    ]
+    lines.insert(method.stages, "─" * (widths[0] + 1) + "┼" + "─" * (sum(widths[1:]) + 2 * len(widths) - 3))
+    return "\n".join(lines)
+
+
+def tableau_html(method: RungeKutta) -> str:
+    """The same as an HTML table."""
+    rows = []
+    for i, cells in enumerate(_cells(method)):
+        top = "border-top:1px solid;" if i == method.stages else ""
+        first, *others = (f'<td style="{top}%stext-align:left">{cell}</td>' for cell in cells)
+        rows.append("<tr>" + first % "border-right:1px solid;" + "".join(other % "" for other in others) + "</tr>")
+    return f'<table style="border-collapse:collapse">{"".join(rows)}</table>'
+
+
+def _cells(method: RungeKutta) -> list[list[str]]:
+    """The tableau as text, node first; zeros on and above the diagonal of an explicit method are left out.
+
+    Published decimals, and roots of polynomials of degree above three, are shown with ten digits.
+    """
+    rounds = method.digits is not None or (method.algebra is not None and method.stages > 3)
+    shown = method.to_float() if rounds else method
+    rows = [*zip(shown.c, shown.A, strict=True), *(("", row) for row in (shown.b, *shown.embedded))]
+    cells = [[_cell(value) for value in (first, *row)] for first, row in rows]
+    if method.is_explicit:
+        for i in range(method.stages):
+            cells[i][i + 1 :] = [""] * (method.stages - i)
+    return cells
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}"
+    return value if isinstance(value, str) else format_number(value)

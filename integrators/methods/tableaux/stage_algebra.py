@@ -1,0 +1,339 @@
+"""Methods whose nodes are the roots of a rational polynomial, held without their roots.
+
+Stage values g(c_1), …, g(c_s) are the polynomial g of degree < s that interpolates them, an element of Q[x]/(P) with P
+the node polynomial. The stage matrix becomes a rational matrix in the basis 1, x, …, x^(s−1), the weights a rational
+linear form, and every B-series coefficient is rational although the nodes are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cached_property
+from math import lcm
+from numbers import Rational
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.arguments import items
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.immutable import Frozen
+from integrators.exact import polynomials
+from integrators.exact.polynomials import Matrix, Polynomial
+
+if TYPE_CHECKING:
+    import sympy
+
+    Exact = Fraction | sympy.Expr
+
+
+MAX_DIGITS = 1000
+MAX_STAGES = 100
+
+
+class StageAlgebra(Frozen):
+    """A Runge–Kutta method on the roots c_1 < … < c_s of a rational polynomial, as rational data.
+
+    Args:
+        polynomial: the node polynomial, coefficients of 1, x, …, x^s ascending; monic, with s simple real roots.
+        A: s × s; A[k][l] is the coefficient of x^k in A x^l, where A g interpolates the values Σ_j a_ij g(c_j).
+        b: s numbers; b[l] = Σ_i b_i c_i^l.
+
+    Raises:
+        IntegratorError: the sizes differ, an entry is not rational, or a root is not real or not simple.
+
+    Example:
+        The implicit midpoint rule has the node 1/2, a_11 = 1/2 and b_1 = 1:
+
+        >>> from fractions import Fraction
+        >>> half = Fraction(1, 2)
+        >>> StageAlgebra([-half, 1], [[half]], [1]).tableau_exact()
+        (((Fraction(1, 2),),), (Fraction(1, 1),), (Fraction(1, 2),))
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.7 (collocation);
+        Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.1.
+    """
+
+    polynomial: Polynomial
+    A: Matrix
+    b: tuple[Fraction, ...]
+
+    def __init__(self, polynomial: Sequence[Any], A: Sequence[Sequence[Any]], b: Sequence[Any]) -> None:
+        nodes = _rationals(polynomial, "polynomial")
+        stages = len(nodes) - 1
+        if stages > MAX_STAGES:
+            raise IntegratorError(f"polynomial must have degree {MAX_STAGES} at most, but has {stages}")
+        if stages < 1 or nodes[-1] != 1:
+            raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _shown(nodes))
+        rows = tuple(_rationals(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1))
+        if len(rows) != stages or any(len(row) != stages for row in rows):
+            sizes = sorted({len(row) for row in rows})
+            raise IntegratorError(
+                f"A must have {stages} rows of {stages} entries, one per root of polynomial, "
+                f"but had {len(rows)} rows of {' or '.join(map(str, sizes)) or 'no'} entries"
+            )
+        weights = _rationals(b, "b")
+        if len(weights) != stages:
+            raise IntegratorError(f"b must have {stages} entries, one per root of polynomial, but had {len(weights)}")
+        real, simple = polynomials.count_real_roots(nodes)
+        if not simple:
+            raise IntegratorError("polynomial must have simple roots, but was " + _shown(nodes))
+        if real != stages:
+            raise IntegratorError(f"polynomial must have {stages} real roots, but has {real}: {_shown(nodes)}")
+        self.__dict__.update(polynomial=nodes, A=rows, b=weights)
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self.polynomial, self.A, self.b
+
+    def __repr__(self) -> str:
+        return f"StageAlgebra({_shown(self.polynomial)})"
+
+    @property
+    def stages(self) -> int:
+        """The number s of stages."""
+        return len(self.b)
+
+    def multiply(self, f: Polynomial, g: Polynomial) -> Polynomial:
+        """The stage values f(c_i) g(c_i), as a polynomial: f · g modulo the node polynomial."""
+        return polynomials.remainder(polynomials.multiply(f, g), self.polynomial)
+
+    def apply(self, g: Polynomial) -> Polynomial:
+        """The stage values Σ_j a_ij g(c_j), as a polynomial."""
+        return polynomials.trim([sum((a * v for a, v in zip(row, g, strict=False)), Fraction(0)) for row in self.A])
+
+    def weigh(self, g: Polynomial) -> Fraction:
+        """The number Σ_i b_i g(c_i)."""
+        return sum((b * v for b, v in zip(self.b, g, strict=False)), Fraction(0))
+
+    def moments(self, count: int) -> tuple[Fraction, ...]:
+        """The numbers Σ_i b_i c_i^k for k = 0, …, `count` − 1: the node polynomial makes them a linear recurrence."""
+        found = list(self.b[:count])
+        while len(found) < count:
+            latest = found[-self.stages :]
+            found.append(-sum((p * m for p, m in zip(self.polynomial, latest, strict=False)), Fraction(0)))
+        return tuple(found)
+
+    @property
+    def row_sums(self) -> Polynomial:
+        """The sums Σ_j a_ij, as a polynomial: x for most methods."""
+        return self.apply(polynomials.ONE)
+
+    @cached_property
+    def has_rational_nodes(self) -> bool:
+        """Whether all nodes, and therefore all entries of the tableau, are rational."""
+        return all(polynomials.evaluate(self.polynomial, node) == 0 for node in self._approximate_nodes(20))
+
+    @cached_property
+    def _dual(self) -> tuple[Polynomial, ...]:
+        """The inverse Vandermonde matrix: polynomials D_l with Σ_j D_l(c_j) g(c_j) = the coefficient of x^l in g.
+
+        Lagrange's basis polynomial is (P(x) − P(c_j)) / ((x − c_j) P'(c_j)). Divided out, its numerator has the
+        coefficients Σ_{m>l} p_m c_j^(m−l−1), and 1/P' is a polynomial modulo P.
+        """
+        p = self.polynomial
+        inverse = polynomials.invert(polynomials.derivative(p), p)
+        return tuple(self.multiply(p[level + 1 :], inverse) for level in range(self.stages))
+
+    @cached_property
+    def _entry_polynomials(self) -> tuple[tuple[Polynomial, ...], Polynomial]:
+        """Rational R and S with a_ij = Σ_k R[k](c_j) c_i^k and b_j = S(c_j)."""
+        return tuple(self._combine(row) for row in self.A), self._combine(self.b)
+
+    def _combine(self, factors: Sequence[Fraction]) -> Polynomial:
+        total: Polynomial = ()
+        for factor, dual in zip(factors, self._dual, strict=True):
+            total = polynomials.add(total, polynomials.scale(dual, factor))
+        return total
+
+    def _approximate_nodes(self, digits: int) -> tuple[Fraction, ...]:
+        return polynomials.real_roots(self.polynomial, digits)
+
+    def _approximate_tableau(self, digits: int) -> tuple[Matrix, tuple[Fraction, ...], tuple[Fraction, ...]]:
+        """A, b, c within 10^-digits, in integers: a fixed number of binary places, and one denominator."""
+        rows, weights = self._entry_polynomials
+        nodes = self._approximate_nodes(20)
+        # An error ε in the nodes, or of rounding, changes an entry by at most 4 s ε Σ|R| (1 + |c|)^(2s).
+        size = sum((abs(value) for row in (*rows, weights) for value in row), Fraction(1))
+        size *= 4 * self.stages * (1 + max(map(abs, nodes))) ** (2 * self.stages)
+        digits_inside = digits + len(str(int(size)))
+        nodes = self._approximate_nodes(digits_inside)
+        places = digits_inside * 10 // 3 + 1
+        denominator = lcm(*(value.denominator for row in (*rows, weights) for value in row))
+        *scaled, scaled_weights = ([int(v * denominator) << places for v in row] for row in (*rows, weights))
+        points = [round(node * 2**places) for node in nodes]
+
+        def value(numerator: int) -> Fraction:
+            found = Fraction(numerator, denominator << places)
+            return found if abs(found) * 10**digits >= 1 else Fraction(0)
+
+        columns = [[_horner(row, point, places) for row in scaled] for point in points]
+        a = tuple(tuple(value(_horner(column, point, places)) for column in columns) for point in points)
+        return a, tuple(value(_horner(scaled_weights, point, places)) for point in points), nodes
+
+    def nodes_decimal(self, digits: int = 50) -> tuple[Any, ...]:
+        """The nodes c_1 < … < c_s to a number of decimals.
+
+        Args:
+            digits: decimals wanted.
+
+        Returns:
+            One mpmath number per node.
+        """
+        return _decimals(self._approximate_nodes(_checked_digits(digits)), digits)
+
+    def tableau_decimal(self, digits: int = 50) -> tuple[tuple[tuple[Any, ...], ...], Any, Any]:
+        """The tableau (A, b, c) to a number of decimals.
+
+        Args:
+            digits: decimals wanted.
+
+        Returns:
+            The matrix by rows, the weights and the nodes as mpmath numbers.
+        """
+        a, b, c = self._approximate_tableau(_checked_digits(digits) + 3)
+        return tuple(_decimals(row, digits) for row in a), _decimals(b, digits), _decimals(c, digits)
+
+    def tableau_float(self) -> tuple[tuple[tuple[float, ...], ...], tuple[float, ...], tuple[float, ...]]:
+        """The tableau (A, b, c) in double precision, each entry rounded from a value within 10^-40."""
+        a, b, c = self._approximate_tableau(40)
+        return tuple(tuple(map(float, row)) for row in a), tuple(map(float, b)), tuple(map(float, c))
+
+    @cached_property
+    def _exact_nodes(self) -> tuple[tuple[Exact, Polynomial], ...]:
+        """Each node, ascending, with its minimal polynomial over the rationals."""
+        approximate = self._approximate_nodes(20)
+        rational = [node for node in approximate if polynomials.evaluate(self.polynomial, node) == 0]
+        rest = self.polynomial
+        for node in rational:
+            rest = polynomials.divide(rest, (-node, Fraction(1)))[0]
+        found: list[tuple[Exact, Polynomial]] = [(node, (-node, Fraction(1))) for node in rational]
+        if len(rest) == 1:
+            return tuple(found)
+        import sympy
+
+        x = sympy.Symbol("x")
+        terms = [sympy.Rational(a.numerator, a.denominator) * x**k for k, a in enumerate(rest)]
+        for factor, _ in sympy.factor_list(sympy.Add(*terms), x)[1]:
+            coefficients = [Fraction(int(a.p), int(a.q)) for a in reversed(sympy.Poly(factor, x).all_coeffs())]
+            minimal = polynomials.scale(tuple(coefficients), 1 / coefficients[-1])
+            found.extend((root, minimal) for root in _roots(minimal, factor))
+        return tuple(sorted(found, key=lambda pair: sympy.N(pair[0], 20)))
+
+    def nodes(self) -> tuple[Exact, ...]:
+        """The nodes c_1 < … < c_s, exactly.
+
+        Returns:
+            `Fraction`s where rational, radicals for quadratic and biquadratic factors, else SymPy's ``CRootOf``.
+
+        Example:
+            >>> from fractions import Fraction
+            >>> StageAlgebra([Fraction(1, 6), -1, 1], [[0, 0], [1, Fraction(1, 2)]], [1, Fraction(1, 2)]).nodes()
+            (1/2 - sqrt(3)/6, sqrt(3)/6 + 1/2)
+        """
+        return tuple(node for node, _ in self._exact_nodes)
+
+    def tableau_exact(self) -> tuple[tuple[tuple[Exact, ...], ...], tuple[Exact, ...], tuple[Exact, ...]]:
+        """The tableau (A, b, c) exactly: V A V⁻¹ and b V⁻¹ with the Vandermonde matrix V of the nodes.
+
+        Returns:
+            The matrix by rows, the weights and the nodes; `Fraction`s where rational, else SymPy numbers.
+        """
+        rows, weights = self._entry_polynomials
+        points = self._exact_nodes
+        a = tuple(tuple(_entry(rows, first, second) for second in points) for first in points)
+        return a, self.values(weights), self.nodes()
+
+    def values(self, g: Polynomial) -> tuple[Exact, ...]:
+        """The values g(c_1), …, g(c_s), exactly."""
+        return tuple(_entry([g], point, point) for point in self._exact_nodes)
+
+
+def _horner(coefficients: Sequence[int], point: int, places: int) -> int:
+    """The value of a polynomial in fixed-point arithmetic."""
+    value = 0
+    for coefficient in reversed(coefficients):
+        value = (value * point >> places) + coefficient
+    return value
+
+
+def _entry(rows: Sequence[Polynomial], first: tuple[Exact, Polynomial], second: tuple[Exact, Polynomial]) -> Exact:
+    """The number Σ_k rows[k](y) x^k at the nodes x and y, reduced by their minimal polynomials beforehand."""
+    (x, minimal_x), (y, minimal_y) = first, second
+    if x is y:
+        total: Polynomial = ()
+        for k, row in enumerate(rows):
+            total = polynomials.add(total, polynomials.multiply(row, polynomials.power(k)))
+        return _value([polynomials.remainder(total, minimal_y)], Fraction(1), y)
+    reduced = [polynomials.remainder(row, minimal_y) for row in rows]
+    width = max(map(len, reduced))
+    columns = [polynomials.trim([row[level] if level < len(row) else 0 for row in reduced]) for level in range(width)]
+    return _value([polynomials.remainder(column, minimal_x) for column in columns], y, x)
+
+
+def _value(columns: Sequence[Polynomial], y: Exact, x: Exact) -> Exact:
+    """The number Σ_l columns[l](x) y^l, written out as a sum."""
+    terms = [(a, k, level) for level, column in enumerate(columns) for k, a in enumerate(column) if a]
+    if (isinstance(x, Fraction) or not any(k for _, k, _ in terms)) and (
+        isinstance(y, Fraction) or not any(level for _, _, level in terms)
+    ):
+        value = Fraction(0)
+        for a, k, level in terms:
+            value += a * (x**k if k else 1) * (y**level if level else 1)  # type: ignore[operator]
+        return value
+    import sympy
+
+    value = sympy.Add(*(sympy.Rational(a.numerator, a.denominator) * x**k * y**level for a, k, level in terms))
+    if not isinstance(x, sympy.CRootOf) and not isinstance(y, sympy.CRootOf):
+        value = sympy.expand(value)
+    return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
+
+
+def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
+    """The roots of an irreducible polynomial: in radicals where square roots do, else as ``CRootOf``."""
+    import sympy
+
+    degree = len(minimal) - 1
+    mean = -minimal[-2] / degree
+    *lower, _ = [sympy.Rational(a.numerator, a.denominator) for a in polynomials.compose(minimal, (mean, Fraction(1)))]
+    centre = sympy.Rational(mean.numerator, mean.denominator)
+    if degree == 2:
+        squares = [-lower[0]]
+    elif degree == 4 and lower[1] == 0:
+        half, root = -lower[2] / 2, sympy.sqrt(lower[2] ** 2 / 4 - lower[0])
+        squares = [half - root, half + root]
+    else:
+        return [sympy.CRootOf(factor, k) for k in range(degree)]
+    return [centre + sign * sympy.sqrt(square) for square in squares for sign in (-1, 1)]
+
+
+def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
+    """The values as `Fraction`s; only exact rationals are taken."""
+    numbers = []
+    for k, value in enumerate(items(values, argument)):
+        if isinstance(value, bool) or not isinstance(value, Rational):
+            raise IntegratorError(
+                f"{argument} must hold integers and fractions, but entry {k + 1} was {shorten(repr(value))}"
+            )
+        numbers.append(Fraction(int(value.numerator), int(value.denominator)))
+    return tuple(numbers)
+
+
+def _shown(p: Polynomial) -> str:
+    """A polynomial as text, shortened."""
+    text = " + ".join(f"{a}*x^{k}" if k else str(a) for k, a in enumerate(p) if a) or "0"
+    return shorten(text)
+
+
+def _checked_digits(digits: int) -> int:
+    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
+        raise IntegratorError(f"digits must be an integer from 1 to {MAX_DIGITS}, but was {shorten(repr(digits))}")
+    return digits
+
+
+def _decimals(values: Sequence[Fraction], digits: int) -> tuple[Any, ...]:
+    """The values as mpmath numbers."""
+    import mpmath
+
+    with mpmath.workdps(digits + 3):
+        return tuple(mpmath.mpf(value.numerator) / value.denominator for value in values)

@@ -1,0 +1,1 @@
+"""Runs: many steps, what is observed and stored on the way, and ensembles of runs."""

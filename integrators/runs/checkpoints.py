@@ -1,0 +1,173 @@
+"""Checkpoints: all that a run goes on from, and what tells that it is the same run."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from hashlib import sha256
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from foundation.machine_code import PACKAGE, package_version
+from integrators.core.errors import IntegratorError, shorten
+from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading
+from integrators.core.text_files import atomic_write, remove_unfinished
+from integrators.methods.program.program import program_text
+from integrators.methods.tableaux.files import dumps_method
+from integrators.runs.recordings import Counts
+from integrators.steppers.run_input import MOST_STEPS
+from integrators.steppers.states import State
+
+if TYPE_CHECKING:
+    from integrators.methods.program.interface import Method
+    from integrators.runs.observers import Observers
+    from integrators.scenes.scene import Scene
+    from integrators.steppers.states import State
+    from integrators.steppers.stepping import Stepper
+
+
+def description(made: Stepper, seen: Observers, options: dict[str, Any]) -> dict[str, Any]:
+    """The scene, the method and the options, as JSON can hold them; there is no date, so that runs can be compared."""
+    return {
+        "scene": _scene(made.scene),
+        "method": _method(made.method),
+        "observe": list(seen.names),
+        **options,
+        "version": f"{PACKAGE} {package_version()}".rstrip(),
+    }
+
+
+def identity(made: Stepper, seen: Observers, options: dict[str, Any], start: State) -> dict[str, Any]:
+    """What must be the same where a run goes on from a checkpoint."""
+    return {
+        "scene": made.scene.name,
+        "method": made.method.name,
+        "observe": list(seen.names),
+        **{key: value for key, value in options.items() if key != "steps"},
+        "start": sha256(start.y.tobytes()).hexdigest(),
+        "compiled steps": sha256(made.source.encode()).hexdigest(),
+    }
+
+
+def _scene(scene: Scene) -> dict[str, Any]:
+    try:
+        return {"name": scene.name} | scene.to_dict()
+    except IntegratorError:  # a formula is too long for a file
+        return {"name": scene.name, "active": list(scene.active)}
+
+
+def _method(method: Method) -> dict[str, Any]:
+    """The content of a tableau file, or the program of a method of another kind."""
+    try:
+        return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
+    except IntegratorError:
+        return {"name": method.name, "program": program_text(method.program).splitlines()}  # type: ignore[union-attr]
+
+
+DIGESTS = ("start", "compiled steps")
+"""What is compared without being shown."""
+VECTORS = ("values", "carry", "memory", "control")
+
+
+class Checkpoint:
+    """The file that a run can go on from.
+
+    Args:
+        path: The file.
+        identity: What must be the same when the run goes on.
+        every: Seconds between two checkpoints.
+    """
+
+    def __init__(self, path: str, identity: Mapping[str, Any], every: float):
+        self.path, self._identity, self._every = path, identity, every
+        self._last = monotonic()
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the last one is old enough."""
+        return monotonic() - self._last >= self._every
+
+    def write(self, state: State, counts: Counts) -> None:
+        """Write the file, so that there is always a whole one.
+
+        Args:
+            state: The run.
+            counts: How many rows have been recorded.
+
+        Raises:
+            IntegratorError: The file cannot be written.
+        """
+        import numpy as np
+
+        arrays = {name: np.asarray(getattr(state, name)) for name in State.__slots__}
+        arrays |= {"counts": np.asarray(counts), "run": np.asarray(json.dumps(self._identity, ensure_ascii=False))}
+        file = io.BytesIO()
+        np.savez(file, digest=_digest(arrays), **arrays)  # type: ignore[arg-type]
+        atomic_write(self.path, file.getvalue())
+        self._last = monotonic()
+
+    def restore(self, state: State, steps: int) -> Counts | None:
+        """Bring a run to where the file says that it was.
+
+        Args:
+            state: The run at its start.
+            steps: How many steps it is to make in all.
+
+        Returns:
+            How many rows had been recorded; None if there is no file.
+
+        Raises:
+            IntegratorError: The file is no checkpoint, or one of another run; the message says what differs.
+        """
+        import numpy as np
+
+        if not os.path.exists(self.path):
+            return None
+        sentence = f"checkpoint must be a file of a run, but {shorten(self.path, 200)} was not"
+        with reading(sentence):
+            arrays = StoredArrays(self.path, sentence)
+            run = arrays.read({"run": TEXT})
+            self._check(read_json(run["run"], dict, "run"))
+            sizes = {name: len(getattr(state, name)) for name in VECTORS}
+            found = arrays.read(_forms(state), sizes)
+            if found.pop("digest") != _digest(found | run) or found["solver"] not in (state.solver, "newton"):
+                raise ValueError("its content is not what a run has written")
+        counts = Counts(*found.pop("counts").tolist())
+        for name, value in found.items():
+            setattr(state, name, np.array(value, dtype=float) if name in VECTORS else np.asarray(value).item())
+        if state.n > steps:
+            raise IntegratorError(f"steps must be at least the {state.n} of the checkpoint, but was {steps}")
+        return counts
+
+    def _check(self, known: Mapping[str, Any]) -> None:
+        for key, value in json.loads(json.dumps(self._identity)).items():
+            if known.get(key) != value:
+                was = "other ones" if key in DIGESTS else f"{_shown(known.get(key))} and not {_shown(value)}"
+                raise IntegratorError(f"checkpoint must be of the same run, but had as {key} {was}")
+
+    def remove(self) -> None:
+        """Take the file away, if there is one: the run has ended."""
+        remove_unfinished(self.path)
+        if os.path.exists(self.path):
+            os.unlink(self.path)
+
+
+def _forms(state: State) -> dict[str, Form]:
+    """What a checkpoint holds of the run that a state begins; each array is as long as that of the state."""
+    forms = {name: Form("f", (name,)) for name in VECTORS}
+    forms |= {name: Form("f", (), (value, value)) for name, value in (("step_size", state.h), ("t0", state.t0))}
+    forms |= {"n": Form("i", (), (0, MOST_STEPS)), "counts": Form("i", (2,), (0, MOST_STEPS)), "is_fresh": Form("b")}
+    return forms | {"solver": TEXT, "digest": TEXT}
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    """What tells that nothing in a checkpoint was changed."""
+    import numpy as np
+
+    return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()
+
+
+def _shown(value: Any) -> str:
+    return shorten(json.dumps(value, ensure_ascii=False))

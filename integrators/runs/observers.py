@@ -1,0 +1,278 @@
+"""What is observed along a run: the energy, first integrals, and functions of the user, as one C function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from textwrap import indent
+from typing import TYPE_CHECKING, Any
+
+from integrators.compile.lowering import SOURCES
+from integrators.compile.modules import load_module
+from integrators.compile.particle_loops import SiteSum
+from integrators.compile.scene_source import ModuleText, energy_lines
+from integrators.core.errors import IntegratorError, shorten
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.scenes.scene import Scene
+
+ENERGY, INVARIANTS = "energy", "invariants"
+
+FORMULAS = '''\
+"""What is observed of a scene.
+
+{state}
+"""
+
+{imports}
+from foundation.machine_code import cfunc
+from numba import types
+from integrators.compile.lowering.units import lowered
+from integrators.compile.machine import DOUBLES, NO_ARRAYS, OPTIONS, stack
+
+OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
+{constants}
+'''
+
+FUNCTIONS = '''\
+"""An observer that calls functions which others have compiled."""
+
+from numba import carray, cfunc, types
+from integrators.compile.machine import DOUBLES, OPTIONS
+
+OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
+
+
+def bound({arguments}):
+    """The observer, for these functions."""
+
+    @cfunc(OBSERVER, **OPTIONS)
+    def observe(t, y, out):
+        state = carray(y, {dimension})
+{body}
+
+    return observe
+'''
+
+
+class Observers:
+    """Quantities observed together, compiled; made by `observers`.
+
+    Attributes:
+        scene: The scene.
+        names: What the quantities are called.
+    """
+
+    def __init__(self, scene: Scene, quantities: Mapping[str, str | Callable[..., Any]]):
+        self.scene, self.names = scene, tuple(quantities)
+        self._quantities = tuple(quantities.values())
+
+    def __repr__(self) -> str:
+        return f"<Observers {', '.join(self.names)} on {self.scene.name}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return observers, (self.scene, dict(zip(self.names, self._quantities, strict=True)))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The quantities at a time and a state, (names,)."""
+        import numpy as np
+
+        state, out = np.array(y, dtype=float), np.empty(len(self))
+        if self._function is not None:
+            pointer = self._function.ctypes.argtypes[1]
+            self._function.ctypes(t, state.ctypes.data_as(pointer), out.ctypes.data_as(pointer))
+        return out
+
+    @property
+    def address(self) -> int:
+        """Where the C function ``void (double t, double *y, double *out)`` is while this object lives; 0: nowhere."""
+        return 0 if self._function is None else self._function.address
+
+    @cached_property
+    def _function(self) -> Any:
+        return _c_function(self.scene, self.names, self._quantities) if self.names else None
+
+    def check(self, t: float, y: np.ndarray) -> None:
+        """Call the functions of the user once, since a C function cannot raise.
+
+        Raises:
+            IntegratorError: One raised an exception.
+        """
+        for name, quantity in zip(self.names, self._quantities, strict=True):
+            if not isinstance(quantity, str):
+                try:
+                    _compiled(name, quantity)(t, y)
+                except Exception as error:
+                    what = shorten(f"{type(error).__name__}: {error}")
+                    raise IntegratorError(
+                        f"observe must have functions with a value at the start, but {name} raised {what}"
+                    ) from None
+
+
+def observers(scene: Scene, observe: Any) -> Observers:
+    """What is to be observed on a scene.
+
+    Args:
+        scene: The scene.
+        observe: One of these, a list of them, or a mapping of names to them: ``"energy"``, the Hamiltonian, or where an
+            effect has taken it that of the base system; the name of a first integral, even one that an effect breaks;
+            a function of (t, y), with y (variables,), that numba can compile. A list may have ``"invariants"``, the
+            energy and all other first integrals that hold. None: nothing.
+
+    Returns:
+        The observers.
+
+    Raises:
+        IntegratorError: There is no such quantity, a function cannot be compiled, or a name cannot be used.
+
+    Example:
+        >>> import math
+        >>> from integrators import scene
+        >>> seen = observers(scene("pendulum"), ["energy", {"height": lambda t, y: 1 - math.cos(y[1])}])
+        >>> seen.names
+        ('energy', 'height')
+        >>> print(seen(0.0, [0.5, 0.0]))
+        [-0.875  0.   ]
+    """
+    quantities: dict[str, str | Callable[..., Any]] = {}
+    for name, quantity in _pairs(scene, observe):
+        _check_name(name, scene, quantities)
+        quantities[name] = quantity
+    for name, quantity in quantities.items():
+        if isinstance(quantity, str):
+            _check_quantity(quantity, scene)
+        else:
+            _compiled(name, quantity)
+    return Observers(scene, quantities)
+
+
+def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
+    """Names and what they stand for."""
+    if observe is None:
+        return []
+    given = observe if isinstance(observe, Sequence) and not isinstance(observe, str) else [observe]
+    pairs: list[tuple[Any, Any]] = []
+    for item in given:
+        if item == INVARIANTS and item not in _base(scene).invariants:
+            names = dict.fromkeys([*[ENERGY] * scene.is_hamiltonian, *scene.invariants])
+            pairs += ((name, name) for name in names if name not in given)
+        elif isinstance(item, str):
+            pairs.append((item, item))
+        elif isinstance(item, Mapping):
+            pairs += item.items()
+        else:
+            pairs.append((getattr(item, "__name__", None), item))
+    for name, quantity in pairs:
+        if not isinstance(quantity, str) and not (callable(quantity) and isinstance(quantity, Hashable)):
+            where = "one" if name is None else f"{shorten(str(name))}"
+            raise IntegratorError(
+                f"observe must be of names and functions of (t, y), but {where} was {shorten(repr(quantity))}"
+            )
+    return pairs
+
+
+def _check_name(name: Any, scene: Scene, taken: Mapping[str, Any]) -> None:
+    if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):
+        what = "a lambda, which has none" if name == "<lambda>" else shorten(repr(name))
+        raise IntegratorError(f"observe must give names, as in {{'radius': function}}, but one was {what}")
+    if name in taken or name in ("t", *scene.variables):
+        what = "was there twice" if name in taken else "is a variable"
+        raise IntegratorError(f"observe must have names of their own, but {shorten(name)} {what}")
+
+
+def _check_quantity(quantity: str, scene: Scene) -> None:
+    if quantity not in _base(scene).invariants and (quantity != ENERGY or _with_energy(scene) is None):
+        known = [ENERGY] * (_with_energy(scene) is not None) + list(_base(scene).invariants)
+        raise IntegratorError(
+            f"observe must be of functions and {scene.name}'s {shorten(', '.join(known) or 'no quantities')}, "
+            f"but one was {shorten(quantity)!r}"
+        )
+
+
+def _base(scene: Scene) -> Scene:
+    """The scene without effects, whose variables come first in the state."""
+    return scene.with_effects() if scene.active else scene
+
+
+def _with_energy(scene: Scene) -> Scene | None:
+    """The scene or its base, whichever has a Hamiltonian."""
+    return next((system for system in (scene, _base(scene)) if system.is_hamiltonian), None)
+
+
+@lru_cache(maxsize=64)
+def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> Any:
+    """The C function; that of formulas is kept on disk."""
+    formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
+    functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
+    module: Any = _formulas(scene, formulas) if formulas else None
+    if not functions:
+        return module.observe
+    arguments = {f"f{k}": function for k, function in functions.items()}
+    lines = [f"out[{k}] = f{k}(t, state)" for k in functions]
+    if module is not None:
+        arguments["formulas"] = module.formulas
+        lines.append("formulas(t, y, out)")
+    body = indent("\n".join(lines), " " * 8)
+    text = FUNCTIONS.format(arguments=", ".join(arguments), dimension=scene.dimension, body=body)
+    return load_module(text, keep=False).bound(**arguments)
+
+
+def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
+    """The module with the functions ``formulas`` and ``observe``, which write quantities of a scene to their places."""
+    from integrators.compile import machine
+    from integrators.scenes.particles.expansion import filled
+
+    writer, lines, base = ModuleText(precise=False, lanes=True, plain=True), [], _base(scene)
+    integrals = {}
+    for k, quantity in quantities.items():
+        system = _with_energy(scene) if quantity == ENERGY else None
+        if system is not None:
+            writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(system, writer))
+            lines.append(f"out[{k}] = energy(y)")
+        else:
+            integrals[k] = filled(base.invariants[quantity], base)
+    total = SiteSum.flat(scene, integrals)
+    lines += total.lines({k: f"out[{k}] =" for k in integrals}, writer)
+    writer.function("formulas(t, y, out)", "Put the quantities in out.", lines, "@lowered(OBSERVER)")
+    writer.function(
+        "observe(t, y, out)",
+        "The same in C.",
+        ["formulas(t, y, out)"],
+        "@cfunc(OBSERVER, **OPTIONS, **NO_ARRAYS)",
+    )
+    return load_module(writer.source(scene, FORMULAS), helpers=[machine, *SOURCES])
+
+
+@lru_cache(maxsize=256)
+def _compiled(name: str, function: Any) -> Any:
+    """A function of (t, y), compiled so that it cannot write to y.
+
+    Raises:
+        IntegratorError: It cannot be compiled, or its value is no number.
+    """
+    import numba
+    from numba import types
+    from numba.core.errors import NumbaError
+
+    jit: Any = numba.jit
+    state = types.Array(types.float64, 1, "C", readonly=True)
+    options = getattr(function, "targetoptions", {"nopython": True, "error_model": "numpy"})
+    try:
+        compiled = jit([(types.float64, state)], **{**options, "nogil": True})(getattr(function, "py_func", function))
+    except (NumbaError, TypeError, AttributeError, ValueError) as error:
+        reason = " ".join(line.strip() for line in str(error).splitlines() if line.strip())
+        raise IntegratorError(
+            f"observe must have functions of (t, y) that numba can compile, but {shorten(name)} was not: "
+            f"{shorten(reason, 300)}"
+        ) from None
+    value = compiled.nopython_signatures[0].return_type
+    if not isinstance(value, types.Float | types.Integer | types.Boolean):
+        raise IntegratorError(
+            f"observe must have functions whose value is a number, but that of {shorten(name)} is {value}"
+        )
+    return compiled

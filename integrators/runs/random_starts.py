@@ -1,0 +1,193 @@
+"""Random start values for the members of an ensemble."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.model.blocks import Block, canonical_blocks
+from integrators.scenes.particles.expansion import as_float, filled, written_out
+from integrators.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+
+class NormalStart(NamedTuple):
+    """Start values with a normal distribution: a function of NumPy's generator.
+
+    Attributes:
+        mean: Their mean, (variables,).
+        root: What independent standard normal numbers are multiplied by: a matrix with a row for each variable, or the
+            diagonal of one.
+
+    Example:
+        >>> import numpy as np
+        >>> draw = NormalStart(mean=np.array([1.0, 2.0]), root=np.array([[0.5], [0.5]]))
+        >>> print(np.diff(draw(np.random.default_rng())))
+        [1.]
+    """
+
+    mean: np.ndarray
+    root: np.ndarray
+
+    def __call__(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw a start."""
+        deviation = self.root * rng.standard_normal(self.root.shape[-1])
+        # A sum, unlike a product of matrices, is the same whatever the number of threads.
+        return self.mean + (deviation if self.root.ndim == 1 else deviation.sum(axis=1))
+
+
+def perturbed_start(scene: Scene, spread: float) -> NormalStart:
+    """The start of a scene with a normal number added to each value.
+
+    Args:
+        scene: The scene.
+        spread: The standard deviation.
+
+    Raises:
+        IntegratorError: The scene has no start, or the spread is no number from 0 on.
+
+    Example:
+        >>> import numpy as np
+        >>> from integrators import scene
+        >>> draw = perturbed_start(scene("lorenz"), 1e-3)
+        >>> print(draw.mean, draw(np.random.default_rng(1)))
+        [0. 1. 0.] [3.45584192e-04 1.00082162e+00 3.30437076e-04]
+    """
+    import numpy as np
+
+    deviation = _not_negative(spread, "spread")
+    start = _checked(scene).y0
+    return NormalStart(start, np.full(len(start), deviation))
+
+
+def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
+    """Momenta from the Maxwell–Boltzmann distribution of a temperature, with the positions of the scene's start.
+
+    Their density is proportional to exp(−H/T), under the condition that first integrals that are linear in the momenta
+    alone, such as the total momentum, have the values of the scene's start. Boltzmann's constant is 1. What effects do
+    to the energy does not matter.
+
+    Args:
+        scene: A scene whose Hamiltonian is quadratic in the momenta with a constant, positive matrix.
+        temperature: The temperature T, in units of energy.
+
+    Raises:
+        IntegratorError: The scene is no such scene, or the temperature is no number from 0 on.
+
+    Example:
+        >>> import numpy as np
+        >>> from integrators import scene
+        >>> atoms = scene("lennard-jones", particles=4, dimension=1)
+        >>> y0 = thermal_momenta(atoms, temperature=0.1)(np.random.default_rng(1))
+        >>> print(y0[:4], abs(y0[:4].sum()) < 1e-15, (y0[4:] == atoms.y0[4:]).all())
+        [ 0.09390815 0.2444433 0.08911821 -0.42746967] True True
+    """
+    import numpy as np
+
+    scale = math.sqrt(_not_negative(temperature, "temperature"))
+    mean = _checked(scene).y0
+    momenta = _momenta(scene)
+    p = slice(momenta.offset, momenta.end)
+    inverse_masses, drift = _kinetic_energy(scene, momenta)
+    masses = np.linalg.inv(inverse_masses)
+    free_mean, free_root = -masses @ drift, scale * np.linalg.cholesky(masses)
+    # A normal distribution with covariance T M, given that C p = c: subtract M Cᵀ (C M Cᵀ)⁻¹ (C p − c).
+    conditions = _linear_integrals(scene, momenta)
+    correction = masses @ conditions.T @ np.linalg.pinv(conditions @ masses @ conditions.T)
+    root = np.zeros((len(mean), momenta.dimension))
+    root[p] = free_root - correction @ (conditions @ free_root)
+    mean[p] = free_mean - correction @ (conditions @ (free_mean - mean[p]))
+    return NormalStart(mean, root)
+
+
+def _checked(scene: Any) -> Scene:
+    if not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
+    return scene
+
+
+def _not_negative(value: Any, argument: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not 0 <= number < math.inf:
+        raise IntegratorError(f"{argument} must be a number from 0 on, but was {shorten(repr(value))}")
+    return number
+
+
+def _momenta(scene: Scene) -> Block:
+    pair = canonical_blocks(scene.blocks)
+    hamiltonian = bool(scene.base_summands) and all(summand.target is None for summand in scene.base_summands)
+    if pair is None or not hamiltonian or scene.poisson is not None:
+        raise IntegratorError(f"scene must have a Hamiltonian in momenta and positions, but {scene.name} has none")
+    return pair[0]
+
+
+def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix A and the vector b of H = ½ pᵀA p + bᵀp + …, where only b may depend on q, which is at the start.
+
+    Only the summands with momenta are written out: others may be many more.
+    """
+    import numpy as np
+    import sympy
+
+    places = _places(momenta)
+    names = {*momenta.variables, *(f"{component}_" for component in momenta.components)}
+    kinetic = [
+        formula
+        for summand in scene.base_summands
+        if any(s.name in names or s.name[:-1] in names for s in _symbols(summand.formula))
+        for _, formula in written_out(summand, scene)
+    ]
+    at_rest: dict[Any, Any] = dict.fromkeys(places, sympy.Integer(0))
+    at_rest |= {x: value for x, value in zip(scene.symbols, scene.start or (), strict=True) if x not in places}
+    matrix, drift = np.zeros((len(places), len(places))), np.zeros(len(places))
+    for formula in kinetic:
+        for x in _symbols(formula) & places.keys():
+            slope = formula.diff(x)
+            drift[places[x]] += _number(slope.xreplace(at_rest), scene)
+            for z in _symbols(slope) & places.keys():
+                matrix[places[x], places[z]] += _number(slope.diff(z).simplify(), scene)
+    if not (np.linalg.eigvalsh(matrix) > 0).all():
+        raise IntegratorError(f"scene must have a kinetic energy that is positive, but that of {scene.name} is not")
+    return matrix, drift
+
+
+def _linear_integrals(scene: Scene, momenta: Block) -> np.ndarray:
+    """The coefficients of first integrals that are linear in the momenta alone, a row for each."""
+    import numpy as np
+
+    places, rows = _places(momenta), []
+    for declared in scene.invariants.values():
+        formula = filled(declared, scene)
+        slopes = {x: formula.diff(x) for x in _symbols(formula)} if _symbols(formula) <= places.keys() else {}
+        if slopes and not any(map(_symbols, slopes.values())):
+            row = np.zeros(len(places))
+            for x, slope in slopes.items():
+                row[places[x]] = as_float(slope)
+            rows.append(row)
+    return np.array(rows).reshape(len(rows), len(places))
+
+
+def _symbols(formula: sympy.Expr) -> set[sympy.Symbol]:
+    return cast("set[sympy.Symbol]", formula.free_symbols)
+
+
+def _places(momenta: Block) -> dict[sympy.Symbol, int]:
+    import sympy
+
+    return {sympy.Symbol(name): k for k, name in enumerate(momenta.variables)}
+
+
+def _number(value: Any, scene: Scene) -> float:
+    if value.free_symbols:
+        raise IntegratorError(
+            f"scene must have a kinetic energy that is quadratic in the momenta with constant coefficients, "
+            f"but {scene.name} has {shorten(str(value))}"
+        )
+    return as_float(value)

@@ -1,0 +1,193 @@
+"""Bodies that attract each other by gravity; the Sun and the outer planets."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from fractions import Fraction
+from operator import mul, sub
+from typing import Any
+
+from integrators.core.arguments import items
+from integrators.core.errors import IntegratorError
+from integrators.scenes.catalogue.options import read_positive, read_rows
+from integrators.scenes.catalogue.particles import kinetic_energy, squared_distance, symmetry_integrals
+from integrators.scenes.model.terms import Term
+from integrators.scenes.scene import Scene
+
+N_BODY_SUMMARY = (
+    "bodies that attract each other by gravity; by default, three that follow each other along a figure eight"
+)
+N_BODY_REFERENCE = (
+    "A. Chenciner, R. Montgomery, Annals of Mathematics 152 (2000) 881–901, doi:10.2307/2661357; HLW, section I.2"
+)
+N_BODY_EFFECTS = {"softening": "sqrt(r² + epsilon²) in place of the distance r, so that forces stay finite"}
+
+# The digits are C. Simó's, as printed by Chenciner and Montgomery; with G = 1 the period is 6.32591398.
+FIGURE_EIGHT = (("0.97000436", "-0.24308753"), ("-0.97000436", "0.24308753"), (0, 0))
+FIGURE_EIGHT_VELOCITIES = (("0.466203685", "0.43236573"),) * 2 + (("-0.93240737", "-0.86473146"),)
+
+
+def n_body(
+    *,
+    masses: Any = (1, 1, 1),
+    positions: Any = FIGURE_EIGHT,
+    velocities: Any = FIGURE_EIGHT_VELOCITIES,
+    effects: Collection[str] = (),
+) -> Scene:
+    """H = Σ |p_i|²/(2m_i) − Σ_{i<j} G m_i m_j / r_ij, with p_i = m_i v_i; G = 1 is a parameter.
+
+    Args:
+        masses: A number for each body.
+        positions: A row of 2 or 3 numbers for each body.
+        velocities: Rows like those of the positions.
+        effects: With ``softening`` the distance is sqrt(r² + epsilon²), and epsilon = 1/10 is a parameter.
+
+    Raises:
+        IntegratorError: A mass is not positive, rows do not fit, or two bodies are at the same place.
+
+    Example:
+        >>> n_body(masses=[2, 1], positions=[[0, 0], [1, 0]], velocities=[[0, 0], [0, "1/2"]]).hamiltonian
+        px1**2/4 + px2**2/2 + py1**2/4 + py2**2/2 - 2/sqrt((qx1 - qx2)**2 + (qy1 - qy2)**2)
+    """
+    return gravity(masses, positions, velocities, softened="softening" in effects)
+
+
+def gravity(
+    masses: Any,
+    positions: Any,
+    velocities: Any,
+    *,
+    constant: Any = 1,
+    softened: bool = False,
+    name: str = "n-body",
+    summary: str | None = None,
+    reference: str = N_BODY_REFERENCE,
+) -> Scene:
+    """The scene of bodies with these masses, positions and velocities; `constant` is that of gravitation.
+
+    Raises:
+        IntegratorError: A mass is not positive, rows do not fit, or two bodies are at the same place.
+    """
+    m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
+    q = read_rows(positions, "positions", len(m))
+    v = read_rows(velocities, "velocities", len(m))
+    dimension = _dimension(q, v)
+    square = squared_distance(dimension) + " + epsilon^2" * softened
+    return Scene(
+        {"p": [len(m), dimension], "q": [len(m), dimension]},
+        terms=[
+            kinetic_energy(dimension, "m_i"),
+            Term(over="pairs", hamiltonian=f"-G*m_i*m_j/sqrt({square})"),
+        ],
+        parameters={"G": constant, "m": m, **({"epsilon": "1/10"} if softened else {})},
+        invariants=symmetry_integrals(len(m), dimension),
+        start={"p": [[mass * x for x in row] for mass, row in zip(m, v, strict=True)], "q": q},
+        name=name,
+        summary=summary or f"gravity among {len(m)} bodies{', softened' * softened}",
+        reference=reference,
+    )
+
+
+def _dimension(positions: Sequence[Sequence[Any]], velocities: Sequence[Sequence[Any]]) -> int:
+    lengths = [{len(row) for row in rows} for rows in (positions, velocities)]
+    if lengths not in ([{2}, {2}], [{3}, {3}]):
+        found = [" and ".join(map(str, sorted(n))) or "none" for n in lengths]
+        raise IntegratorError(
+            "positions and velocities must be rows of 2 numbers, or rows of 3, "
+            f"but had rows of {found[0]} and of {found[1]}"
+        )
+    return lengths[0].pop()
+
+
+OUTER_SOLAR_SYSTEM_SUMMARY = (
+    "the Sun and the five outer planets (with Pluto) from September 5, 1994, in three dimensions"
+)
+OUTER_SOLAR_SYSTEM_REFERENCE = "HLW, section I.2.4, with data of the Ahnerts Kalender für Sternfreunde 1994"
+
+# Solar masses, astronomical units and days; the Sun's mass includes the inner planets.
+GRAVITATION = "2.95912208286e-4"
+BODIES = {
+    "sun": ("1.00000597682", ("0", "0", "0"), ("0", "0", "0")),
+    "jupiter": (
+        "0.000954786104043",
+        ("-3.5023653", "-3.8169847", "-1.5507963"),
+        ("0.00565429", "-0.00412490", "-0.00190589"),
+    ),
+    "saturn": (
+        "0.000285583733151",
+        ("9.0755314", "-3.0458353", "-1.6483708"),
+        ("0.00168318", "0.00483525", "0.00192462"),
+    ),
+    "uranus": (
+        "0.0000437273164546",
+        ("8.3101420", "-16.2901086", "-7.2521278"),
+        ("0.00354178", "0.00137102", "0.00055029"),
+    ),
+    "neptune": (
+        "0.0000517759138449",
+        ("11.4707666", "-25.7294829", "-10.8169456"),
+        ("0.00288930", "0.00114527", "0.00039677"),
+    ),
+    "pluto": (
+        "1/130000000",
+        ("-15.5387357", "-25.2225594", "-3.1902382"),
+        ("0.00276725", "-0.00170702", "-0.00136504"),
+    ),
+}
+OUTER_SOLAR_SYSTEM_EFFECTS = {
+    name: f"{name.title()}, of mass {mass}" for name, (mass, _, _) in BODIES.items() if name != "sun"
+}
+
+
+def outer_solar_system(*, effects: Collection[str] = tuple(OUTER_SOLAR_SYSTEM_EFFECTS)) -> Scene:
+    """Gravity among the Sun and the planets that are on, in the frame where their barycentre rests at the origin.
+
+    Masses are in solar masses, lengths in astronomical units, times in days, and momenta are p = m v.
+
+    Args:
+        effects: The planets; all of them by default.
+
+    Example:
+        >>> outer_solar_system(effects=["jupiter"]).parameters["m"]
+        (50000298841/50000000000, 954786104043/1000000000000000)
+    """
+    names = bodies(effects)
+    chosen = [BODIES[name] for name in names]
+    masses = [Fraction(mass) for mass, _, _ in chosen]
+    planets = [name.title() for name in names if name != "sun"]
+    return gravity(
+        masses,
+        _about_the_mean([position for _, position, _ in chosen], masses),
+        _about_the_mean([velocity for _, _, velocity in chosen], masses),
+        constant=GRAVITATION,
+        name="outer-solar-system",
+        summary=f"the Sun with {', '.join(planets)}" if planets else "the Sun alone",
+        reference=OUTER_SOLAR_SYSTEM_REFERENCE,
+    )
+
+
+def bodies(effects: Collection[str]) -> tuple[str, ...]:
+    """The Sun and the planets that are on, in the order in which the scene has them."""
+    return tuple(name for name in BODIES if name in ("sun", *effects))
+
+
+def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -> list[list[Fraction]]:
+    """Vectors less their mean, weighted by the masses: exactly, as all of this is rational."""
+    vectors = [[Fraction(x) for x in row] for row in rows]
+    zero, columns = Fraction(0), zip(*vectors, strict=True)
+    mean = [sum(map(mul, masses, column), zero) / sum(masses, zero) for column in columns]
+    return [list(map(sub, vector, mean)) for vector in vectors]
+
+
+SCENES = (
+    ("n-body", n_body, N_BODY_SUMMARY, N_BODY_REFERENCE, (), N_BODY_EFFECTS),
+    (
+        "outer-solar-system",
+        outer_solar_system,
+        OUTER_SOLAR_SYSTEM_SUMMARY,
+        OUTER_SOLAR_SYSTEM_REFERENCE,
+        (),
+        OUTER_SOLAR_SYSTEM_EFFECTS,
+        bodies,
+    ),
+)

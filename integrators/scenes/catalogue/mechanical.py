@@ -1,0 +1,164 @@
+"""Mechanical systems with one or two degrees of freedom."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.model.effects import Effect
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.model.terms import Term
+from integrators.scenes.scene import Scene
+
+PENDULUM_SUMMARY = "the mathematical pendulum"
+PENDULUM_REFERENCE = "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4"
+
+
+def pendulum() -> Scene:
+    """H = p²/2 − cos q, with mass, length and gravity 1."""
+    return Scene(
+        {"p": 1, "q": 1},
+        hamiltonian="p^2/2 - cos(q)",
+        start={"p": [0], "q": ["-3/2"]},
+        effects={
+            "asymmetry": Effect(
+                hamiltonian="epsilon*sin(2*q)",
+                parameters={"epsilon": "1/5"},
+                summary="a second harmonic that is not symmetric in q: energy drifts where it did not",
+            ),
+            "damping": Effect(field={"p": "-gamma*p"}, parameters={"gamma": "1/10"}, summary="friction, −γp"),
+            "drive": Effect(
+                field={"p": "amplitude*cos(omega*t)"},
+                parameters={"amplitude": "1/2", "omega": "2/3"},
+                summary="a periodic force, a cos(ωt)",
+            ),
+        },
+        name="pendulum",
+        summary=PENDULUM_SUMMARY,
+        reference=PENDULUM_REFERENCE,
+    )
+
+
+DOUBLE_PENDULUM_SUMMARY = "two pendulums, one hanging from the other: chaotic at large angles"
+DOUBLE_PENDULUM_REFERENCE = "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)"
+KINETIC = (
+    "(m2*l2^2*p1^2 - 2*m2*l1*l2*cos(q1 - q2)*p1*p2 + (m1 + m2)*l1^2*p2^2) / (2*m2*l1^2*l2^2*(m1 + m2*sin(q1 - q2)^2))"
+)
+POTENTIAL = "-(m1 + m2)*g*l1*cos(q1) - m2*g*l2*cos(q2)"
+
+
+def double_pendulum() -> Scene:
+    """Angles q from the vertical and their momenta p; masses, lengths and gravity are 1; from rest at right angles."""
+    return Scene(
+        {"p": 2, "q": 2},
+        hamiltonian=f"{KINETIC} + {POTENTIAL}",
+        parameters={"m1": 1, "m2": 1, "l1": 1, "l2": 1, "g": 1},
+        start={"p": [0, 0], "q": ["pi/2", "pi/2"]},
+        positive=["m1", "m2", "l1", "l2"],
+        name="double-pendulum",
+        summary=DOUBLE_PENDULUM_SUMMARY,
+        reference=DOUBLE_PENDULUM_REFERENCE,
+    )
+
+
+HENON_HEILES_SUMMARY = "the Hénon–Heiles model: regular orbits at low energies, chaos towards 1/6"
+HENON_HEILES_REFERENCE = "M. Hénon, C. Heiles, Astron. J. 69 (1964) 73, doi:10.1086/109234; HLW, section I.3"
+LEAST_ENERGY = "7/1500"
+"""The potential where orbits start, at q = (0, 1/10)."""
+
+
+def henon_heiles(*, energy: Any = "1/12") -> Scene:
+    """H = (|p|² + |q|²)/2 + q1² q2 − q2³/3, from q = (0, 1/10) in the direction of q1.
+
+    Args:
+        energy: H at the start, which orbits below 1/6 cannot leave for infinity.
+
+    Raises:
+        IntegratorError: `energy` is no number, or less than the potential at the start.
+
+    Example:
+        >>> henon_heiles(energy="1/8").start
+        (19*sqrt(15)/150, 0, 0, 1/10)
+    """
+    import sympy
+
+    kinetic = read_formula(energy, (), "energy") - sympy.Rational(LEAST_ENERGY)
+    if not kinetic >= 0:
+        raise IntegratorError(f"energy must be at least {LEAST_ENERGY}, but was {shorten(str(energy))}")
+    return Scene(
+        {"p": 2, "q": 2},
+        hamiltonian="(p1^2 + p2^2 + q1^2 + q2^2)/2 + q1^2*q2 - q2^3/3",
+        start={"p": [sympy.sqrt(2 * kinetic), 0], "q": [0, "1/10"]},
+        name="henon-heiles",
+        summary=HENON_HEILES_SUMMARY,
+        reference=HENON_HEILES_REFERENCE,
+    )
+
+
+CENTRAL_FIELD_SUMMARY = "motion in a central field V(r), in polar coordinates"
+CENTRAL_FIELD_REFERENCE = "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4"
+
+
+def central_field(*, potential: Any = "-1/r") -> Scene:
+    """H = (p_r² + p_φ²/r²)/2 + V(r), from the perihelion of `kepler` (r = 2/5, p_φ = 4/5).
+
+    Args:
+        potential: V, a formula in r.
+
+    Raises:
+        IntegratorError: `potential` is no formula in r.
+
+    Example:
+        >>> central_field(potential="r^2/2").field
+        (p_phi**2/r**3 - r, 0, p_r, p_phi/r**2)
+    """
+    return Scene(
+        {"p": ["p_r", "p_phi"], "q": ["r", "phi"]},
+        hamiltonian="(p_r^2 + p_phi^2/r^2)/2",
+        terms=[Term(hamiltonian=read_formula(potential, ("r",), "potential"))],
+        invariants={"angular_momentum": "p_phi"},
+        start={"p": [0, "4/5"], "q": ["2/5", 0]},
+        effects={
+            "perturbation": Effect(
+                hamiltonian="-mu/(3*r^3)",
+                parameters={"mu": "3/200"},
+                summary="an inverse cube, −μ/(3 r³): the perihelion of the Kepler problem advances",
+            ),
+        },
+        positive=["r"],
+        name="central-field",
+        summary=CENTRAL_FIELD_SUMMARY,
+        reference=CENTRAL_FIELD_REFERENCE,
+    )
+
+
+FIELD_NIJHOFF_SUMMARY = (
+    "H = ln(α + p) + ln(β + q): the modified Hamiltonian of symplectic Euler is known in closed form"
+)
+FIELD_NIJHOFF_REFERENCE = (
+    "C. M. Field, F. W. Nijhoff, Nonlinearity 16 (2003) 1673; E. Hairer, lecture on long-time behaviour, exercise 5"
+)
+
+
+def field_nijhoff() -> Scene:
+    """H = ln(α + p) + ln(β + q), from p = q = 1 with α = β = 1."""
+    return Scene(
+        {"p": 1, "q": 1},
+        hamiltonian="log(alpha + p) + log(beta + q)",
+        parameters={"alpha": 1, "beta": 1},
+        invariants={"product": "(alpha + p)*(beta + q)"},
+        start={"p": [1], "q": [1]},
+        positive=["alpha + p", "beta + q"],
+        name="field-nijhoff",
+        summary=FIELD_NIJHOFF_SUMMARY,
+        reference=FIELD_NIJHOFF_REFERENCE,
+    )
+
+
+SCENES = (
+    ("pendulum", pendulum, PENDULUM_SUMMARY, PENDULUM_REFERENCE),
+    ("double-pendulum", double_pendulum, DOUBLE_PENDULUM_SUMMARY, DOUBLE_PENDULUM_REFERENCE),
+    ("henon-heiles", henon_heiles, HENON_HEILES_SUMMARY, HENON_HEILES_REFERENCE, ("hénon-heiles",)),
+    ("central-field", central_field, CENTRAL_FIELD_SUMMARY, CENTRAL_FIELD_REFERENCE),
+    ("field-nijhoff", field_nijhoff, FIELD_NIJHOFF_SUMMARY, FIELD_NIJHOFF_REFERENCE),
+)

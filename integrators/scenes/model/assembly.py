@@ -1,0 +1,298 @@
+"""A scene as it is declared, base system and effects apart, and the system that the effects which are on make of it."""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.core.arguments import items
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.model.blocks import TIME, Block, canonical_blocks, component_places, read_blocks
+from integrators.scenes.model.declarations import (
+    Vocabulary,
+    claim_names,
+    join_start,
+    merged,
+    read_parameters,
+    read_start,
+    read_summands,
+)
+from integrators.scenes.model.effects import Effect
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.model.terms import Key, Sites
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.scenes.model.declarations import Parameters, Start
+
+    Matrix = tuple[tuple[sympy.Expr, ...], ...]
+
+
+class Contribution(NamedTuple):
+    """What the base system or an effect brings: exact formulas in checked names; `breaks` is of effects only."""
+
+    blocks: tuple[Block, ...]
+    parameters: Parameters
+    summands: dict[Key, sympy.Expr]
+    start: Start
+    breaks: tuple[str, ...] = ()
+
+
+class Declaration(NamedTuple):
+    """All that makes two scenes equal, but for the effects that are on."""
+
+    base: Contribution
+    effects: dict[str, Contribution]
+    poisson: Matrix | None
+    invariants: dict[str, sympy.Expr]
+    positive: tuple[sympy.Expr, ...]
+
+
+class Assembly(NamedTuple):
+    """Base system and effects together; `timed` says whether the time was added to the variables."""
+
+    blocks: tuple[Block, ...]
+    parameters: Parameters
+    summands: dict[Key, sympy.Expr]
+    timed: bool
+
+
+def read_declaration(
+    variables: Any,
+    hamiltonian: Any,
+    field: Any,
+    terms: Any,
+    poisson: Any,
+    parameters: Any,
+    invariants: Any,
+    start: Any,
+    positive: Any,
+    effects: Mapping[str, Effect],
+) -> Declaration:
+    """The arguments of `Scene`, read; mistakes in effects are found whether they are on or off."""
+    blocks = read_blocks(variables)
+    if not blocks:
+        raise IntegratorError("variables must have at least one block, but had none")
+    if any(block.name == TIME and block.variables != (TIME,) for block in blocks):
+        raise IntegratorError(f"variables.{TIME} must be the time alone, but had other variables")
+    values = read_parameters(parameters)
+    taken: dict[str, str] = {}
+    flat = claim_names(blocks, values, "", taken)
+    for names in (flat, taken):
+        names.setdefault(TIME, "the time")
+    vocabulary = Vocabulary(blocks, values, flat)
+    summands = read_summands(hamiltonian, field, terms, vocabulary)
+    read = Declaration(
+        base=Contribution(blocks, values, summands, read_start(start, blocks)),
+        effects={},
+        poisson=read_poisson(poisson, flat, blocks[-1].end),
+        invariants=_read_invariants(invariants, flat),
+        positive=tuple(read_formula(formula, flat, "positive") for formula in items(positive, "positive")),
+    )
+    check_equations(assemble(read, ()), read.poisson)
+    for name, effect in effects.items():
+        read.effects[name] = _read_effect(name, effect, vocabulary, read, taken)
+        check_equations(assemble(read, (name,)), read.poisson, f"effects.{name}.")
+        if read.base.start:
+            join_start(read.effects[name].start, read.effects[name].blocks, f"effects.{name}.start")
+    if flat[TIME] == "the time":
+        _check_time(read)
+    return read
+
+
+def _check_time(scene: Declaration) -> None:
+    """Refuse formulas and start values of a time that is no variable."""
+    timed = has_time(scene, ())
+    if not timed and any(map(_uses_time, (*scene.invariants.values(), *scene.positive))):
+        raise IntegratorError(f"invariants and positive must not use the time {TIME} where the field does not, but did")
+    if TIME in scene.base.start and not has_time(scene, scene.effects):
+        raise IntegratorError(f"start must not have a value for the time {TIME} where nothing uses it, but had one")
+
+
+def has_time(scene: Declaration, active: Iterable[str]) -> bool:
+    """Whether the field depends on the time."""
+    formulas = [*scene.base.summands.values(), *(entry for row in scene.poisson or () for entry in row)]
+    formulas += [formula for name in active for formula in scene.effects[name].summands.values()]
+    return any(map(_uses_time, formulas))
+
+
+def _uses_time(formula: sympy.Expr) -> bool:
+    return any(str(symbol) == TIME for symbol in formula.free_symbols)
+
+
+def _read_effect(
+    name: str, effect: Effect, base: Vocabulary, scene: Declaration, taken: dict[str, str]
+) -> Contribution:
+    label = f"effects.{name}."
+    blocks = read_blocks(effect.variables, f"{label}variables", base.blocks[-1].end)
+    parameters = read_parameters(effect.parameters, f"{label}parameters")
+    flat = ChainMap(claim_names(blocks, parameters, label, taken), base.flat)
+    vocabulary = Vocabulary((*base.blocks, *blocks), {**base.parameters, **parameters}, flat, label)
+    summands = read_summands(effect.hamiltonian, effect.field or None, effect.terms, vocabulary)
+    start = read_start(effect.start, blocks, f"{label}start")
+    for broken in effect.breaks:
+        if broken not in scene.invariants:
+            known = shorten(", ".join(scene.invariants) or "none")
+            raise IntegratorError(f"{label}breaks must be of the invariants {known}, but one was {broken!r:.60}")
+    return Contribution(blocks, parameters, summands, start, effect.breaks)
+
+
+def _read_invariants(formulas: Any, names: Mapping[str, str]) -> dict[str, sympy.Expr]:
+    if not isinstance(formulas, Mapping) or not all(isinstance(name, str) for name in formulas):
+        raise IntegratorError(f"invariants must map names to formulas, but was {shorten(repr(formulas))}")
+    return {name: read_formula(formula, names, f"invariants.{name}") for name, formula in formulas.items()}
+
+
+def read_poisson(matrix: Any, names: Collection[str], dimension: int) -> Matrix | None:
+    """The matrix B of a Poisson structure, checked to be square and skew-symmetric."""
+    if matrix is None:
+        return None
+    rows = [items(row, f"row {i} of poisson") for i, row in enumerate(items(matrix, "poisson"), 1)]
+    if not 1 <= len(rows) <= dimension or any(len(row) != len(rows) for row in rows):
+        shape = " + ".join(str(len(row)) for row in rows) or "no"
+        raise IntegratorError(
+            f"poisson must be square with 1 to {dimension} rows, but had rows of {shorten(shape)} entries"
+        )
+    read = [
+        tuple(read_formula(x, names, f"poisson[{i}][{j}]") for j, x in enumerate(row, 1))
+        for i, row in enumerate(rows, 1)
+    ]
+    for i, row in enumerate(read):
+        for j in range(i + 1):
+            total = row[j] + read[j][i]
+            if total.expand() != 0 and not total.equals(0):
+                raise IntegratorError(
+                    f"poisson must be skew-symmetric, but its entries ({i + 1}, {j + 1}) and ({j + 1}, {i + 1}) "
+                    f"were {shorten(str(row[j]))} and {shorten(str(read[j][i]))}"
+                )
+    return tuple(read)
+
+
+def assemble(scene: Declaration, active: Collection[str]) -> Assembly:
+    """The base system with some effects; if the time enters, it becomes a variable t with t' = 1."""
+    import sympy
+
+    parts = [scene.base, *(scene.effects[name] for name in active)]
+    blocks: list[Block] = []
+    for block in (block for part in parts for block in part.blocks):
+        blocks.append(block._replace(offset=blocks[-1].end if blocks else 0))
+    summands = merged(item for part in parts for item in part.summands.items())
+    timed = has_time(scene, active) and not any(TIME in block.variables for block in blocks)
+    if timed:
+        blocks.append(Block(TIME, (TIME,), blocks[-1].end, 1, (TIME,)))
+        summands[TIME, Sites("single"), None] = sympy.Integer(1)
+    parameters = {name: value for part in parts for name, value in part.parameters.items()}
+    return Assembly(tuple(blocks), parameters, summands, timed)
+
+
+def check_equations(system: Assembly, poisson: Matrix | None, label: str = "") -> None:
+    """Refuse a system whose Hamiltonian has no structure to act through, or where a variable has no equation."""
+    known = bytearray(system.blocks[-1].end)
+    hamiltonian = [sites for target, sites, _ in system.summands if target is None]
+    if poisson is not None:
+        if not hamiltonian:
+            raise IntegratorError("hamiltonian must be given where poisson is, but was not")
+        if any(sites.kind != "single" for sites in hamiltonian):
+            raise IntegratorError(
+                f"{label}terms of the Hamiltonian must be single where poisson is given, but one was not"
+            )
+        known[: len(poisson)] = b"\1" * len(poisson)
+    elif hamiltonian:
+        for block in _conjugate_blocks(system.blocks, label):
+            known[block.offset : block.end] = b"\1" * block.dimension
+    named = set()
+    for target, sites, _ in system.summands:
+        if target is not None and sites.kind == "single":
+            named.add(target)
+        elif target is not None:
+            places = component_places(target[:-2], system.blocks) or slice(0)
+            known[places] = b"\1" * sites.count
+    if all(known):
+        return
+    variables = (name for block in system.blocks for name in block.variables)
+    missing = [name for name, found in zip(variables, known, strict=True) if not found and name not in named]
+    if missing:
+        names = shorten(", ".join(missing))
+        raise IntegratorError(f"{label}field must have an equation for every variable, but has none for {names}")
+
+
+def _conjugate_blocks(blocks: Sequence[Block], label: str) -> tuple[Block, Block]:
+    pair = canonical_blocks(blocks)
+    if pair is None:
+        sizes = ", ".join(f"{block.name} of {block.dimension}" for block in blocks)
+        raise IntegratorError(
+            f"{label}variables must have a block of momenta and one of positions of equal size for a Hamiltonian, told "
+            'apart by their names: p and q, which may hold any variables, as in {"p": ["u"], "q": ["w"]}, or others '
+            f"such as v and x; but had {shorten(sizes)}"
+        )
+    return pair
+
+
+BASE = ""
+"""The owner of what belongs to no effect."""
+
+
+class UnknownNameError(IntegratorError):
+    """There is no parameter or block of a name."""
+
+
+def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
+    """The declaration with other values of parameters, of the base system or of effects that are on.
+
+    Raises:
+        IntegratorError: There is no such parameter, or it has another number of values.
+    """
+    parts = _parts(scene)
+    owners = {name: owner for owner, part in parts.items() for name in part.parameters}
+    for name, value in values.items():
+        owner = _owner(name, owners, active, "parameters")
+        old, new = parts[owner].parameters[name], read_parameters({name: value})[name]
+        if _count(old) != _count(new):
+            raise IntegratorError(f"parameters.{name} must be {_count(old)}, as before, but was {_count(new)}")
+        parts[owner] = parts[owner]._replace(parameters={**parts[owner].parameters, name: new})
+    return _joined(scene, parts)
+
+
+def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
+    """The declaration with other start values of blocks, of the base system or of effects that are on.
+
+    Raises:
+        IntegratorError: There is no such block, or it has another number of variables.
+    """
+    parts = _parts(scene)
+    owners = {block.name: owner for owner, part in parts.items() for block in part.blocks}
+    if TIME in values and TIME not in owners and has_time(scene, active):
+        owners[TIME] = BASE
+        parts = {
+            owner: part._replace(start={k: v for k, v in part.start.items() if k != TIME})
+            for owner, part in parts.items()
+        }
+    for name, value in values.items():
+        owner = _owner(name, owners, active, "start")
+        new = read_start({name: value}, parts[owner].blocks)
+        parts[owner] = parts[owner]._replace(start={**parts[owner].start, **new})
+    return _joined(scene, parts)
+
+
+def _parts(scene: Declaration) -> dict[str, Contribution]:
+    return {BASE: scene.base, **scene.effects}
+
+
+def _joined(scene: Declaration, parts: dict[str, Contribution]) -> Declaration:
+    return scene._replace(base=parts[BASE], effects={name: parts[name] for name in scene.effects})
+
+
+def _owner(name: str, owners: Mapping[str, str], active: Collection[str], argument: str) -> str:
+    """The effect that has brought a name, or none; names of effects that are off are refused."""
+    owner = owners.get(name)
+    if owner is not None and (owner == BASE or owner in active):
+        return owner
+    known = shorten(", ".join(key for key, value in owners.items() if value == BASE or value in active) or "none")
+    off = f", which belongs to the effect {owner} that is off" if owner else ""
+    raise UnknownNameError(f"{argument} must be of {known}, but one was {shorten(name)}{off}")
+
+
+def _count(value: Any) -> str:
+    return f"a list of {len(value)} numbers" if isinstance(value, tuple) else "a number"

@@ -1,0 +1,179 @@
+"""Blocks of variables: how a state is cut into pieces, and what its entries are called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.expressions import check_names
+
+AXES = "xyz"
+MAX_VARIABLES = 1_000_000
+ROLES = ("i", "j", "k", "l")
+"""The letters that stand for the sites of a term: ``q_i``, ``q_j``, …"""
+TIME = "t"
+MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})
+POSITIONS = frozenset({"q", "Q", "x", "r", "theta", "phi"})
+"""Names of blocks that tell momenta (velocities, actions) from positions (angles)."""
+
+
+class Block(NamedTuple):
+    """A piece of the state.
+
+    Attributes:
+        name: Its name.
+        variables: The names of its entries, in the order of the state.
+        offset: Where it begins in the state.
+        sites: The number of sites (particles, masses, …); 0 if its variables have names of their own.
+        components: What a site holds: ``("q",)``, or ``("qx", "qy")`` in two dimensions.
+    """
+
+    name: str
+    variables: tuple[str, ...]
+    offset: int
+    sites: int
+    components: tuple[str, ...]
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return len(self.variables)
+
+    @property
+    def end(self) -> int:
+        """Where the next block begins."""
+        return self.offset + len(self.variables)
+
+    def places(self, component: str) -> slice:
+        """Where a component of all sites lies in the state."""
+        return slice(self.offset + self.components.index(component), self.end, len(self.components))
+
+    @property
+    def size(self) -> int | list[int] | list[str]:
+        """What `read_blocks` makes the block from: n, [n, d] or names."""
+        if not self.sites:
+            return list(self.variables)
+        return self.sites if self.components == (self.name,) else [self.sites, len(self.components)]
+
+
+def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) -> tuple[Block, ...]:
+    """The blocks that a mapping from names to sizes describes.
+
+    Args:
+        variables: Maps the name of a block to a number n of sites (named ``p`` if n = 1, else ``p1`` … ``pn``), to
+            ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
+        argument: What a message calls it.
+        offset: Where the first block begins in the state.
+
+    Returns:
+        The blocks, in this order. A list of the very names that a size would give is read as that size.
+
+    Raises:
+        IntegratorError: It is no such mapping.
+
+    Example:
+        >>> [block.variables for block in read_blocks({"p": [2, 2], "q": 1, "z": ["u", "v"]})]
+        [('px1', 'py1', 'px2', 'py2'), ('q',), ('u', 'v')]
+        >>> read_blocks({"q": ["q1", "q2"]}) == read_blocks({"q": 2})
+        True
+    """
+    if not isinstance(variables, Mapping):
+        raise IntegratorError(f"{argument} must map names of blocks to sizes, but was {shorten(repr(variables))}")
+    blocks = []
+    for name in check_symbols(variables, argument):
+        block = _read_block(name, variables[name], offset, f"{argument}.{name}")
+        blocks.append(block)
+        offset = block.end
+    return tuple(blocks)
+
+
+def check_symbols(names: Iterable[str], argument: str) -> tuple[str, ...]:
+    """The names of variables or parameters, if formulas can use them; unlike in tableaux, pi is the number."""
+    checked = check_names(names, argument)
+    if "pi" in checked:
+        raise IntegratorError(f"{argument} must not be called pi, which is a number, but one was")
+    return checked
+
+
+def _read_block(name: str, size: Any, offset: int, argument: str) -> Block:
+    size = size.tolist() if hasattr(size, "tolist") else size
+    if type(size) is int:
+        _check_size(size, size, argument)
+        return Block(name, _variables(name, size, 0), offset, size, (name,))
+    if isinstance(size, Sequence) and not isinstance(size, str) and size:
+        if all(isinstance(entry, str) for entry in size):
+            return _named_block(name, check_symbols(size, argument), offset, argument)
+        if len(size) == 2 and all(type(entry) is int for entry in size) and 1 <= size[1] <= len(AXES):
+            _check_size(size[0], size[0] * size[1], argument)
+            return Block(name, _variables(name, *size), offset, size[0], _components(name, size[1]))
+    raise IntegratorError(
+        f"{argument} must be a number, a pair [sites, dimensions up to {len(AXES)}] or a list of names, "
+        f"but was {shorten(repr(size))}"
+    )
+
+
+def _named_block(name: str, names: tuple[str, ...], offset: int, argument: str) -> Block:
+    """A block from a list of names; if the names are those of n sites it is the block of these."""
+    if len(set(names)) < len(names):
+        raise IntegratorError(f"{argument} must have different names, but was {shorten(repr(list(names)))}")
+    for dimension in range(len(AXES) + 1):
+        sites = len(names) // max(dimension, 1)
+        if sites and names == _variables(name, sites, dimension):
+            return Block(name, names, offset, sites, _components(name, dimension))
+    return Block(name, names, offset, 0, ())
+
+
+def _components(name: str, dimension: int) -> tuple[str, ...]:
+    """What a site holds; dimension 0 stands for a single number without an axis."""
+    return tuple(name + axis for axis in AXES[:dimension]) or (name,)
+
+
+def _variables(name: str, sites: int, dimension: int) -> tuple[str, ...]:
+    if dimension == 0 and sites == 1:
+        return (name,)
+    components = _components(name, dimension)
+    return tuple(f"{component}{k}" for k in range(1, sites + 1) for component in components)
+
+
+def _check_size(sites: int, variables: int, argument: str) -> None:
+    if sites < 1 or variables > MAX_VARIABLES:
+        raise IntegratorError(
+            f"{argument} must have at least one site and at most {MAX_VARIABLES} variables, "
+            f"but had {shorten(str(sites))} and {shorten(str(variables))}"
+        )
+
+
+def component_places(component: str, blocks: Iterable[Block]) -> slice | None:
+    """Where a component of all sites lies in the state; None if no block has it."""
+    return next((block.places(component) for block in blocks if component in block.components), None)
+
+
+def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
+    """Momenta and positions, if of equal size: the blocks p and q, or else the only two that names tell to be these.
+
+    The order of the blocks does not matter.
+
+    Example:
+        >>> [block.name for block in canonical_blocks(read_blocks({"x": 1, "v": 1}))]
+        ['v', 'x']
+        >>> canonical_blocks(read_blocks({"x": 1, "y": 1})) is None
+        True
+    """
+    for names in (({"p"}, {"q"}), (MOMENTA, POSITIONS)):
+        found = [block for group in names for block in blocks if block.name in group]
+        if len(found) == 2 and found[0].name in names[0] and found[1].name in names[1]:
+            momenta, positions = found
+            return (momenta, positions) if momenta.dimension == positions.dimension else None
+    return None
+
+
+def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:
+    """The brackets of the variables among themselves: {q, p} = 1."""
+    momenta, positions = pair
+    size = momenta.dimension
+    matrix = [[0] * (2 * size) for _ in range(2 * size)]
+    for k in range(size):
+        p, q = momenta.offset + k, positions.offset + k
+        matrix[q][p], matrix[p][q] = 1, -1
+    return matrix

@@ -1,0 +1,254 @@
+"""From what users write to summands: names are checked, formulas read, equal places summed."""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.core.arguments import items
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.model.blocks import ROLES, TIME, Block, check_symbols
+from integrators.scenes.model.formulas import read_formula, read_numbers, stable_form
+from integrators.scenes.model.terms import KINDS, Key, Sites, Term
+
+if TYPE_CHECKING:
+    import sympy
+
+    Parameters = dict[str, sympy.Expr | tuple[sympy.Expr, ...]]
+    import sympy
+
+    Start = dict[str, tuple[sympy.Expr, ...]]
+
+
+class Vocabulary(NamedTuple):
+    """The blocks and parameters that formulas may speak of.
+
+    Attributes:
+        blocks: The blocks.
+        parameters: The parameters.
+        flat: What a formula over no sites may use; the values of a parameter for each site are numbered.
+        label: Whose formulas these are, for messages.
+    """
+
+    blocks: tuple[Block, ...]
+    parameters: Parameters
+    flat: MutableMapping[str, str]
+    label: str = ""
+
+    @property
+    def scalars(self) -> list[str]:
+        """The parameters with one value."""
+        return [name for name, value in self.parameters.items() if not isinstance(value, tuple)]
+
+    @property
+    def at_sites(self) -> dict[str, tuple[str, int]]:
+        """What ``_i`` can be put behind: whose it is, and the number of its sites."""
+        found = {component: (block.name, block.sites) for block in self.blocks for component in block.components}
+        return found | {n: (n, len(value)) for n, value in self.parameters.items() if isinstance(value, tuple)}
+
+    def local(self, roles: int) -> list[str]:
+        """What a formula over so many sites may use."""
+        return [*(f"{name}_{role}" for name in self.at_sites for role in ROLES[:roles]), *self.scalars, TIME]
+
+    def targets(self, roles: int) -> Collection[str]:
+        """What has a derivative that a term can add to."""
+        if roles == 0:
+            return ChainMap(*(dict.fromkeys(block.variables) for block in reversed(self.blocks)))
+        components = [component for block in self.blocks for component in block.components]
+        return [f"{name}_{role}" for name in components for role in ROLES[:roles]]
+
+    def sites(self, over: str | tuple[tuple[int, ...], ...], used: Iterable[str], argument: str) -> Sites:
+        """What a term is summed over; `used` are the local names in it, which say how many sites there are."""
+        if over == "single":
+            return Sites("single")
+        known = self.at_sites
+        owners = dict(known[name[:-2]] for name in used if name[-2:-1] == "_" and name[:-2] in known)
+        if len(set(owners.values())) != 1:
+            found = " and ".join(f"{count} of {name}" for name, count in sorted(owners.items())) or "none"
+            raise IntegratorError(f"{argument} must speak of sites of one number, but spoke of {found}")
+        count = next(iter(owners.values()))
+        if isinstance(over, str):
+            return Sites(over, count)
+        largest = max(site for row in over for site in row) + 1
+        if largest > count:
+            raise IntegratorError(f"{argument} must have site numbers up to {count}, but had {largest}")
+        return Sites("table", count, over)
+
+
+def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
+    """The values of parameters with a value for each site, under the names m1, m2, …"""
+    return {
+        f"{name}{k}": entry
+        for name, value in parameters.items()
+        if isinstance(value, tuple)
+        for k, entry in enumerate(value, 1)
+    }
+
+
+def claim_names(blocks: Sequence[Block], parameters: Parameters, label: str, taken: dict[str, str]) -> dict[str, str]:
+    """The names that blocks and parameters give to formulas, if nothing else has them.
+
+    Args:
+        blocks: The blocks.
+        parameters: The parameters.
+        label: Whose they are, for messages.
+        taken: What has a name already, and is told of these.
+
+    Returns:
+        What flat formulas may use.
+
+    Raises:
+        IntegratorError: A name stands for two things.
+    """
+    several = {name: value for name, value in parameters.items() if isinstance(value, tuple)}
+    claims = [(block.variables, f"a variable of the block {label}{block.name}") for block in blocks]
+    claims += [((name,), f"the parameter {label}{name}") for name in parameters if name not in several]
+    claims += [(numbered({name: value}), f"a value of the parameter {label}{name}") for name, value in several.items()]
+    for block in blocks:
+        _claim((f"the block {block.name}",), f"a block of {label or 'the scene'}".rstrip("."), taken)
+    flat: dict[str, str] = {}
+    for names, what in claims:
+        flat |= _claim(names, what, taken)
+    for name in (*(component for block in blocks for component in block.components), *several):
+        _claim((f"{name}_{role}" for role in ROLES), f"{label}{name} at a site", taken)
+    return flat
+
+
+def _claim(names: Iterable[str], what: str, taken: dict[str, str]) -> dict[str, str]:
+    new = dict.fromkeys(names, what)
+    for name in new:
+        if name in taken:
+            raise IntegratorError(f"names must be different, but {shorten(name)} stands for {taken[name]} and {what}")
+    taken.update(new)
+    return new
+
+
+def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
+    """The values of parameters: exact numbers, or a parameter's own name, which leaves it a symbol.
+
+    Raises:
+        IntegratorError: It is no mapping from names to numbers or lists of numbers.
+    """
+    if not isinstance(values, Mapping):
+        raise IntegratorError(f"{argument} must map names to numbers, but was {shorten(repr(values))}")
+    if TIME in values:
+        raise IntegratorError(f"{argument} must not be called {TIME}, which is the time, but one was")
+    return {name: _read_parameter(name, values[name], f"{argument}.{name}") for name in check_symbols(values, argument)}
+
+
+def _read_parameter(name: str, value: Any, argument: str) -> sympy.Expr | tuple[sympy.Expr, ...]:
+    if getattr(value, "ndim", 0) or (isinstance(value, Sequence) and not isinstance(value, str)):
+        numbers = read_numbers(items(value, argument), argument)
+        if not numbers:
+            raise IntegratorError(f"{argument} must have a number for each site, but was empty")
+        return numbers
+    read = read_formula(value, (name,), argument)
+    if read.free_symbols and not read.is_Symbol:
+        raise IntegratorError(f"{argument} must be a number or its own name, but was {shorten(str(value))!r}")
+    return read
+
+
+def read_summands(hamiltonian: Any, field: Any, terms: Any, vocabulary: Vocabulary) -> dict[Key, sympy.Expr]:
+    """The formulas of a field or Hamiltonian by place, with those of equal places summed.
+
+    Raises:
+        IntegratorError: A formula is none or uses unknown names, or a target is no variable.
+    """
+    label = vocabulary.label
+    declared = [] if hamiltonian is None else [Term(hamiltonian=hamiltonian)]
+    declared += [] if field is None else [Term(field=field)]
+    numbers = len(declared)
+    read = []
+    for k, term in enumerate([*declared, *items(terms, f"{label}terms")]):
+        if not isinstance(term, Term):
+            raise IntegratorError(f"{label}terms must be Terms, but one was {shorten(repr(term))}")
+        read += _read_term(term, vocabulary, label if k < numbers else f"{label}terms[{k - numbers + 1}].")
+    return merged(read)
+
+
+def merged(formulas: Iterable[tuple[Key, sympy.Expr]]) -> dict[Key, sympy.Expr]:
+    """The sums of the formulas of equal places, in their stable forms."""
+    gathered: dict[Key, list[sympy.Expr]] = {}
+    for key, formula in formulas:
+        gathered.setdefault(key, []).append(formula)
+    import sympy
+
+    return {
+        key: found[0] if len(found) == 1 else stable_form(sympy.Add(*found), "a sum of terms")
+        for key, found in gathered.items()
+    }
+
+
+def _read_term(term: Term, vocabulary: Vocabulary, place: str) -> Iterator[tuple[Key, sympy.Expr]]:
+    roles = KINDS[term.over] if isinstance(term.over, str) else len(term.over[0])
+    names = vocabulary.local(roles) if roles else vocabulary.flat
+    if not term.field:
+        formula = read_formula(term.hamiltonian, names, place + "hamiltonian")
+        yield (None, _sites(term, formula, None, vocabulary, place + "hamiltonian"), term.part), formula
+    targets = vocabulary.targets(roles) if term.field else ()
+    for target, written in term.field:
+        if target not in targets:
+            raise IntegratorError(
+                f"{place}field must have equations for {shorten(', '.join(targets))}, but has one for {target!r:.60}"
+            )
+        formula = read_formula(written, names, f"{place}field.{target}")
+        yield (target, _sites(term, formula, target, vocabulary, f"{place}field.{target}"), term.part), formula
+
+
+def _sites(term: Term, formula: sympy.Expr, target: str | None, vocabulary: Vocabulary, argument: str) -> Sites:
+    used = {str(symbol) for symbol in formula.free_symbols} | {target or ""}
+    return vocabulary.sites(term.over, used, argument)
+
+
+def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
+    """The start values of some blocks.
+
+    Args:
+        values: Maps blocks to their numbers: one, a list, or a row for each site. The time t may be among them.
+        blocks: The blocks that there are.
+        argument: What a message calls it.
+
+    Raises:
+        IntegratorError: A block is unknown, or has another number of values.
+    """
+    if not isinstance(values, Mapping):
+        raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shorten(repr(values))}")
+    sizes = {TIME: 1} | {block.name: block.dimension for block in blocks}
+    found: Start = {}
+    for name, value in values.items():
+        if name not in sizes:
+            known = shorten(", ".join(block.name for block in blocks) or "none")
+            raise IntegratorError(f"{argument} must have values for {known}, but has some for {name!r:.60}")
+        entries = _flattened(value)
+        if len(entries) != sizes[name]:
+            raise IntegratorError(
+                f"{argument}.{name} must have as many values as the block has variables, {sizes[name]}, "
+                f"but has {len(entries)}"
+            )
+        found[name] = read_numbers(entries, f"{argument}.{name}")
+    return found
+
+
+def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") -> tuple[sympy.Expr, ...]:
+    """The start values of all variables in the order of the state; the time begins at 0.
+
+    Raises:
+        IntegratorError: A block has none.
+    """
+    import sympy
+
+    values = {TIME: (sympy.Integer(0),), **values}
+    for block in blocks:
+        if block.name not in values:
+            known = shorten(", ".join(block.name for block in blocks))
+            raise IntegratorError(f"{argument} must have values for {known}, but has none for {block.name}")
+    return tuple(value for block in blocks for value in values[block.name])
+
+
+def _flattened(value: Any, depth: int = 2) -> list[Any]:
+    """The entries of a number, a list, or a list of rows."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if depth and isinstance(value, Sequence) and not isinstance(value, str):
+        return [entry for row in value for entry in _flattened(row, depth - 1)]
+    return [value]

@@ -1,0 +1,203 @@
+"""Formulas of scenes: from numbers, text or SymPy to one exact form, so that all of these give equal scenes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable
+from decimal import Decimal
+from fractions import Fraction
+from functools import cache, lru_cache
+from itertools import islice
+from math import isfinite
+from typing import TYPE_CHECKING, Any, NoReturn, cast
+
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact import arithmetic as exact
+from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
+
+if TYPE_CHECKING:
+    import sympy
+    from sympy.printing.str import StrPrinter
+
+FUNCTIONS = frozenset((*ELEMENTARY, *ROOTS, "pi"))
+MAX_FORMS = 10
+"""How often a formula is written and read again until it stays the same; twice is what has been seen."""
+FORMULA = "formula"
+"""What messages call a formula whose place is not known yet."""
+_WORD = re.compile(r"(?<![\w.])[^\W\d]\w*")
+
+
+def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Expr:
+    """An exact SymPy expression in plain symbols, in the form that its text gives when it is read.
+
+    Args:
+        value: A formula as text or SymPy expression, or a number. A float stands for the decimal that it prints as.
+        names: The names it may use.
+        argument: What a message calls it.
+
+    Returns:
+        The expression, without floats.
+
+    Raises:
+        IntegratorError: It is no formula, or uses other names or functions.
+
+    Example:
+        >>> import sympy
+        >>> q = sympy.Symbol("q", real=True)
+        >>> read_formula(0.5 * sympy.cos(q), ["q"], "potential") == read_formula("cos(q)/2", ["q"], "potential")
+        True
+    """
+    number = _rational(value, argument)
+    if number is not None:
+        return as_sympy(number)
+    if isinstance(value, str | Decimal):
+        return stable_form(_parse(str(value), names, argument), argument)
+    import sympy
+
+    if isinstance(value, sympy.Expr):
+        return stable_form(_plain(value, names, argument), argument)
+    plain: Any = value.item() if hasattr(value, "item") and getattr(value, "ndim", None) == 0 else value
+    if type(plain) is type(value):
+        raise IntegratorError(f"{argument} must be a formula or a number, but was {shorten(repr(value))}")
+    return read_formula(plain, names, argument)
+
+
+def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]:
+    """Exact numbers, as `read_formula` reads each.
+
+    Example:
+        >>> read_numbers([1, 0.5, "sqrt(2)"], "start")
+        (1, 1/2, sqrt(2))
+    """
+    read: dict[Any, sympy.Expr] = {}  # in large scenes the same numbers come again and again
+
+    def number(k: int, value: Any) -> sympy.Expr:
+        if type(value) not in (int, float):
+            return read_formula(value, (), f"{argument}[{k}]")
+        if value not in read:
+            read[value] = read_formula(value, (), f"{argument}[{k}]")
+        return read[value]
+
+    return tuple(number(k, value) for k, value in enumerate(values, 1))
+
+
+def words(text: str) -> dict[str, None]:
+    """The names in a text, in its order: of symbols, functions and everything else that looks like one.
+
+    Example:
+        >>> list(words("2e5*q1 + sin(p) + q1"))
+        ['q1', 'sin', 'p']
+    """
+    return dict.fromkeys(_WORD.findall(text))
+
+
+def formula_text(formula: sympy.Expr) -> str:
+    """The text of a formula, which `read_formula` reads back.
+
+    Example:
+        >>> formula_text(read_formula("p^2/2 - exp(1)*cos(q)", ["p", "q"], "H"))
+        'p**2/2 - exp(1)*cos(q)'
+    """
+    return _printer().doprint(formula)
+
+
+def as_sympy(value: Fraction) -> sympy.Expr:
+    """A fraction as SymPy's own rational."""
+    import sympy
+
+    return sympy.Rational(value.numerator, value.denominator)
+
+
+def stable_form(formula: sympy.Expr, argument: str) -> sympy.Expr:
+    """The form of a formula that comes back from its text: of q/(3*x + 3) and (q/3)/(x + 1) only the first does."""
+    if formula.is_Rational or formula.is_Symbol:
+        return formula
+    try:
+        return _stable_form(formula)
+    except IntegratorError as error:
+        raise IntegratorError(str(error).replace(FORMULA, argument, 1)) from None
+
+
+@lru_cache(maxsize=2000)
+def _stable_form(formula: sympy.Expr) -> sympy.Expr:
+    import sympy
+
+    names = {str(symbol) for symbol in formula.free_symbols}
+    for _ in range(MAX_FORMS):
+        # Term by term: the text of a long sum may exceed what the parser takes.
+        form = sympy.Add(*(_parse(formula_text(term), names, FORMULA) for term in sympy.Add.make_args(formula)))
+        if form == formula:
+            break
+        formula = form
+    return formula
+
+
+def _parse(text: str, names: Collection[str], argument: str) -> sympy.Expr:
+    """What the text says; the parser only hears of the names in it, as there may be a million others."""
+    used = words(text)
+    for word in used:
+        if word not in names and word not in FUNCTIONS and word.lower() not in NOT_FINITE:
+            _refuse_name(word, text, names, argument)
+    return parse_expression(text, names=[word for word in used if word in names], argument=argument)
+
+
+def _refuse_name(name: str, text: str, names: Collection[str], argument: str) -> NoReturn:
+    if re.search(rf"\b{re.escape(name)}\s*\(", text):
+        functions = ", ".join((*ELEMENTARY, *ROOTS))
+        raise IntegratorError(f"{argument} must have functions of {functions} only, but has {shorten(name)!r}")
+    known = ", ".join(islice(names, 20))
+    what = f"a formula in {shorten(known)}" if known else "a number"
+    raise IntegratorError(f"{argument} must be {what}, but has the unknown name {shorten(name)!r}")
+
+
+def _rational(value: Any, argument: str) -> Fraction | None:
+    """A number of Python as a fraction; None if it is none."""
+    if isinstance(value, float):
+        if not isfinite(value):
+            raise IntegratorError(f"{argument} must be finite, but was {float(value)!r}")
+        return Fraction(*Decimal(float.__repr__(value)).as_integer_ratio())
+    moderate = isinstance(value, Decimal) and value.is_finite() and abs(value.adjusted()) < exact.MAX_DIGITS
+    if isinstance(value, bool) or not (isinstance(value, int | Fraction) or moderate):
+        return None
+    try:
+        return exact.bounded(Fraction(*value.as_integer_ratio()))
+    except ArithmeticError as error:
+        raise IntegratorError(f"{argument} must be of reasonable size, but {error}") from None
+
+
+def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Expr:
+    """The expression with plain symbols and rational numbers, read by way of its text: one grammar decides."""
+    import sympy
+
+    for symbol in cast("set[Any]", value.free_symbols):
+        if not isinstance(symbol, sympy.Symbol) or not symbol.is_commutative:
+            raise IntegratorError(f"{argument} must be a formula in plain symbols, but has {shorten(str(symbol))!r}")
+        if symbol.name not in names:
+            _refuse_name(symbol.name, "", names, argument)
+    if value.has(sympy.I):
+        raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
+    floats = {number: as_sympy(_fraction_of(number)) for number in value.atoms(sympy.Float)}
+    plain = {symbol: sympy.Symbol(symbol.name) for symbol in cast("set[sympy.Symbol]", value.free_symbols)}
+    return cast("sympy.Expr", value.xreplace({**floats, **plain}))
+
+
+def _fraction_of(number: sympy.Float) -> Fraction:
+    """A float of SymPy as the decimal that it prints as: a double as Python does, others with all their digits."""
+    import sympy
+
+    double = float(number)
+    same = isfinite(double) and sympy.Rational(double) == sympy.Rational(number)
+    return Fraction(repr(double) if same else str(number))
+
+
+@cache
+def _printer() -> StrPrinter:
+    from sympy.printing.str import StrPrinter
+
+    class FormulaPrinter(StrPrinter):
+        """SymPy's text, but for the number e, which has no name of its own here."""
+
+        def _print_Exp1(self, expr: object) -> Any:
+            return "exp(1)"
+
+    return FormulaPrinter()

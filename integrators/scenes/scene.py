@@ -1,0 +1,223 @@
+"""Scene: a problem as exact data, with the effects that it can have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from integrators.core.arguments import check_label
+from integrators.scenes.domain import check_domain
+from integrators.scenes.model.assembly import Declaration, assemble, read_declaration, with_start_values, with_values
+from integrators.scenes.model.declarations import join_start
+from integrators.scenes.model.effects import Effect, check_active, check_effects
+from integrators.scenes.model.system import System
+from integrators.scenes.model.terms import Term, sorted_summands
+
+UNNAMED = "scene"
+TIME_NOTE = "the field depends on the time t: made autonomous by the variable t with t' = 1"
+
+
+class Scene(System):
+    """A problem y' = f(y), or a Hamiltonian one, with parameters, start values and effects.
+
+    Formulas are text or SymPy expressions and are kept exact: a float stands for the decimal that it prints as. What is
+    written as text, in a file or in SymPy gives equal scenes.
+
+    Args:
+        variables: The state, block by block: maps a name to a number n of sites (called ``p``, or ``p1`` … ``pn``), to
+            ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
+        hamiltonian: The Hamiltonian H. Without `poisson` the blocks p and q are momenta and positions, p' = −H_q,
+            q' = H_p, in any order. Other names that tell these apart will do: one of P, v, omega, a, I, J, L with one
+            of Q, x, r, theta, phi.
+        field: Maps variables to their derivatives.
+        terms: Terms over sites, added to what `hamiltonian` and `field` say.
+        poisson: A skew-symmetric matrix B(y) of formulas: y' = B(y) ∇H(y).
+        parameters: Their values: numbers, lists with a number for each site, or the parameter's own name, which leaves
+            it a symbol.
+        invariants: First integrals by name (the Hamiltonian need not be among them).
+        start: Start values by block: a list, or one row for each site.
+        effects: Effects by name, all off; see `with_effects`.
+        positive: Formulas that are positive wherever the field is defined.
+        active: The effects that are on.
+        name: What messages and files call it.
+        reference: Where it comes from.
+        summary: What it is, in one line.
+
+    Attributes:
+        effects: The effects as they were declared; their present values are in `parameters`.
+        active: The names of the effects that are on.
+
+    Raises:
+        IntegratorError: A formula is none or uses unknown names, an equation is missing, sizes do not fit, or the start
+            lies outside the domain.
+
+    Example:
+        >>> pendulum = Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start={"p": [0], "q": ["-3/2"]})
+        >>> pendulum.field
+        (-sin(q), p)
+        >>> damped = Scene({"p": 1, "q": 1}, field={"p": "-sin(q) - c*p", "q": "p"}, parameters={"c": 0.1})
+        >>> damped.field, damped.hamiltonian
+        ((-p/10 - sin(q), p), None)
+
+    References:
+        HLW, sections I.1, I.2 (examples), VI.1 and VII.2 (Hamiltonian and Poisson systems).
+    """
+
+    def __init__(
+        self,
+        variables: Mapping[str, Any],
+        *,
+        hamiltonian: Any = None,
+        field: Mapping[str, Any] | None = None,
+        terms: Iterable[Term] = (),
+        poisson: Any = None,
+        parameters: Mapping[str, Any] | None = None,
+        invariants: Mapping[str, Any] | None = None,
+        start: Mapping[str, Any] | None = None,
+        effects: Mapping[str, Effect] | None = None,
+        positive: Iterable[Any] = (),
+        active: Iterable[str] = (),
+        name: str | None = None,
+        reference: str | None = None,
+        summary: str | None = None,
+    ):
+        labels = {"name": name, "reference": reference, "summary": summary}
+        for argument, label in labels.items():
+            check_label(label, argument)
+        effects = check_effects(effects or {})
+        declaration = read_declaration(
+            variables,
+            hamiltonian,
+            field,
+            terms,
+            poisson,
+            parameters or {},
+            invariants or {},
+            start or {},
+            positive,
+            effects,
+        )
+        self._settle(declaration, check_active(active, effects), effects, labels)
+
+    reference: str | None
+    summary: str | None
+    effects: Mapping[str, Effect]
+    active: tuple[str, ...]
+    _declaration: Declaration
+
+    def _settle(
+        self,
+        declaration: Declaration,
+        active: tuple[str, ...],
+        effects: Mapping[str, Effect],
+        labels: Mapping[str, str | None],
+    ) -> None:
+        """Set all attributes, with these effects on."""
+        system = assemble(declaration, active)
+        broken = {name for effect in active for name in declaration.effects[effect].breaks}
+        starts = dict(declaration.base.start)
+        for effect in active:
+            starts |= declaration.effects[effect].start
+        self.__dict__.update(
+            labels,
+            name=labels["name"] or UNNAMED,
+            _declaration=declaration,
+            active=active,
+            effects=MappingProxyType(effects),
+            blocks=system.blocks,
+            parameters=MappingProxyType(system.parameters),
+            poisson=declaration.poisson,
+            invariants=MappingProxyType({k: v for k, v in declaration.invariants.items() if k not in broken}),
+            positive=declaration.positive,
+            start=join_start(starts, system.blocks) if declaration.base.start else None,
+            summands=sorted_summands(system.summands, system.blocks),
+            base_summands=sorted_summands(declaration.base.summands, declaration.base.blocks),
+            notes=(TIME_NOTE,) if system.timed else (),
+        )
+        check_domain(self)
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return self._declaration, self.active
+
+    def __hash__(self) -> int:
+        return hash((self.blocks, self.summands, self.active))
+
+    def __repr__(self) -> str:
+        return f"<Scene {self.title}: {self.dimension} variables in {len(self.blocks)} blocks>"
+
+    @property
+    def title(self) -> str:
+        """The name, and the effects that are on."""
+        return f"{self.name} with {', '.join(self.active)}" if self.active else self.name
+
+    def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
+        """The same scene with exactly these effects on.
+
+        Args:
+            names: The effects.
+            parameters: New values of parameters, of the base system or of these effects.
+
+        Raises:
+            IntegratorError: There is no such effect or parameter.
+
+        Example:
+            >>> drag = Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})
+            >>> oscillator = Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", effects={"drag": drag})
+            >>> oscillator.with_effects("drag", c="1/5").field
+            (-p/5 - q, p)
+        """
+        unknown = [name for name in names if isinstance(name, str) and name not in self.effects]
+        if unknown:
+            from integrators.scenes.catalogue.registry import refuse_built_in
+
+            refuse_built_in(self.name, unknown)
+        active = check_active(names, self.effects)
+        return self._changed(with_values(self._declaration, active, parameters), active)
+
+    def with_parameters(self, /, **values: Any) -> Scene:
+        """The same scene with other values of parameters, of the base system or of effects that are on."""
+        return self._changed(with_values(self._declaration, self.active, values), self.active)
+
+    def with_start(self, /, **blocks: Any) -> Scene:
+        """The same scene with other start values of some blocks."""
+        return self._changed(with_start_values(self._declaration, self.active, blocks), self.active)
+
+    def to_toml(self) -> str:
+        """The scene as the text of a TOML file, from which `load_scene` reads an equal one.
+
+        Example:
+            >>> print(Scene({"y": 1}, field={"y": "-k*y"}, parameters={"k": 0.1}).to_toml(), end="")
+            [variables]
+            y = 1
+            <BLANKLINE>
+            [field]
+            y = "-k*y"
+            <BLANKLINE>
+            [parameters]
+            k = "0.1"
+        """
+        from integrators.scenes.files import dumps_scene
+
+        return dumps_scene(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of `to_toml` as dictionaries and lists of integers and text, which JSON can hold too."""
+        from integrators.scenes.files import scene_table
+
+        return scene_table(self)
+
+    def _changed(self, declaration: Declaration, active: tuple[str, ...]) -> Scene:
+        rebuild, (_, _, *rest) = self.__reduce__()
+        return rebuild(declaration, active, *rest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        labels = {"name": self.name, "reference": self.reference, "summary": self.summary}
+        return _restored, (self._declaration, self.active, dict(self.effects), labels)
+
+
+def _restored(*content: Any) -> Scene:
+    scene = Scene.__new__(Scene)
+    scene._settle(*content)
+    return scene

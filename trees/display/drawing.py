@@ -1,0 +1,301 @@
+"""Pictures of trees: one tree or a whole table, as SVG or through matplotlib."""
+
+from __future__ import annotations
+
+from html import escape
+from itertools import accumulate, islice
+from typing import TYPE_CHECKING, NamedTuple
+
+from foundation.extras import how_to_install
+from trees.errors import TreeError
+from trees.names import check_names, default_names
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.axes import Axes
+
+    from trees.tree import Tree
+
+
+MAX_TREES = 2_000
+"""The largest number of trees in one picture."""
+
+MAX_NODES = 1_000
+"""The largest number of nodes of one tree in a picture."""
+
+STEP, RADIUS, LINE, FONT = 26.0, 5.5, 1.2, 12.0  # pixels: between nodes, of a node, of a line, of a caption's letters
+_GAP = 24.0  # pixels between neighbouring trees
+_LETTER = 0.6 * FONT  # the width of a letter, about
+
+
+class Drawn(NamedTuple):
+    """One tree in its place: pixels to the right and down from the upper left corner of the picture."""
+
+    title: str
+    nodes: list[tuple[float, float, int]]
+    """Place and colour of each node, in preorder."""
+    edges: list[tuple[float, float, float, float]]
+    """Both ends of each edge."""
+    caption: str
+    below: tuple[float, float]
+    """The middle of the caption's base line."""
+
+
+class Picture(NamedTuple):
+    """Trees in their places, and the size of the whole."""
+
+    width: float
+    height: float
+    drawn: list[Drawn]
+
+
+def arrange(
+    trees: Tree | Iterable[Tree], columns: int | None, labels: bool | Iterable[str], names: Iterable[str] | None
+) -> Picture:
+    """Place trees in rows and columns, each as wide and high as it needs, the roots of a row on one line.
+
+    Args:
+        trees: A tree, or at most `MAX_TREES` of them, each of at most `MAX_NODES` nodes.
+        columns: The number of trees side by side; None for at most 10.
+        labels: What to write below the trees: True for their texts, or one string per tree.
+        names: The names of the colours in texts; None for the default names.
+
+    Returns:
+        The picture.
+
+    Raises:
+        TreeError: If there is no tree, too much to draw, or not one label per tree.
+    """
+    members = _members(trees)
+    if names is None:
+        names = default_names(1 + max(max(tree.colors) for tree in members))  # the same for the whole picture
+    names = check_names(names)
+    titles = [tree.text(names) for tree in members]
+    captions = _captions(labels, titles)
+    columns = _columns(columns, len(members))
+    shapes = [_tidy(tree) for tree in members]
+    widths, heights = [], []
+    for (xs, ys), caption in zip(shapes, captions, strict=True):
+        widths.append(max(max(xs) - min(xs) + 2 * RADIUS, _LETTER * len(caption)) + _GAP)
+        heights.append(max(ys) + 2 * RADIUS + _GAP / 2)
+    margin = _GAP / 2 + (1.5 * FONT if any(captions) else 0)  # between a row's roots and its lower border
+    column_widths = [max(widths[k::columns]) for k in range(columns)]
+    row_heights = [max(heights[k : k + columns]) + margin for k in range(0, len(members), columns)]
+    borders = list(accumulate(column_widths))
+    bottoms = list(accumulate(row_heights))
+    drawn = []
+    for k, (xs, ys) in enumerate(shapes):
+        middle = borders[k % columns] - column_widths[k % columns] / 2
+        left = middle - (max(xs) + min(xs)) / 2
+        bottom = bottoms[k // columns]
+        root = bottom - margin - RADIUS
+        nodes = [(left + x, root - y, color) for x, y, color in zip(xs, ys, members[k].colors, strict=True)]
+        edges = [(*nodes[child][:2], *nodes[parent][:2]) for child, parent in _edges(members[k].levels)]
+        drawn.append(Drawn(titles[k], nodes, edges, captions[k], (middle, bottom - _GAP / 2)))
+    return Picture(borders[-1], bottoms[-1], drawn)
+
+
+def _members(trees: Tree | Iterable[Tree]) -> list[Tree]:
+    if isinstance(trees, Tree):
+        trees = [trees]
+    elif not hasattr(trees, "__iter__"):
+        raise TreeError(f"trees must be a tree or trees, but was {trees!r:.60}")
+    members = list(islice(trees, MAX_TREES + 1))
+    if not members:
+        raise TreeError("trees must have at least one tree to draw, but have none")
+    if len(members) > MAX_TREES:
+        raise TreeError(f"trees must be at most {MAX_TREES} in one picture, but are more")
+    for tree in members:
+        if not isinstance(tree, Tree):
+            raise TreeError(f"trees must be trees, but one was {tree!r:.60}")
+        if tree.order > MAX_NODES:
+            raise TreeError(f"trees must have at most {MAX_NODES} nodes in a picture, but one has {tree.order}")
+    return members
+
+
+def _captions(labels: bool | Iterable[str], titles: list[str]) -> list[str]:
+    if isinstance(labels, bool):
+        return titles if labels else [""] * len(titles)
+    if not hasattr(labels, "__iter__"):
+        raise TreeError(f"labels must be True, False or strings, but were {labels!r:.60}")
+    captions = [labels] if isinstance(labels, str) else [str(label) for label in labels]
+    if len(captions) != len(titles):
+        raise TreeError(f"labels must be one per tree, {len(titles)}, but were {len(captions)}")
+    return captions
+
+
+def _columns(columns: int | None, count: int) -> int:
+    if columns is None:
+        return min(count, 10)
+    if isinstance(columns, bool) or not isinstance(columns, int) or columns < 1:
+        raise TreeError(f"columns must be a whole number, 1 or more, but was {columns!r:.60}")
+    return min(columns, count)
+
+
+def _edges(levels: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Child and parent of each edge, as numbers in preorder."""
+    path: list[int] = []
+    edges = []
+    for node, level in enumerate(levels):
+        path[level:] = [node]
+        if level:
+            edges.append((node, path[level - 1]))
+    return edges
+
+
+def _tidy(tree: Tree) -> tuple[list[float], list[float]]:
+    """Places of the nodes in preorder, to the right of the root and above it.
+
+    Subtrees stand side by side as close as their outlines allow, and parents in the middle of their children (Reingold
+    and Tilford 1981, doi:10.1109/TSE.1981.234519). An outline is the extreme place on each level, seen from its root.
+    """
+    levels = tree.levels
+    places = [0.0] * len(levels)  # relative to the parent, in steps
+    waiting: list[list[tuple[int, list[float], list[float]]]] = [[] for _ in range(max(levels) + 2)]
+    for node in reversed(range(len(levels))):
+        children = waiting[levels[node] + 1]
+        lefts: list[float] = []
+        rights: list[float] = []
+        for child, child_lefts, child_rights in reversed(children):
+            shift = max((right - left for right, left in zip(rights, child_lefts, strict=False)), default=-1) + 1
+            places[child] = shift
+            lefts += [shift + left for left in child_lefts[len(lefts) :]]
+            rights[: len(child_rights)] = [shift + right for right in child_rights]
+        middle = places[children[0][0]] / 2 if children else 0.0
+        for child, _, _ in children:
+            places[child] -= middle
+        children.clear()
+        waiting[levels[node]].append((node, [0.0, *(x - middle for x in lefts)], [0.0, *(x - middle for x in rights)]))
+    rise = max(1.0, max(places) / 3)  # an edge flatter than this would touch the nodes beside its ends
+    for child, parent in _edges(levels):
+        places[child] += places[parent]
+    return [STEP * place for place in places], [STEP * rise * level for level in levels]
+
+
+PALETTE = ("#000000", "#ffffff", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
+"""The fill of colours 0, 1, …, from the start again beyond the last: black and white as in the literature on
+partitioned methods, then the colours of Okabe and Ito (2008), which the colour-blind can tell apart."""
+
+
+def svg(
+    trees: Tree | Iterable[Tree],
+    columns: int | None = None,
+    labels: bool | Iterable[str] = False,
+    names: Iterable[str] | None = None,
+) -> str:
+    """A picture of one tree, or of many as one table, as SVG.
+
+    The roots are below. Each tree has its text as title, which viewers show under the pointer.
+
+    Args:
+        trees: A tree, or at most 2,000 of them, each of at most 1,000 nodes.
+        columns: The number of trees side by side; None for at most 10.
+        labels: What to write below the trees: True for their texts, or one string per tree.
+        names: The names of the colours in texts; None for the default names.
+
+    Returns:
+        The SVG document.
+
+    Raises:
+        TreeError: If there is no tree, too much to draw, or not one label per tree.
+
+    Example:
+        >>> from trees import Tree
+        >>> svg(Tree("[τ,[τ]]")).count("<circle")
+        4
+    """
+    picture = arrange(trees, columns, labels, names)
+    width, height = f"{picture.width:g}", f"{picture.height:g}"
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+        f' stroke="black" stroke-width="{LINE:g}" font-family="sans-serif" font-size="{FONT:g}" text-anchor="middle">',
+        f'<rect width="{width}" height="{height}" fill="white" stroke="none"/>',
+    ]
+    for tree in picture.drawn:
+        lines.append(f"<g><title>{_escape(tree.title)}</title>")
+        if tree.edges:
+            lines.append(f'<path d="{"".join(f"M{x:g} {y:g}L{u:g} {v:g}" for x, y, u, v in tree.edges)}"/>')
+        for x, y, color in tree.nodes:
+            lines.append(f'<circle cx="{x:g}" cy="{y:g}" r="{RADIUS:g}" fill="{_fill(color)}"/>')
+        if tree.caption:
+            x, y = tree.below
+            lines.append(f'<text x="{x:g}" y="{y:g}" stroke="none">{_escape(tree.caption)}</text>')
+        lines.append("</g>")
+    return "\n".join([*lines, "</svg>\n"])
+
+
+def draw(
+    trees: Tree | Iterable[Tree],
+    ax: Axes | None = None,
+    columns: int | None = None,
+    labels: bool | Iterable[str] = False,
+    names: Iterable[str] | None = None,
+) -> Axes:
+    """The picture that `svg` makes, drawn by matplotlib.
+
+    Args:
+        trees: A tree, or at most 2,000 of them, each of at most 1,000 nodes.
+        ax: The axes to draw on, whose frame is hidden; None for a new figure of fitting size.
+        columns: The number of trees side by side; None for at most 10.
+        labels: What to write below the trees: True for their texts, or one string per tree.
+        names: The names of the colours in texts; None for the default names.
+
+    Returns:
+        The axes.
+
+    Raises:
+        TreeError: If there is no tree, too much to draw, or not one label per tree.
+        ImportError: If matplotlib is not installed.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> from trees import Tree
+        >>> len(draw(Tree("[τ,[τ]]"), Figure().add_subplot()).collections)
+        2
+    """
+    picture = arrange(trees, columns, labels, names)
+    try:
+        from matplotlib.collections import EllipseCollection, LineCollection
+    except ImportError as missing:
+        raise ImportError(f"draw needs matplotlib: {how_to_install('plot')}") from missing
+    if ax is None:
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=(picture.width / 72, picture.height / 72))  # one point for one pixel
+        ax = figure.add_axes((0, 0, 1, 1))
+    ax.set(xlim=(0, picture.width), ylim=(picture.height, 0), aspect="equal")
+    ax.axis("off")
+    # What matplotlib measures in points grows with the picture, as the rest does.
+    extent = ax.get_window_extent()
+    scale = 72 / ax.figure.dpi * min(extent.width / picture.width, extent.height / picture.height)
+    nodes = [node for tree in picture.drawn for node in tree.nodes]
+    edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
+    diameters = [2 * RADIUS] * len(nodes)
+    circles = EllipseCollection(
+        diameters,
+        diameters,
+        [0.0] * len(nodes),
+        units="xy",
+        offsets=[(x, y) for x, y, _ in nodes],
+        offset_transform=ax.transData,
+        facecolors=[_fill(color) for _, _, color in nodes],
+        edgecolors="black",
+        linewidths=LINE * scale,
+        zorder=2,
+    )
+    ax.add_collection(LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
+    ax.add_collection(circles)
+    for tree in picture.drawn:
+        ax.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
+    return ax
+
+
+def _fill(color: int) -> str:
+    return PALETTE[color % len(PALETTE)]
+
+
+def _escape(text: str) -> str:
+    """Text as XML holds it: special characters escaped, control characters left out."""
+    return escape("".join(character if character.isprintable() else " " for character in text))

@@ -1,0 +1,191 @@
+"""Coproducts of forests, and their counits: all ways to cut a tree in two, to contract its parts, to divide a forest.
+
+Each coproduct maps products of forests to products, and sums to sums; what it does to one tree defines it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from trees.hopf.forests import Forest, rooted
+from trees.hopf.sums import FormalSum, as_sum
+from trees.hopf.terms import KEPT, check_work, fold, multiply_terms, work_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from trees.hopf.sums import Summand
+    from trees.hopf.terms import Terms
+    from trees.tree import Tree
+
+_NONE = Forest()
+
+
+def coproduct(x: Summand) -> FormalSum:
+    """The Connes–Kreimer coproduct: all admissible cuts, what is cut off to the left, what keeps the root to the right.
+
+    Δ(τ) = τ⊗∅ + Σ branches⊗trunk, over all sets of edges of which no two lie on one path from the root; the empty set
+    gives ∅⊗τ. It evaluates compositions of maps: the value of Δ(τ), with a to the left and c to the right, is that of
+    compose(a, c), first a, then c. A tree with n nodes has at most 2^(n−1) + 1 terms, equal ones counted.
+
+    Args:
+        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
+
+    Returns:
+        A sum of tensor products of two forests.
+
+    Raises:
+        TreeError: If x is none of these, or has too many cuts.
+
+    Example:
+        >>> coproduct("[τ,τ]")
+        ∅⊗[τ,τ] + 2 τ⊗[τ] + τ·τ⊗τ + [τ,τ]⊗∅
+
+    References:
+        Connes, Kreimer (1998), doi:10.1007/s002200050499; for B-series HLW, section III.1.4, and Brouder (2000),
+        doi:10.1007/s100529900235. The sides are those of Connes and Kreimer, and of the package kauri.
+    """
+    return multiplicative(x, _cuts, 2)
+
+
+@lru_cache(maxsize=KEPT)
+def _cuts(tree: Tree) -> FormalSum:
+    """Δ(B₊(φ)) = B₊(φ)⊗∅ + (id⊗B₊)Δ(φ)."""
+
+    def lift(subtree: Tree, cuts: Terms) -> Terms:
+        lifted = {(branches, rooted(trunks, subtree.color)): count for (branches, trunks), count in cuts.items()}
+        lifted[Forest(subtree), _NONE] = 1
+        return lifted
+
+    return FormalSum._of(fold(tree, {(_NONE, _NONE): 1}, lift))
+
+
+def counit(x: Summand) -> Any:
+    """The counit of the Connes–Kreimer and of the Grossman–Larson coproduct: the coefficient of the empty forest.
+
+    Args:
+        x: A tree, a forest, a text for one, or a sum of forests.
+
+    Returns:
+        The coefficient.
+
+    Raises:
+        TreeError: If x is none of these.
+
+    Example:
+        >>> counit("[τ]"), counit(3 * FormalSum("∅") + Forest("τ"))
+        (0, 3)
+    """
+    return as_sum(x, "x")[_NONE]
+
+
+def substitution_coproduct(x: Summand) -> FormalSum:
+    """The coproduct of Calaque, Ebrahimi-Fard and Manchon: all partitions, their parts to the left, skeleton right.
+
+    Δ(τ) = Σ parts⊗skeleton over all sets of edges: deleting them leaves the parts, contracting all others leaves the
+    skeleton, in which the node of a part has the colour of the part's root. It evaluates substitutions: the value of
+    Δ(τ), with a field b to the left and a to the right, is that of substitute(b, a) = b ★ a. A tree with n nodes has
+    2^(n−1) terms, equal ones counted. Single nodes are kept, which makes this a bialgebra; see `substitution_antipode`.
+
+    Args:
+        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
+
+    Returns:
+        A sum of tensor products of two forests.
+
+    Raises:
+        TreeError: If x is none of these, or has too many partitions.
+
+    Example:
+        >>> substitution_coproduct("[[τ]]")
+        τ·τ·τ⊗[[τ]] + 2 τ·[τ]⊗[τ] + [[τ]]⊗τ
+        >>> substitution_coproduct("p[q]")
+        p·q⊗p[q] + p[q]⊗p
+
+    References:
+        Calaque, Ebrahimi-Fard, Manchon (2011), doi:10.1016/j.aam.2009.08.003; for B-series Chartier, Hairer, Vilmart
+        (2010), doi:10.1007/s10208-010-9065-1, Tables 1 to 3.
+    """
+    return multiplicative(x, _partitions, 2)
+
+
+@lru_cache(maxsize=KEPT)
+def _partitions(tree: Tree) -> FormalSum:
+    """Of each subtree as triples: the root's part, the other parts, the skeleton; the first and last without root.
+
+    The edge to the parent is kept, and the root's part and the skeleton wait for the parent's, or it is deleted, and
+    both are complete; the first entry is ∅ then, as at the root of the whole tree.
+    """
+
+    def lift(subtree: Tree, partitions: Terms) -> Terms:
+        lifted: dict[Any, Any] = {}
+        for (inner, parts, skeletons), count in partitions.items():
+            own = rooted(inner, subtree.color)
+            lifted[own, parts, skeletons] = count
+            complete = (_NONE, parts * own, rooted(skeletons, subtree.color))
+            lifted[complete] = lifted.get(complete, 0) + count
+        return lifted
+
+    lifted = fold(tree, {(_NONE, _NONE, _NONE): 1}, lift)
+    return FormalSum._of({(parts, skeleton): n for (own, parts, skeleton), n in lifted.items() if not own})
+
+
+def substitution_counit(x: Summand) -> Any:
+    """The counit of the substitution coproduct: 1 for a single node of any colour, 0 for larger trees.
+
+    Args:
+        x: A tree, a forest, a text for one, or a sum of forests.
+
+    Returns:
+        Its value: the sum of the coefficients of ∅ and of the forests of single nodes.
+
+    Raises:
+        TreeError: If x is none of these.
+
+    Example:
+        >>> substitution_counit("τ"), substitution_counit("τ·[τ]"), substitution_counit("p·q")
+        (1, 0, 1)
+    """
+    return as_sum(x, "x").evaluate(lambda tree: int(tree.order == 1))
+
+
+def grossman_larson_coproduct(x: Summand) -> FormalSum:
+    """The coproduct of the Grossman–Larson algebra: all ways to divide a forest between left and right.
+
+    It respects both products of forests, the commutative one and `grossman_larson`. With trees taken as vector fields
+    and forests as differential operators, it is their product rule. k different trees have 2^k terms.
+
+    Args:
+        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
+
+    Returns:
+        A sum of tensor products of two forests.
+
+    Raises:
+        TreeError: If x is none of these, or there are too many terms.
+
+    Example:
+        >>> grossman_larson_coproduct("τ^2")
+        ∅⊗τ·τ + 2 τ⊗τ + τ·τ⊗∅
+
+    References:
+        Grossman, Larson (1989), doi:10.1016/0021-8693(89)90328-1; Hoffman (2003), doi:10.1090/S0002-9947-03-03317-8.
+    """
+    return multiplicative(x, lambda tree: FormalSum({(tree, _NONE): 1, (_NONE, tree): 1}), 2)
+
+
+def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: int) -> FormalSum:
+    """The values of a map of sums of forests that respects products, from its values on trees."""
+
+    def of_forest(forest: Forest) -> FormalSum:
+        value: Any = {(_NONE,) * factors: 1}
+        work = 0
+        for tree in forest:
+            image = of_tree(tree)._terms
+            work += work_of(value, image, forest.order)
+            check_work(work)
+            value = multiply_terms(value, image)
+        return FormalSum._of(value)
+
+    return as_sum(x, "x").map(of_forest)

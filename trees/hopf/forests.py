@@ -1,0 +1,241 @@
+"""Forests: commutative products of trees, and the empty product."""
+
+from __future__ import annotations
+
+import sys
+from bisect import insort
+from functools import lru_cache, total_ordering
+from itertools import groupby
+from math import factorial, prod
+from typing import TYPE_CHECKING, Any
+
+from trees.errors import TreeError
+from trees.formulas import latex_name
+from trees.names import check_names, default_names, is_name, is_number, node_names
+from trees.notation import MAX_ORDER, nest
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+EMPTY = "∅"
+
+
+@total_ordering
+class Forest:
+    """A forest: finitely many coloured rooted trees, in no order, each as often as it occurs.
+
+    Forests are the monomials in which coproducts and antipodes are written; the empty forest ∅ is their unit 1. They
+    are ordered by their number of nodes, then by their trees, which ascend.
+
+    Args:
+        trees: The forest as text: trees separated by ``·``, powers allowed, ``∅`` or ``1`` for none. Or a tree, or any
+            number of trees.
+        names: The names of the colours in the text, as for `Tree`.
+
+    Raises:
+        TreeError: If the text is not a forest, or there are more than 10,000 nodes.
+
+    Example:
+        >>> forest = Forest("[τ]·τ^2")
+        >>> forest, forest.order, forest.symmetry, len(forest)
+        (Forest('τ·τ·[τ]'), 4, 2, 3)
+        >>> forest * Tree("τ") == Forest("τ^3·[τ]"), Forest() == Forest("∅")
+        (True, True)
+        >>> Tree.join(forest), Forest(Tree("[τ,[τ]]").children)  # B₊ and its inverse B₋
+        (Tree('[τ,τ,[τ]]'), Forest('τ·[τ]'))
+
+    References:
+        Connes, Kreimer: Hopf algebras, renormalization and noncommutative geometry (1998), doi:10.1007/s002200050499.
+    """
+
+    __slots__ = ("_hash", "_order", "_trees")
+
+    _trees: tuple[Tree, ...]
+    _order: int
+    _hash: int
+
+    def __new__(cls, trees: str | Tree | Forest | Iterable[Tree] = (), *, names: Iterable[str] | None = None) -> Forest:
+        """Read the text, or sort the trees."""
+        if isinstance(trees, Forest):
+            return trees
+        if isinstance(trees, str):
+            return Forest._canonical(tuple(sorted(_read(trees, names))))
+        if isinstance(trees, Tree):
+            return Forest._canonical((trees,))
+        if not hasattr(trees, "__iter__"):
+            raise TreeError(f"trees must be trees, or a text such as 'τ·[τ]', but was {trees!r:.60}")
+        members = list(trees)
+        for tree in members:
+            if not isinstance(tree, Tree):
+                raise TreeError(f"trees must be trees, but one was {tree!r:.60}")
+        return Forest._canonical(tuple(sorted(members)))
+
+    @staticmethod
+    def _canonical(trees: tuple[Tree, ...]) -> Forest:
+        """The forest of these trees, which the caller guarantees to ascend."""
+        return Forest._make(trees, sum([tree._order for tree in trees]), sum([tree._hash for tree in trees]))
+
+    @staticmethod
+    def _make(trees: tuple[Tree, ...], order: int, hash_sum: int) -> Forest:
+        if order > MAX_ORDER:
+            raise TreeError(f"trees must have at most {MAX_ORDER} nodes together, but have {order}")
+        forest = object.__new__(Forest)
+        forest._trees = trees
+        forest._order = order
+        forest._hash = hash_sum % sys.hash_info.modulus
+        return forest
+
+    @property
+    def trees(self) -> tuple[Tree, ...]:
+        """The trees, ascending."""
+        return self._trees
+
+    @property
+    def order(self) -> int:
+        """The number of nodes of all trees together."""
+        return self._order
+
+    @property
+    def symmetry(self) -> int:
+        """The symmetries of all trees times m! for each tree that occurs m times: σ of the trees on a common root."""
+        repeated = prod(factorial(len(list(equal))) for _, equal in groupby(self._trees))
+        return repeated * prod(tree.symmetry for tree in self._trees)
+
+    def __mul__(self, other: Forest | Tree) -> Forest:
+        if isinstance(other, Tree):
+            other = Forest(other)
+        if not isinstance(other, Forest):
+            return NotImplemented
+        small, large = (self, other) if len(self._trees) < len(other._trees) else (other, self)
+        if not small._trees:
+            return large
+        trees = list(large._trees)
+        for tree in small._trees:
+            insort(trees, tree)
+        return Forest._make(tuple(trees), self._order + other._order, self._hash + other._hash)
+
+    __rmul__ = __mul__
+
+    def text(self, names: Iterable[str] | None = None) -> str:
+        """The forest as text, equal for equal forests; `Forest` reads it back.
+
+        Args:
+            names: One name per colour; None for the default names of as many colours as the forest has.
+
+        Returns:
+            The trees, ascending, separated by ``·``; ``∅`` for the empty forest.
+
+        Raises:
+            TreeError: If a name is unusable or a colour has none.
+
+        Example:
+            >>> Forest("q·p[q]").text(), Forest("q·p[q]").text(["fast", "slow"])
+            ('q·p[q]', 'slow·fast[slow]')
+        """
+        common = common_names(self._trees, names)
+        return "·".join([tree.text(common) for tree in self._trees]) or EMPTY
+
+    def to_latex(self, names: Iterable[str] | None = None) -> str:
+        r"""The forest in the mathematics mode of LaTeX.
+
+        Args:
+            names: One name per colour; None for the default names of as many colours as the forest has.
+
+        Returns:
+            The text.
+
+        Raises:
+            TreeError: If a name is unusable or a colour has none.
+
+        Example:
+            >>> print(Forest("τ·[τ]").to_latex())
+            \tau \cdot [\tau]
+        """
+        common = common_names(self._trees, names)
+        return " \\cdot ".join([_tree_latex(tree, common) for tree in self._trees]) or "\\emptyset"
+
+    def _repr_latex_(self) -> str:
+        return f"${self.to_latex()}$"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return f"Forest('{self.text()}')"
+
+    def __len__(self) -> int:
+        return len(self._trees)
+
+    def __iter__(self) -> Iterator[Tree]:
+        return iter(self._trees)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Forest):
+            return NotImplemented
+        return self is other or (self._hash == other._hash and self._trees == other._trees)
+
+    def __lt__(self, other: Forest) -> bool:
+        if not isinstance(other, Forest):
+            return NotImplemented
+        return (self._order, self._trees) < (other._order, other._trees)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Forest, (self._trees,)
+
+
+@lru_cache(maxsize=2**14)
+def rooted(forest: Forest, color: int) -> Forest:
+    """B₊ as a forest of one tree.
+
+    Kept, because equal trees that are different objects are slow to compare.
+    """
+    return Forest._canonical((Tree._canonical(color, forest._trees),))
+
+
+def common_names(trees: Iterable[Tree], names: Iterable[str] | None) -> tuple[str, ...]:
+    """The names by which all these trees are written: those given, or the default ones for their largest colour."""
+    if names is not None:
+        return check_names(names)
+    return default_names(1 + max((color for tree in trees for color in tree.colors), default=0))
+
+
+def _tree_latex(tree: Tree, names: Sequence[str]) -> str:
+    if not names[0]:
+        return tree.text(names).replace("τ", "\\tau")
+    return nest(tree.levels, map(latex_name, node_names(tree.colors, names)), "[", "]")
+
+
+def _read(text: str, names: Iterable[str] | None) -> list[Tree]:
+    """The trees of a text, in its order."""
+    if text.strip() in (EMPTY, "1"):
+        return []
+    common = None if names is None else check_names(names)
+    parts = text.split("·")
+    if common is None:
+        _check_naming(text, parts)
+    trees: list[Tree] = []
+    order = 0
+    for part in parts:
+        base, _, exponent = part.rpartition("^")
+        copies = int(exponent) if base and is_number(exponent.strip()) else 0  # not for a power inside brackets
+        tree = Tree(base if copies else part, names=common)
+        order += tree.order * max(copies, 1)
+        if order > MAX_ORDER:
+            raise TreeError(f"text must be a forest of at most {MAX_ORDER} nodes, but was {text!r:.60}")
+        trees += [tree] * max(copies, 1)
+    return trees
+
+
+def _check_naming(text: str, parts: Iterable[str]) -> None:
+    """Refuse colours named in two ways: each tree alone could be read, but not as it is meant."""
+    named = []
+    for part in parts:
+        words = "".join([c if c.isalnum() or c == "_" else " " for c in part.replace("τ", " ")]).split()
+        named.append({word for word in words if is_name(word)})
+    every = set().union(*named)
+    if every and not (all(named) and (every <= {"p", "q"} or every.isdisjoint(("p", "q")))):
+        raise TreeError(f"text must name the colours of all its trees in one way, but was {text!r:.60}")

@@ -1,0 +1,316 @@
+"""Formal sums of forests, and of tensor products of forests."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import chain
+from math import prod
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from trees.errors import TreeError
+from trees.hopf.forests import Forest, common_names
+from trees.hopf.scalars import exact_coefficient, latex_number, write_sum
+from trees.hopf.terms import add_terms, check_work, multiply_terms
+from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    Factors: TypeAlias = tuple[Forest, ...]
+    Element: TypeAlias = Tree | Forest | str | tuple[Tree | Forest | str, ...]
+    Summand: TypeAlias = "FormalSum | Tree | Forest | str"
+
+
+class FormalSum:
+    """A linear combination of forests, or of tensor products of as many forests each, with exact coefficients.
+
+    A tree stands for the forest of it alone. Sums are immutable values. They are added, multiplied by numbers, and
+    multiplied with one another: forests as commutative monomials, tensor products factor by factor. Terms ascend, by
+    their first factor, then by the next.
+
+    Args:
+        terms: The coefficient of each basis element; or one element, with coefficient 1. An element is a tree, a
+            forest, a text for one, or a tuple of two or more of these for their tensor product. A coefficient is an
+            int, a Fraction or a SymPy expression without floats.
+
+    Raises:
+        TreeError: If an element or a coefficient is none of these, or elements have different numbers of factors.
+
+    Example:
+        >>> from fractions import Fraction
+        >>> x = FormalSum({"[τ]": 2, "τ^2": Fraction(-1, 2)})
+        >>> x, x["τ·τ"], x["τ"], len(x)
+        (-1/2 τ·τ + 2 [τ], Fraction(-1, 2), 0, 2)
+        >>> x * x - 4 * FormalSum("[τ]^2")
+        1/4 τ·τ·τ·τ - 2 τ·τ·[τ]
+        >>> x.tensor(Tree("τ"))
+        -1/2 τ·τ⊗τ + 2 [τ]⊗τ
+    """
+
+    __slots__ = ("_terms",)
+    __array_ufunc__ = None  # or NumPy's integers would take a sum for a sequence
+
+    _terms: dict[Factors, Any]
+
+    def __new__(cls, terms: Mapping[Any, object] | FormalSum | Element | None = None) -> FormalSum:
+        """Check the terms and add up those of equal elements."""
+        if isinstance(terms, FormalSum):
+            return terms
+        if isinstance(terms, Tree | Forest | str | tuple):
+            return FormalSum._of({_factors(terms): 1})
+        if terms is not None and not hasattr(terms, "items"):
+            raise TreeError(f"terms must be a mapping from forests to coefficients, but was {terms!r:.60}")
+        added: dict[Factors, Any] = {}
+        for element, coefficient in terms.items() if terms else ():
+            add_terms(added, {_factors(element): exact_coefficient(coefficient)})
+        _check_alike("terms", added)
+        return FormalSum._of(added)
+
+    @staticmethod
+    def _of(terms: Mapping[Factors, Any]) -> FormalSum:
+        """The sum of these terms, which the caller guarantees to agree in shape and to have exact coefficients."""
+        total = object.__new__(FormalSum)
+        exact = ((factors, exact_coefficient(coefficient)) for factors, coefficient in terms.items())
+        total._terms = {factors: coefficient for factors, coefficient in exact if coefficient != 0}
+        return total
+
+    @property
+    def factors(self) -> int:
+        """The number of tensor factors of each term; 0 for the empty sum."""
+        return len(next(iter(self._terms), ()))
+
+    def items(self) -> Iterator[tuple[Any, Any]]:
+        """Each basis element, a `Forest` or a tuple of them, with its coefficient, in ascending order.
+
+        Returns:
+            An iterator over pairs.
+
+        Example:
+            >>> list(FormalSum({("τ", "∅"): 3}).items())
+            [((Forest('τ'), Forest('∅')), 3)]
+        """
+        for factors, coefficient in self._sorted():
+            yield _element(factors), coefficient
+
+    def _sorted(self) -> list[tuple[Factors, Any]]:
+        return sorted(self._terms.items(), key=itemgetter(0))
+
+    def __iter__(self) -> Iterator[Any]:
+        return (element for element, _ in self.items())
+
+    def __len__(self) -> int:
+        return len(self._terms)
+
+    def __contains__(self, element: Element) -> bool:
+        return _factors(element) in self._terms
+
+    def __getitem__(self, element: Element) -> Any:
+        return self._terms.get(_factors(element), 0)
+
+    def __add__(self, other: FormalSum | Tree | Forest) -> FormalSum:
+        if type(other) is int and other == 0:  # where the built-in sum() starts
+            return self
+        if not isinstance(other, FormalSum | Tree | Forest):
+            return NotImplemented
+        added = FormalSum(other)
+        self._check_factors(added)
+        return FormalSum._of(add_terms(dict(self._terms), added._terms))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> FormalSum:
+        return self * -1
+
+    def __sub__(self, other: FormalSum | Tree | Forest) -> FormalSum:
+        return self + -FormalSum(other) if isinstance(other, FormalSum | Tree | Forest) else NotImplemented
+
+    def __rsub__(self, other: Tree | Forest) -> FormalSum:
+        return -self + other
+
+    def __mul__(self, other: Any) -> FormalSum:
+        if isinstance(other, FormalSum | Tree | Forest):
+            factor = FormalSum(other)
+            self._check_factors(factor)
+            return FormalSum._of(multiply_terms(self._terms, factor._terms))
+        scale = exact_coefficient(other)
+        return FormalSum._of({factors: coefficient * scale for factors, coefficient in self._terms.items()})
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: Any) -> FormalSum:
+        scale = exact_coefficient(divisor)
+        if scale == 0:
+            raise TreeError("divisor must not be zero, but was 0")
+        return self * (Fraction(1) / scale)
+
+    def _check_factors(self, other: FormalSum) -> None:
+        if self and other and self.factors != other.factors:
+            raise TreeError(
+                f"other must have terms of {self.factors} tensor factors, as the first sum has, but has {other.factors}"
+            )
+
+    def tensor(self, other: Summand) -> FormalSum:
+        """The tensor product with another sum: each term of the first beside each of the second.
+
+        Args:
+            other: The sum, forest, tree or tuple of forests to the right.
+
+        Returns:
+            A sum whose terms have the factors of both.
+
+        Raises:
+            TreeError: If `other` is none of these, or there would be too many terms.
+
+        Example:
+            >>> FormalSum("τ").tensor("[τ]").tensor("∅")
+            τ⊗[τ]⊗∅
+        """
+        right = as_sum(other, "other", tensors=True)._terms
+        check_work(len(self._terms) * len(right))
+        return FormalSum._of({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
+
+    def map(self, rule: Callable[[Any], Any]) -> FormalSum:
+        """The linear extension of a rule for basis elements.
+
+        Args:
+            rule: Gives a sum, forest, tree, or tuple of forests for each element: a `Forest`, or a tuple of forests
+                in a sum of tensor products.
+
+        Returns:
+            The sum of all rule(element), each times the element's coefficient.
+
+        Raises:
+            TreeError: If the rule gives anything else, or elements with different numbers of factors.
+
+        Example:
+            >>> FormalSum({("τ", "[τ]"): 2}).map(lambda pair: pair[0] * pair[1])
+            2 τ·[τ]
+        """
+        total: dict[Factors, Any] = {}
+        for factors, coefficient in self._terms.items():
+            image = as_sum(rule(_element(factors)), "rule(element)", tensors=True)
+            add_terms(total, image._terms, coefficient)
+        _check_alike("rule(element)", total)
+        return FormalSum._of(total)
+
+    def evaluate(self, *rules: Callable[[Tree], Any]) -> Any:
+        """The value of the sum where trees have values: Σ coefficient · Π rule(tree), a multiplicative functional.
+
+        Args:
+            rules: One rule, tree → number, for each tensor factor. For a series, `series.__getitem__` is its rule.
+
+        Returns:
+            The value; 0 for the empty sum. The empty forest has the value 1.
+
+        Raises:
+            TreeError: If there are not as many rules as factors.
+
+        Example:
+            >>> FormalSum({("τ^2", "[τ]"): 3}).evaluate(lambda tree: 10, lambda tree: tree.order)
+            600
+        """
+        if self and len(rules) != self.factors:
+            raise TreeError(f"rules must be as many as tensor factors, {self.factors}, but were {len(rules)}")
+        return sum(
+            coefficient * prod(rule(tree) for rule, forest in zip(rules, factors, strict=True) for tree in forest)
+            for factors, coefficient in self._terms.items()
+        )
+
+    def text(self, names: Iterable[str] | None = None) -> str:
+        """The sum as text, equal for equal sums with rational coefficients.
+
+        Args:
+            names: One name per colour; None for the default names of as many colours as the sum has.
+
+        Returns:
+            The terms, ascending: coefficients, forests with ``·`` between trees, ``⊗`` between tensor factors.
+
+        Raises:
+            TreeError: If a name is unusable or a colour has none.
+
+        Example:
+            >>> FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
+            '-2 slow⊗fast[slow]'
+        """
+        common = self._names(names)
+        return write_sum((c, "⊗".join([forest.text(common) for forest in factors])) for factors, c in self._sorted())
+
+    def to_latex(self, names: Iterable[str] | None = None) -> str:
+        r"""The sum in the mathematics mode of LaTeX.
+
+        Args:
+            names: One name per colour; None for the default names of as many colours as the sum has.
+
+        Returns:
+            The text.
+
+        Raises:
+            TreeError: If a name is unusable or a colour has none.
+
+        Example:
+            >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
+            \frac{1}{2} \tau \otimes [\tau]
+        """
+        common = self._names(names)
+        terms = (
+            (c, " \\otimes ".join([forest.to_latex(common) for forest in factors])) for factors, c in self._sorted()
+        )
+        return write_sum(terms, latex_number)
+
+    def _names(self, names: Iterable[str] | None) -> tuple[str, ...]:
+        return common_names((tree for factors in self._terms for tree in chain(*factors)), names)
+
+    def _repr_latex_(self) -> str:
+        return f"${self.to_latex()}$"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    __repr__ = __str__
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._terms))  # coefficients left out: equal SymPy expressions may be written differently
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, FormalSum):
+            return NotImplemented
+        return self._terms.keys() == other._terms.keys() and (self._terms == other._terms or not self - other)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FormalSum, (dict(self.items()),)
+
+
+def as_sum(x: Any, name: str, *, tensors: bool = False) -> FormalSum:
+    """What a caller gave, as a formal sum of forests, or of tensor products where these are allowed."""
+    if isinstance(x, FormalSum | Tree | Forest | str) or (tensors and isinstance(x, tuple)):
+        total = FormalSum(x)
+        if tensors or total.factors <= 1:
+            return total
+    raise TreeError(f"{name} must be a tree, a forest or a sum of forests, but was {x!r:.60}")
+
+
+def _factors(element: Any) -> Factors:
+    """A basis element as the tuple of its tensor factors."""
+    if not isinstance(element, tuple):
+        parts = (element,)
+    elif len(element) > 1:
+        parts = element
+    else:
+        raise TreeError(f"element must have two or more tensor factors to be a tuple, but was {element!r:.60}")
+    for part in parts:
+        if not isinstance(part, Tree | Forest | str):
+            raise TreeError(f"element must be a tree, a forest, or a tuple of these, but was {element!r:.60}")
+    return tuple([Forest(part) for part in parts])
+
+
+def _element(factors: Factors) -> Any:
+    """The basis element as callers see it."""
+    (forest, *others) = factors
+    return factors if others else forest
+
+
+def _check_alike(argument: str, terms: Iterable[Factors]) -> None:
+    shapes = sorted({len(factors) for factors in terms})
+    if len(shapes) > 1:
+        raise TreeError(f"{argument} must have equally many tensor factors, but had {shapes[0]} and {shapes[1]}")
