@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, cast
 
+from integrators.compile.scene_source import precise_scene
 from integrators.core.errors import IntegratorError
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
     from integrators.scenes.model.system import System
-    from integrators.scenes.scene import Scene
 
 DIGITS = 40
 POINTS = 3
@@ -67,9 +67,7 @@ def defects(scene: System) -> dict[str, float]:
 
 def _field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
     """f as a function of y."""
-    from integrators.compile.scene_source import precise_scene
-
-    module = precise_scene(cast("Scene", scene))
+    module = precise_scene(scene)
 
     def field(y: Sequence[Any]) -> list[Any]:
         out: list[Any] = [None] * len(y)

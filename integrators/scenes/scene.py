@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_label
+from integrators.core.errors import IntegratorError
 from integrators.scenes.domain import check_domain
+from integrators.scenes.first_integrals import defects
 from integrators.scenes.model.assembly import Declaration, assemble, read_declaration, with_start_values, with_values
 from integrators.scenes.model.declarations import join_start
 from integrators.scenes.model.effects import Effect, check_active, check_effects
+from integrators.scenes.model.local_terms import LocalTerm
 from integrators.scenes.model.system import System
+from integrators.scenes.model.tables import declaration_table
 from integrators.scenes.model.terms import Term, sorted_summands
+from integrators.scenes.particles import expansion
+from integrators.scenes.particles.local_form import lower
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
 
 UNNAMED = "scene"
 TIME_NOTE = "the field depends on the time t: made autonomous by the variable t with t' = 1"
@@ -104,7 +115,7 @@ class Scene(System):
     summary: str | None
     effects: Mapping[str, Effect]
     active: tuple[str, ...]
-    _declaration: Declaration
+    declaration: Declaration
 
     def _settle(
         self,
@@ -122,7 +133,7 @@ class Scene(System):
         self.__dict__.update(
             labels,
             name=labels["name"] or UNNAMED,
-            _declaration=declaration,
+            declaration=declaration,
             active=active,
             effects=MappingProxyType(effects),
             blocks=system.blocks,
@@ -139,7 +150,7 @@ class Scene(System):
 
     @property
     def _data(self) -> tuple[Any, ...]:
-        return self._declaration, self.active
+        return self.declaration, self.active
 
     def __hash__(self) -> int:
         return hash((self.blocks, self.summands, self.active))
@@ -151,6 +162,61 @@ class Scene(System):
     def title(self) -> str:
         """The name, and the effects that are on."""
         return f"{self.name} with {', '.join(self.active)}" if self.active else self.name
+
+    @cached_property
+    def field(self) -> tuple[sympy.Expr, ...]:
+        """The right-hand side f(y), one formula for each variable, parameters filled in."""
+        return expansion.flat_field(self)
+
+    @cached_property
+    def hamiltonian(self) -> sympy.Expr | None:
+        """The Hamiltonian, parameters filled in; None if the field, with its effects, has none."""
+        return expansion.flat_hamiltonian(self.summands, self)
+
+    @cached_property
+    def base_hamiltonian(self) -> sympy.Expr | None:
+        """The Hamiltonian without effects: an observable, even where an effect has taken its meaning."""
+        return expansion.flat_hamiltonian(self.base_summands, self)
+
+    @cached_property
+    def local_terms(self) -> tuple[LocalTerm, ...]:
+        """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
+        return lower(self)
+
+    def invariant_defects(self) -> dict[str, float]:
+        """The declared first integrals that are none, found at random points near the start.
+
+        Returns:
+            For each of them how far from zero its derivative along the field is, from 1e-25 to 1; empty if all hold.
+
+        Raises:
+            IntegratorError: A parameter is a symbol, or the field has too many terms.
+
+        Example:
+            >>> from integrators import Scene
+            >>> invariants = {"square": "x^2 + y^2", "sum": "x + y"}
+            >>> rotation = Scene({"z": ["x", "y"]}, field={"x": "y", "y": "-x"}, invariants=invariants)
+            >>> list(rotation.invariant_defects())
+            ['sum']
+        """
+        return defects(self)
+
+    @property
+    def y0(self) -> np.ndarray:
+        """The start values as doubles.
+
+        Raises:
+            IntegratorError: The scene has no start values.
+        """
+        return self._y0.copy()
+
+    @cached_property
+    def _y0(self) -> np.ndarray:
+        if self.start is None:
+            raise IntegratorError(f"start must be given for {self.name}, but was not")
+        import numpy as np
+
+        return np.array([expansion.as_float(value) for value in self.start])
 
     def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
         """The same scene with exactly these effects on.
@@ -168,21 +234,16 @@ class Scene(System):
             >>> oscillator.with_effects("drag", c="1/5").field
             (-p/5 - q, p)
         """
-        unknown = [name for name in names if isinstance(name, str) and name not in self.effects]
-        if unknown:
-            from integrators.scenes.catalogue.registry import refuse_built_in
-
-            refuse_built_in(self.name, unknown)
         active = check_active(names, self.effects)
-        return self._changed(with_values(self._declaration, active, parameters), active)
+        return self._changed(with_values(self.declaration, active, parameters), active)
 
     def with_parameters(self, /, **values: Any) -> Scene:
         """The same scene with other values of parameters, of the base system or of effects that are on."""
-        return self._changed(with_values(self._declaration, self.active, values), self.active)
+        return self._changed(with_values(self.declaration, self.active, values), self.active)
 
     def with_start(self, /, **blocks: Any) -> Scene:
         """The same scene with other start values of some blocks."""
-        return self._changed(with_start_values(self._declaration, self.active, blocks), self.active)
+        return self._changed(with_start_values(self.declaration, self.active, blocks), self.active)
 
     def to_toml(self) -> str:
         """The scene as the text of a TOML file, from which `load_scene` reads an equal one.
@@ -198,15 +259,16 @@ class Scene(System):
             [parameters]
             k = "0.1"
         """
-        from integrators.scenes.files import dumps_scene
+        import tomli_w
 
-        return dumps_scene(self)
+        return tomli_w.dumps(self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `to_toml` as dictionaries and lists of integers and text, which JSON can hold too."""
-        from integrators.scenes.files import scene_table
-
-        return scene_table(self)
+        labels = {"name": self.name, "summary": self.summary, "reference": self.reference}
+        if self.name == UNNAMED:
+            del labels["name"]
+        return declaration_table(self.declaration, labels, self.effects, self.active)
 
     def _changed(self, declaration: Declaration, active: tuple[str, ...]) -> Scene:
         rebuild, (_, _, *rest) = self.__reduce__()
@@ -214,7 +276,7 @@ class Scene(System):
 
     def __reduce__(self) -> tuple[Any, ...]:
         labels = {"name": self.name, "reference": self.reference, "summary": self.summary}
-        return _restored, (self._declaration, self.active, dict(self.effects), labels)
+        return _restored, (self.declaration, self.active, dict(self.effects), labels)
 
 
 def _restored(*content: Any) -> Scene:

@@ -212,9 +212,8 @@ def _details(scene: Scene, effects: Sequence[str], output: Output) -> Iterable[s
     from integrators.core.errors import shorten
 
     if output.format == "json":
-        from integrators.scenes.files import scene_table
 
-        return [layout.json({"schema": 1, "kind": "scene", "dimension": scene.dimension, **scene_table(scene)})]
+        return [layout.json({"schema": 1, "kind": "scene", "dimension": scene.dimension, **scene.to_dict()})]
     if output.format == "latex":
         return [layout.latex(FACTS, latex_rows(scene))]
     rows = fact_rows(scene)

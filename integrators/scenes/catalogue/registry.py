@@ -116,19 +116,6 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
         raise IntegratorError(f"{error}{hint}") from None
 
 
-def refuse_built_in(name: str, effects: Collection[str]) -> None:
-    """Refuse to switch on effects that are chosen when the scene of this name is built.
-
-    Raises:
-        IntegratorError: One of the effects is such.
-    """
-    known = next((entry.built_in_effects or {} for entry in ENTRIES if entry.name == name), {})
-    chosen = [effect for effect in effects if effect in known]
-    if chosen:
-        call = f"scene({name!r}, effects={chosen!r})"
-        raise IntegratorError(f"effects must be chosen when {name} is built, {call}, but were switched on later")
-
-
 def _names(effects: Any) -> tuple[str, ...]:
     if effects is None:
         return ()

@@ -108,5 +108,6 @@ def check_active(active: Any, effects: Mapping[str, Effect]) -> tuple[str, ...]:
     for name in names:
         if not isinstance(name, str) or name not in effects:
             known = shorten(", ".join(effects) or "none")
-            raise IntegratorError(f"effects must be of {known}, but one was {name!r:.60}")
+            hint = "" if effects else "; effects that change the variables are chosen by scene(name, effects=[…])"
+            raise IntegratorError(f"effects must be of {known}, but one was {name!r:.60}{hint}")
     return tuple(name for name in effects if name in names)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from integrators.core.errors import IntegratorError
 from integrators.scenes.model.terms import Sites
 
 if TYPE_CHECKING:
@@ -72,3 +73,15 @@ def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
     if output.derivative != VALUE:
         formula = formula.diff(sympy.Symbol(f"x{output.derivative}"))
     return output.sign * formula
+
+
+def check_numeric(terms: Iterable[LocalTerm]) -> None:
+    """Refuse terms with parameters that are symbols.
+
+    Raises:
+        IntegratorError: There is one.
+    """
+    for term in terms:
+        for symbol in sorted(map(str, term.formula.free_symbols)):
+            if not LOCAL_NAME.fullmatch(symbol):
+                raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")

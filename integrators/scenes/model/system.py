@@ -1,4 +1,4 @@
-"""What a scene comes to with the effects that are on: a system of equations, and the views that are made of it."""
+"""System: the differential equation of a scene with the effects that are on."""
 
 from __future__ import annotations
 
@@ -7,22 +7,18 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from integrators.core.errors import IntegratorError
 from integrators.core.immutable import Frozen
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.declarations import numbered
+from integrators.scenes.model.local_terms import LocalTerm, check_numeric
 from integrators.scenes.model.terms import Summand
-from integrators.scenes.particles import expansion
 
 if TYPE_CHECKING:
-    import numpy as np
     import sympy
-
-    from integrators.scenes.model.local_terms import LocalTerm
 
 
 class System(Frozen):
-    """A system y' = f(y), and what is made of it when it is asked for.
+    """A system y' = f(y) of summands over index sets.
 
     Attributes:
         name: What messages call it.
@@ -82,32 +78,15 @@ class System(Frozen):
         scalars = {name: value for name, value in self.parameters.items() if not isinstance(value, tuple)}
         return MappingProxyType(scalars | numbered(self.parameters))
 
-    @cached_property
-    def field(self) -> tuple[sympy.Expr, ...]:
-        """The right-hand side f(y), one formula for each variable, parameters filled in."""
-        return expansion.flat_field(self)
-
-    @cached_property
-    def hamiltonian(self) -> sympy.Expr | None:
-        """The Hamiltonian, parameters filled in; None if the field, with its effects, has none."""
-        return expansion.flat_hamiltonian(self.summands, self)
-
-    @cached_property
-    def base_hamiltonian(self) -> sympy.Expr | None:
-        """The Hamiltonian without effects: an observable, even where an effect has taken its meaning."""
-        return expansion.flat_hamiltonian(self.base_summands, self)
-
     @property
     def is_hamiltonian(self) -> bool:
         """Whether the whole field comes from a Hamiltonian that does not depend on time."""
         return bool(self.summands) and all(summand.target is None for summand in self.summands)
 
-    @cached_property
+    @property
     def local_terms(self) -> tuple[LocalTerm, ...]:
         """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
-        from integrators.scenes.particles.local_form import lower
-
-        return lower(self)
+        raise NotImplementedError
 
     @cached_property
     def numeric_terms(self) -> tuple[LocalTerm, ...]:
@@ -116,8 +95,6 @@ class System(Frozen):
         Raises:
             IntegratorError: A parameter is a symbol.
         """
-        from integrators.scenes.particles.local_form import check_numeric
-
         check_numeric(self.local_terms)
         return self.local_terms
 
@@ -125,40 +102,3 @@ class System(Frozen):
     def parts(self) -> tuple[str, ...]:
         """The names of the parts of the field, sorted."""
         return tuple(sorted({summand.part for summand in self.summands if summand.part is not None}))
-
-    def invariant_defects(self) -> dict[str, float]:
-        """The declared first integrals that are none, found at random points near the start.
-
-        Returns:
-            For each of them how far from zero its derivative along the field is, from 1e-25 to 1; empty if all hold.
-
-        Raises:
-            IntegratorError: A parameter is a symbol, or the field has too many terms.
-
-        Example:
-            >>> from integrators import Scene
-            >>> invariants = {"square": "x^2 + y^2", "sum": "x + y"}
-            >>> rotation = Scene({"z": ["x", "y"]}, field={"x": "y", "y": "-x"}, invariants=invariants)
-            >>> list(rotation.invariant_defects())
-            ['sum']
-        """
-        from integrators.scenes.first_integrals import defects
-
-        return defects(self)
-
-    @property
-    def y0(self) -> np.ndarray:
-        """The start values as doubles.
-
-        Raises:
-            IntegratorError: The scene has no start values.
-        """
-        return self._y0.copy()
-
-    @cached_property
-    def _y0(self) -> np.ndarray:
-        if self.start is None:
-            raise IntegratorError(f"start must be given for {self.name}, but was not")
-        import numpy as np
-
-        return np.array([expansion.as_float(value) for value in self.start])

@@ -67,18 +67,6 @@ def _variables_in(formula: sympy.Expr, sites: Sites, scene: System) -> list[symp
     return found
 
 
-def check_numeric(terms: Iterable[LocalTerm]) -> None:
-    """Refuse terms with parameters that are symbols.
-
-    Raises:
-        IntegratorError: There is one.
-    """
-    for term in terms:
-        for symbol in sorted(map(str, term.formula.free_symbols)):
-            if not LOCAL_NAME.fullmatch(symbol):
-                raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")
-
-
 def independent_pieces(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
     """The summands of a formula, those with common variables together; a constant comes first.
 
