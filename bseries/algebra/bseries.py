@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from bseries.exact.domains import FloatValues, RingValues, alike, as_floats, exact_number, make_values, public
-from bseries.exact.rationals import RationalValues
+from bseries.algebra import presentation
+from bseries.algebra.presentation import Term, known_digits
+from bseries.exact import recursions
+from bseries.exact.domains import FloatValues, RingValues, alike, apply, as_floats, exact_number, make_values, public
+from bseries.exact.operations import Operation, log_claim, wider_step
+from bseries.exact.rationals import RationalValues, primes_up_to
 from bseries.exceptions import SeriesError
 from trees.counting import check_order
 from trees.names import check_names, default_names
@@ -29,7 +35,8 @@ class BSeries(Mapping[Tree, Any]):
     A series of a method published as decimals has `digits` and knows its `uncertainty`. What arithmetic makes of it has
     digits only: it takes the printed decimals for exact, and is shown rounded to as many.
 
-    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
+    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable. The
+    exact arithmetic keeps the coefficients as `stored` (see `bseries.exact.domains`).
 
     Example:
         >>> import bseries as bs
@@ -44,7 +51,7 @@ class BSeries(Mapping[Tree, Any]):
         The conventions are those of `docs/conventions.md`.
     """
 
-    __slots__ = ("_values", "digits", "empty", "label", "names", "table", "uncertainty")
+    __slots__ = ("digits", "empty", "label", "names", "stored", "table", "uncertainty")
 
     def __init__(
         self,
@@ -59,7 +66,7 @@ class BSeries(Mapping[Tree, Any]):
     ):
         own = {
             "table": table,
-            "_values": values,
+            "stored": values,
             "empty": exact_number(empty),
             "names": _checked_names(names, table.colors),
             "label": label,
@@ -124,21 +131,26 @@ class BSeries(Mapping[Tree, Any]):
     @property
     def domain(self) -> str:
         """The smallest domain that holds all coefficients: ``QQ``, ``RR``, ``QQ<sqrt(3)>``, ``QQ[gamma]``, …"""
-        return self._values.name
+        return self.stored.name
 
     @property
     def is_exact(self) -> bool:
         """Whether no float went in."""
-        return not isinstance(self._values, FloatValues)
+        return not isinstance(self.stored, FloatValues)
 
     def __getitem__(self, tree: Tree | str) -> Any:
         if isinstance(tree, str) and tree.strip() == EMPTY:
             return self.empty
-        return self._values[self.table.index(self._tree(tree))]
+        return self.stored[self.table.index(self._tree(tree))]
 
     def _tree(self, tree: Tree | str) -> Tree:
         """The tree that a text denotes in the names of this series."""
-        return Tree(tree, names=self.names if self.table.colors > 1 else None)
+        return Tree(tree, names=self._shown_names)
+
+    @property
+    def _shown_names(self) -> tuple[str, ...] | None:
+        """The names of the colours for texts about trees; None where there is only one colour."""
+        return self.names if self.table.colors > 1 else None
 
     def __contains__(self, tree: object) -> bool:
         return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
@@ -163,25 +175,26 @@ class BSeries(Mapping[Tree, Any]):
 
     def coefficients(self) -> list[Any]:
         """All coefficients in the order of the table."""
-        return public(self._values)
+        return public(self.stored)
 
     def is_zero(self, tree: Tree | str) -> bool:
         """Whether a coefficient is zero, as far as the digits of a method's decimals can tell."""
-        return self._is_zero(self.table.index(self._tree(tree)))
+        return self.is_zero_at(self.table.index(self._tree(tree)))
 
-    def _is_zero(self, at: int) -> bool:
-        if self._values.is_zero(at):
+    def is_zero_at(self, at: int) -> bool:
+        """The same for the tree with an id."""
+        if self.stored.is_zero(at):
             return True
-        return self.uncertainty is not None and abs(self._values[at]) <= self.uncertainty(at)
+        return self.uncertainty is not None and abs(self.stored[at]) <= self.uncertainty(at)
 
     def nonzero(self) -> list[tuple[Tree, Any]]:
         """Pairs (tree, coefficient) whose coefficient is not zero (see `is_zero`)."""
-        return [(self.table[at], value) for at, value in enumerate(self.coefficients()) if not self._is_zero(at)]
+        return [(self.table[at], value) for at, value in enumerate(self.coefficients()) if not self.is_zero_at(at)]
 
     def weights(self) -> list[Any]:
         """Coefficient/σ of every tree, what multiplies its elementary differential; 0 where `is_zero` says so."""
         pairs = enumerate(zip(self.coefficients(), self.table.symmetry.tolist(), strict=True))
-        return [0 if self._is_zero(at) else value / sigma for at, (value, sigma) in pairs]
+        return [0 if self.is_zero_at(at) else value / sigma for at, (value, sigma) in pairs]
 
     def truncate(self, order: int) -> BSeries:
         """The same series with trees of at most `order` nodes.
@@ -192,7 +205,7 @@ class BSeries(Mapping[Tree, Any]):
         if check_order(order) > self.order:
             raise SeriesError(f"order must be at most {self.order}, the order of the series, but was {order}")
         table = tree_table(order, self.table.colors, self.table.limits)
-        values, size = self._values, len(table)
+        values, size = self.stored, len(table)
         if isinstance(values, RationalValues):
             values = RationalValues(table, values.numerators[:size], values.denominators[: order + 1], values.step)
         elif isinstance(values, RingValues):
@@ -208,12 +221,12 @@ class BSeries(Mapping[Tree, Any]):
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
-        return BSeries(self.table, self._values, exact_number(empty), names=self.names, digits=self.digits)
+        return BSeries(self.table, self.stored, exact_number(empty), names=self.names, digits=self.digits)
 
     def with_label(self, label: str) -> BSeries:
         """The same series under another name."""
         return BSeries(
-            self.table, self._values, self.empty, names=self.names, label=label, digits=self.digits,
+            self.table, self.stored, self.empty, names=self.names, label=label, digits=self.digits,
             uncertainty=self.uncertainty,
         )  # fmt: skip
 
@@ -223,7 +236,7 @@ class BSeries(Mapping[Tree, Any]):
         Raises:
             SeriesError: A coefficient holds symbols.
         """
-        return self._like(self.table, as_floats(self._values), self.empty)
+        return self._like(self.table, as_floats(self.stored), self.empty)
 
     def check_same_trees(self, other: BSeries) -> None:
         """Raise a SeriesError unless the other series has the same trees."""
@@ -284,8 +297,8 @@ class BSeries(Mapping[Tree, Any]):
         if self.table != other.table or self.names != other.names or self.empty != other.empty:
             return False
         first, second = self.coefficients(), other.coefficients()
-        if isinstance(self._values, RingValues) or isinstance(other._values, RingValues):
-            mine, others = alike([self._values, other._values])
+        if isinstance(self.stored, RingValues) or isinstance(other.stored, RingValues):
+            mine, others = alike([self.stored, other.stored])
             first, second = (mine.elements, others.elements) if isinstance(mine, RingValues) else (mine.raw, others.raw)
         return all(x == y for x, y in zip(first, second, strict=True))
 
@@ -302,58 +315,177 @@ class BSeries(Mapping[Tree, Any]):
         values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table._order, strict=True))
         return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
 
-    # What follows is computed in `bseries.algebra.composition` and shown by `bseries.algebra.presentation`.
-
     def log(self) -> BSeries:
-        """The field whose exact flow this series is; see `bseries.algebra.composition.log`."""
-        from bseries.algebra.composition import log
+        """The field whose exact flow this series is: its modified equation.
 
-        return log(self)
+        Returns:
+            b with b(∅) = 0 and exp b = a.
+
+        Raises:
+            SeriesError: a(∅) is not 1.
+
+        Example:
+            >>> import bseries as bs
+            >>> bs.exact_flow(4).log() == BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
+            True
+
+        References:
+            HLW, theorem IX.9.2.
+        """
+        check_flow(self)
+
+        def expression(arithmetic: Any, target: Any) -> Any:
+            return recursions.logarithm(target(field=True), self.table, arithmetic)
+
+        return result_of(Operation(expression, log_claim, wider_step, field=True), 0, self)
 
     def exp(self) -> BSeries:
-        """The exact flow of this field; see `bseries.algebra.composition.exp`."""
-        from bseries.algebra.composition import exp
+        """The exact flow, over one step, of this field.
 
-        return exp(self)
+        Returns:
+            a with a(∅) = 1 and log a = b.
+
+        Raises:
+            SeriesError: b(∅) is not 0.
+
+        Example:
+            >>> import bseries as bs
+            >>> BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0).exp() == bs.exact_flow(4)
+            True
+
+        References:
+            HLW, lemma IX.9.1 and equation (IX.9.7).
+        """
+        check_field(self)
+
+        def expression(arithmetic: Any, field: Any) -> Any:
+            return recursions.lie_series(field(field=True), None, 1, self.table, arithmetic)
+
+        operation = Operation(expression, lambda n, step: math.factorial(n) * step**n, wider_step, field=False)
+        return result_of(operation, 1, self)
 
     def inverse(self) -> BSeries:
-        """The inverse map; see `bseries.algebra.composition.inverse`."""
-        from bseries.algebra.composition import inverse
+        """The series of the inverse map.
 
-        return inverse(self)
+        Raises:
+            SeriesError: a(∅) is not 1.
+
+        Example:
+            >>> import bseries as bs
+            >>> a = bs.series(bs.method("rk4"), 5)
+            >>> bs.compose(a, a.inverse()) == BSeries.from_rule(lambda tree: 0, 5)
+            True
+        """
+        return self**-1
 
     def adjoint(self) -> BSeries:
-        """The adjoint method, Φ*_h = (Φ_{−h})^{−1}; see `bseries.algebra.composition.adjoint`."""
-        from bseries.algebra.composition import adjoint
+        """The series of the adjoint method Φ*_h = (Φ_{−h})^{−1}.
 
-        return adjoint(self)
+        Raises:
+            SeriesError: a(∅) is not 1.
+
+        Example:
+            >>> import bseries as bs
+            >>> bs.series(bs.method("explicit-euler"), 4).adjoint() == bs.series(bs.method("implicit-euler"), 4)
+            True
+
+        References:
+            HLW, definition II.3.1.
+        """
+        return self.scale_step(-1).inverse()
 
     def __pow__(self, exponent: object) -> BSeries:
-        from bseries.algebra.composition import power
+        """a^s = exp(s log a): s steps of a method, for any real number (or symbol) s.
 
-        return power(self, exponent)
+        Args:
+            exponent: An integer, a Fraction, a SymPy expression, or a float.
+
+        Returns:
+            The flow a^s; a^(1/2) is half a step in the sense that two of it make one.
+
+        Raises:
+            SeriesError: a(∅) is not 1, or the exponent is no number.
+
+        Example:
+            >>> import bseries as bs
+            >>> a = bs.series(bs.method("rk4"), 5)
+            >>> a**2 == bs.compose(a, a), (a ** Fraction(1, 2)) ** 2 == a
+            (True, True)
+        """
+        check_flow(self)
+        s: Any = exact_number(exponent, "exponent")
+        if not isinstance(s, Fraction):
+            return (self.log() * s).exp()
+        # binom(p/q, k) has the denominator q^k times, for every prime r that divides q, fewer than k times r (from k!).
+        q = s.denominator
+        factor = q * math.prod(r for r in primes_up_to(self.order) if q % r == 0)
+
+        def expression(arithmetic: Any, first: Any) -> Any:
+            field = recursions.logarithm(first(field=True), self.table, arithmetic)
+            return recursions.lie_series(field, None, 1, self.table, arithmetic, s)
+
+        operation = Operation(
+            expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, field=False, units=q
+        )
+        return result_of(operation, 1, self)
+
+    def terms(self, *, nonzero: bool = False) -> Iterator[Term]:
+        """The terms in the order of the table; `weight` is coefficient/σ, the number that textbooks print."""
+        for at, (tree, coefficient) in enumerate(self.items()):
+            zero = self.is_zero_at(at)
+            if not (nonzero and zero):
+                error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
+                digits = known_digits(coefficient, error, self.digits)
+                yield Term(tree, coefficient, coefficient / tree.symmetry, zero, digits)
 
     def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
-        """The series as JSON-ready data; see `bseries.algebra.presentation.to_dict`."""
-        from bseries.algebra.presentation import to_dict
+        """The series as JSON-ready data.
 
-        return to_dict(self, kind, nonzero=nonzero)
+        Args:
+            kind: What it is: ``series``, ``modified``, ….
+            nonzero: Leave out terms whose coefficient is zero.
+
+        Returns:
+            The keys schema, kind, method, order, domain, colors, empty, digits (for decimal methods) and terms, each
+            term with tree, levels, colors, order, symmetry, density, coefficient, weight and differential.
+
+        Example:
+            >>> import bseries as bs
+            >>> data = bs.modified_equation(bs.method("explicit-euler"), 2).to_dict("modified")
+            >>> data["terms"][1]["tree"], data["terms"][1]["coefficient"]
+            ('[τ]', '-1/2')
+        """
+        data: dict[str, Any] = {
+            "schema": 1,
+            "kind": kind,
+            "method": self.label,
+            "order": self.order,
+            "domain": self.domain,
+            "colors": list(self.names),
+            "empty": str(self.empty),
+        }
+        if self.digits is not None:
+            data["digits"] = self.digits
+        data["terms"] = [term.to_dict(self._shown_names) for term in self.terms(nonzero=nonzero)]
+        return data
 
     def to_latex(self, *, nonzero: bool = False) -> str:
-        """The series written out as a formula; see `bseries.algebra.presentation.to_latex`."""
-        from bseries.algebra.presentation import to_latex
+        """The series as a sum of weights, powers of h and elementary differentials.
 
-        return to_latex(self, nonzero=nonzero)
+        A field is written as the modified equation f_h, without the factor h.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.modified_equation(bs.method("explicit-euler"), 2).to_latex())
+            f - \\frac{1}{2} h\\, f'(f)
+        """
+        return presentation.to_latex(self.terms(nonzero=nonzero), self.empty, self._shown_names)
 
     def __str__(self) -> str:
-        from bseries.algebra.presentation import to_text
-
-        return to_text(self)
+        return presentation.to_text(self.terms(), self._shown_names)
 
     def _repr_html_(self) -> str:
-        from bseries.algebra.presentation import to_html
-
-        return to_html(self)
+        return presentation.to_html(self.terms(), self._shown_names, title=repr(self), count=len(self))
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self.to_latex(nonzero=True)}$"
@@ -366,6 +498,31 @@ class _Items(ItemsView[Tree, Any]):
 
     def __iter__(self) -> Iterator[tuple[Tree, Any]]:
         return zip(self._mapping.table, self._mapping.coefficients(), strict=True)
+
+
+def check_flow(a: BSeries, name: str = "series") -> None:
+    """Refuse what is no flow series."""
+    if not isinstance(a, BSeries):
+        raise SeriesError(f"{name} must be a BSeries, but was {a!r:.60}")
+    if a.empty != 1:
+        raise SeriesError(f"{name} must be a flow, with the coefficient 1 of the empty tree, but has {a.empty} there")
+
+
+def check_field(b: BSeries, name: str = "series") -> None:
+    """Refuse what is no field series."""
+    if not isinstance(b, BSeries):
+        raise SeriesError(f"{name} must be a BSeries, but was {b!r:.60}")
+    if b.empty != 0:
+        raise SeriesError(f"{name} must be a field, with the coefficient 0 of the empty tree, but has {b.empty} there")
+
+
+def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
+    """The series that an operation makes of others on the same trees."""
+    first = operands[0]
+    for other in operands[1:]:
+        first.check_same_trees(other)
+    values = apply(first.table, alike([operand.stored for operand in operands]), operation)
+    return BSeries(first.table, values, empty, names=first.names, digits=fewest_digits(*operands))
 
 
 def fewest_digits(*operands: BSeries) -> int | None:
@@ -382,5 +539,5 @@ def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
     return checked
 
 
-def _rebuilt(values: Any, digits: Any, empty: Any, label: Any, names: Any, table: Any, uncertainty: Any) -> BSeries:
-    return BSeries(table, values, empty, names=names, label=label, digits=digits, uncertainty=uncertainty)
+def _rebuilt(digits: Any, empty: Any, label: Any, names: Any, stored: Any, table: Any, uncertainty: Any) -> BSeries:
+    return BSeries(table, stored, empty, names=names, label=label, digits=digits, uncertainty=uncertainty)

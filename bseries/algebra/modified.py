@@ -8,12 +8,11 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import log, log_claim, wider_step
 from bseries.algebra.flow_chains import FlowChain
 from bseries.algebra.stages import RationalStages, check_method, inputs_of, own_trees
 from bseries.exact import recursions
 from bseries.exact.domains import apply, public
-from bseries.exact.operations import Operation
+from bseries.exact.operations import Operation, log_claim, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.exact.entries import round_entry
@@ -92,7 +91,7 @@ def modified_equation(
         Annals of Numerical Mathematics 1 (1994).
     """
     if isinstance(method, BSeries):
-        return log(series_to(method, order, max_children))
+        return series_to(method, order, max_children).log()
 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return recursions.logarithm(weights(field=True), table, arithmetic)

@@ -1,16 +1,15 @@
-"""How a series is shown: rows for tables, JSON-ready data, LaTeX, text and HTML."""
+"""How the terms of a series are shown: as rows of tables, JSON-ready data, LaTeX, text and HTML."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from decimal import Context, Decimal
 from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from bseries.algebra.bseries import BSeries
     from trees.tree import Tree
 
 
@@ -33,21 +32,26 @@ class Term(NamedTuple):
         """The weight as text."""
         return number_text(self.weight, self.digits, is_zero=self.is_zero)
 
+    def to_dict(self, names: Sequence[str] | None) -> dict[str, Any]:
+        """The term as JSON-ready data."""
+        return {
+            "tree": self.tree.text(names),
+            "levels": list(self.tree.levels),
+            "colors": list(self.tree.colors),
+            "order": self.tree.order,
+            "symmetry": self.tree.symmetry,
+            "density": self.tree.density,
+            "coefficient": self.coefficient_text,
+            "weight": self.weight_text,
+            "differential": self.tree.differential(names=names),
+        }
 
-def terms(series: BSeries, *, nonzero: bool = False) -> Iterator[Term]:
-    """The terms of a series in the order of its table; `weight` is coefficient/σ, the number that textbooks print."""
-    for at, (tree, coefficient) in enumerate(series.items()):
-        zero = series._is_zero(at)
-        if not (nonzero and zero):
-            yield Term(tree, coefficient, coefficient / tree.symmetry, zero, _digits(series, at, coefficient))
 
-
-def _digits(series: BSeries, at: int, coefficient: Any) -> int | None:
-    """Significant digits that the digits of a method's decimals leave to a coefficient."""
-    error = 0.0 if series.uncertainty is None or not coefficient else series.uncertainty(at)
-    if series.digits is None or error == 0:
-        return series.digits
-    return max(1, min(series.digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
+def known_digits(coefficient: Any, error: float, digits: int | None) -> int | None:
+    """Significant digits of a coefficient that may be off by `error`, where a method's decimals have `digits`."""
+    if digits is None or error == 0:
+        return digits
+    return max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
 
 
 def number_text(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
@@ -60,58 +64,6 @@ def number_text(value: Any, digits: int | None, *, is_zero: bool = False) -> str
         return str(value)
     rounded = Context(prec=digits).divide(Decimal(value.numerator), Decimal(value.denominator)).normalize()
     return f"{rounded:e}" if rounded.adjusted() < -4 else str(rounded)
-
-
-def to_dict(series: BSeries, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
-    """A series as JSON-ready data.
-
-    Args:
-        series: The series.
-        kind: What it is: ``series``, ``modified``, ….
-        nonzero: Leave out terms whose coefficient is zero.
-
-    Returns:
-        The keys schema, kind, method, order, domain, colors, empty, digits (for decimal methods) and terms, each term
-        with tree, levels, colors, order, symmetry, density, coefficient, weight and differential.
-
-    Example:
-        >>> import bseries as bs
-        >>> data = to_dict(bs.modified_equation(bs.method("explicit-euler"), 2), "modified")
-        >>> data["terms"][1]["tree"], data["terms"][1]["coefficient"]
-        ('[τ]', '-1/2')
-    """
-    data: dict[str, Any] = {
-        "schema": 1,
-        "kind": kind,
-        "method": series.label,
-        "order": series.order,
-        "domain": series.domain,
-        "colors": list(series.names),
-        "empty": str(series.empty),
-    }
-    if series.digits is not None:
-        data["digits"] = series.digits
-    names = names_of(series)
-    data["terms"] = [
-        {
-            "tree": term.tree.text(names),
-            "levels": list(term.tree.levels),
-            "colors": list(term.tree.colors),
-            "order": term.tree.order,
-            "symmetry": term.tree.symmetry,
-            "density": term.tree.density,
-            "coefficient": term.coefficient_text,
-            "weight": term.weight_text,
-            "differential": term.tree.differential(names=names),
-        }
-        for term in terms(series, nonzero=nonzero)
-    ]
-    return data
-
-
-def names_of(series: BSeries) -> tuple[str, ...] | None:
-    """The names of the colours for texts about trees; None where there is only one colour."""
-    return series.names if series.table.colors > 1 else None
 
 
 def latex_number(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
@@ -128,25 +80,17 @@ def latex_number(value: Any, digits: int | None, *, is_zero: bool = False) -> st
     return sympy.latex(value)
 
 
-def to_latex(series: BSeries, *, nonzero: bool = False) -> str:
-    """A series as a sum of weights, powers of h and elementary differentials.
-
-    A field is written as the modified equation f_h, without the factor h.
-
-    Example:
-        >>> import bseries as bs
-        >>> print(to_latex(bs.modified_equation(bs.method("explicit-euler"), 2)))
-        f - \\frac{1}{2} h\\, f'(f)
-    """
-    shift = 1 if series.empty == 0 else 0
-    empty = latex_number(series.empty, None)
-    summands = [] if shift else ["y" if series.empty == 1 else f"{_factor(empty)} y"]
-    for term in terms(series, nonzero=nonzero):
+def to_latex(terms: Iterable[Term], empty: Any, names: Sequence[str] | None) -> str:
+    """Terms as a sum of weights, powers of h and elementary differentials; without the factor h if `empty` is 0."""
+    shift = 1 if empty == 0 else 0
+    number = latex_number(empty, None)
+    summands = [] if shift else ["y" if empty == 1 else f"{_factor(number)} y"]
+    for term in terms:
         power = term.tree.order - shift
         h = {0: "", 1: "h\\, "}.get(power, f"h^{{{power}}}\\, ")
         number = latex_number(term.weight, term.digits, is_zero=term.is_zero)
         number = {"1": "", "-1": "-"}.get(number, f"{_factor(number)} ")
-        summands.append(f"{number}{h}{term.tree.differential('latex', names_of(series))}")
+        summands.append(f"{number}{h}{term.tree.differential('latex', names)}")
     return " + ".join(summands).replace("+ -", "- ").replace("-  ", "- ") or "0"
 
 
@@ -155,9 +99,8 @@ def _factor(number: str) -> str:
     return f"\\left({number}\\right)" if " + " in number or " - " in number[1:] else number
 
 
-def to_text(series: BSeries) -> str:
-    """A series as a plain table, one tree a line."""
-    names = names_of(series)
+def to_text(terms: Iterable[Term], names: Sequence[str] | None) -> str:
+    """Terms as a plain table, one tree a line."""
     rows = [("tree", "coefficient", "weight", "differential")]
     rows += [
         (
@@ -166,25 +109,24 @@ def to_text(series: BSeries) -> str:
             term.weight_text,
             term.tree.differential(names=names),
         )
-        for term in terms(series)
+        for term in terms
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)
 
 
-def to_html(series: BSeries) -> str:
-    """A series as an HTML table with pictures of the trees."""
+def to_html(terms: Iterable[Term], names: Sequence[str] | None, *, title: str, count: int) -> str:
+    """The first of `count` terms as an HTML table with pictures of the trees."""
     from trees.display.drawing import svg
 
-    names = names_of(series)
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"
         f"<td>{escape(term.coefficient_text)}</td>"
         f"<td>{escape(term.weight_text)}</td>"
         f"<td>{escape(term.tree.differential(names=names))}</td></tr>"
-        for _, term in zip(range(200), terms(series), strict=False)
+        for _, term in zip(range(200), terms, strict=False)
     )
-    more = f"<p>… {len(series) - 200} more trees</p>" if len(series) > 200 else ""
+    more = f"<p>… {count - 200} more trees</p>" if count > 200 else ""
     head = "<tr><th></th><th>tree</th><th>coefficient</th><th>weight</th><th>differential</th></tr>"
-    return f"<p>{escape(repr(series))}</p><table>{head}{rows}</table>{more}"
+    return f"<p>{escape(title)}</p><table>{head}{rows}</table>{more}"

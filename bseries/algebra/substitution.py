@@ -13,8 +13,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from bseries.algebra.bseries import BSeries, fewest_digits
-from bseries.algebra.composition import check_field, check_flow
+from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
 from bseries.exact import substitution_recursions as recursions
@@ -67,7 +66,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
     if b.names != method.names:
         raise SeriesError(f"b must have the colours of the method, {_listed(method.names)}, but has {_listed(b.names)}")
     _check_memory(b.table, method)
-    stages, (values,) = in_one_domain(method, b.order, [b._values])
+    stages, (values,) = in_one_domain(method, b.order, [b.stored])
 
     def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
         return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
@@ -81,7 +80,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
 def _into_series(b: BSeries, a: BSeries) -> BSeries:
     b.check_same_trees(a)
     _check_all_trees(a, "a")
-    first, second = _without_denominators(alike([b._values, a._values]))
+    first, second = _without_denominators(alike([b.stored, a.stored]))
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         return recursions.into_series(base(field=False), b.table, arithmetic, field=field(field=True))
@@ -200,7 +199,7 @@ def substitution_inverse(b: BSeries) -> BSeries:
 def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
-    (values,) = _without_denominators([a._values])
+    (values,) = _without_denominators([a.stored])
     roots = [values.elements[c] if isinstance(values, RingValues) else values[c] for c in range(a.table.colors)]
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 

@@ -10,8 +10,8 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import check_field, check_flow, compose, exp, inverse, lie_derivative, log
+from bseries.algebra.bseries import BSeries, check_field, check_flow
+from bseries.algebra.composition import compose, lie_derivative
 from bseries.analysis.homological_equation import ConjugateSymplectic, EffectiveOrder, Step
 from bseries.analysis.structure import has_blocks
 from bseries.analysis.verdicts import failing, flows_of
@@ -86,7 +86,7 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
     """
     check_flow(a, "a")
     check_flow(c, "c")
-    return compose(compose(c, a), inverse(c))
+    return compose(compose(c, a), c.inverse())
 
 
 class ConjugateVerdict(NamedTuple):
@@ -192,7 +192,7 @@ def conjugate_symplecticity(
     table = flows[0].table
     node = _inconsistent(flows)
     if node is not None:
-        found = flows[0]._values[node]
+        found = flows[0].stored[node]
         raise SeriesError(f"method must be consistent, with the coefficient 1 of {table[node]}, but has {found!s:.60}")
     return _sought(flows, ConjugateSymplectic(table, has_blocks(flows[0], colors_are)))
 
@@ -209,7 +209,7 @@ def _sought(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
     for n in range(1, table.max_order):
         steps, outs = [], []
         for s, g in zip(flows, logarithms, strict=True):
-            b, number, public = field_elements(log(conjugate(s.truncate(n + 1), _processor(s, g, n + 1))))
+            b, number, public = field_elements(conjugate(s.truncate(n + 1), _processor(s, g, n + 1)).log())
             steps.append(problem.step(n, b, number))
             outs.append(public)
         residuals, *nearby = (step.residuals for step in steps)
@@ -232,19 +232,19 @@ def _shortened(value: Any, digits: int | None) -> Any:
 def _inconsistent(flows: Sequence[BSeries]) -> int | None:
     """The first single node whose coefficient is not 1."""
     nodes = range(flows[0].table.colors)
-    residuals, *nearby = ([s._values[node] - 1 for node in nodes] for s in flows)
+    residuals, *nearby = ([s.stored[node] - 1 for node in nodes] for s in flows)
     return next(failing(residuals, nearby), None)
 
 
 def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:
     """exp g on the trees of a series up to some order."""
     table = s.truncate(order).table
-    return exp(BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names))
+    return BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names).exp()
 
 
 def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
     """Coefficients in a field, how a Fraction gets into it, and how an element gets out."""
-    values: Any = b._values
+    values: Any = b.stored
     if isinstance(values, RingValues):
         values = divided(values)
         return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy

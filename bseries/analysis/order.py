@@ -7,8 +7,7 @@ from fractions import Fraction
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import check_flow
+from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
@@ -105,7 +104,7 @@ def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | 
         raise SeriesError("method must be a method or an exact series, but was a series in floats")
     if s.digits is not None and s.uncertainty is None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
-    mine, others = alike([s._values, _exact(s.table, auxiliary)])
+    mine, others = alike([s.stored, _exact(s.table, auxiliary)])
     for at in range(len(s)):
         if isinstance(mine, RingValues):
             if mine.elements[at] != others.elements[at]:
@@ -194,7 +193,7 @@ def error_coefficients(method: Method, order: int | None = None) -> ErrorCoeffic
     s = series(method, order + 1)
     exact = _exact(s.table, auxiliary_colors(method))
     ids = s.table.ids(order + 1)
-    terms = tuple((s.table[at], (s._values[at] - exact[at]) / s.table[at].symmetry) for at in ids)
+    terms = tuple((s.table[at], (s.stored[at] - exact[at]) / s.table[at].symmetry) for at in ids)
     return ErrorCoefficients(order, tuple((tree, _simple(e)) for tree, e in terms))
 
 

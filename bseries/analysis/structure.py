@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import check_field, check_flow, log
+from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.stages import auxiliary_colors
 from bseries.analysis.order import first_failure
 from bseries.analysis.structure_conditions import (
@@ -90,7 +89,7 @@ def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
     References:
         HLW, theorems II.3.2 and IX.2.2.
     """
-    fields = [log(s) for s in flows_of(method, order)]
+    fields = [s.log() for s in flows_of(method, order)]
     return decide(symmetry_conditions(fields[0].table, False), fields)
 
 
@@ -130,7 +129,7 @@ def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_
     conditions = hamiltonian_conditions(table, blocks)
     if closure(table, blocks) == table:
         return decide(conditions, flows, flow=True)
-    return decide(conditions, [log(s) for s in flows])
+    return decide(conditions, [s.log() for s in flows])
 
 
 def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:

@@ -12,8 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import check_flow, log
+from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.order import affordable_order, order_of, trusted
@@ -67,7 +66,7 @@ def verdict(table: TreeTable, broken: int | None) -> Verdict:
 
 def decide(conditions: Conditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
     """The verdict of conditions on a series, which is the first of its `samples`."""
-    values = [_numbers(samples[0], flow)] if len(samples) == 1 else [public(s._values) for s in samples]
+    values = [_numbers(samples[0], flow)] if len(samples) == 1 else [public(s.stored) for s in samples]
     residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
     broken = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
     return verdict(samples[0].table, broken)
@@ -82,7 +81,7 @@ def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterat
 
 def _numbers(s: BSeries, flow: bool) -> Any:
     """Coefficients times a factor for each number of nodes n; for a flow the factor is L^n, so that products agree."""
-    values: Any = s._values
+    values: Any = s.stored
     if isinstance(values, RingValues):
         return list(values.elements)
     factors = [values.step**n // d if flow else 1 for n, d in enumerate(values.denominators)]
@@ -113,7 +112,7 @@ def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
     if samples[0].empty == 0:
         return samples
     check_flow(samples[0], "method")
-    return [log(s) for s in samples]
+    return [s.log() for s in samples]
 
 
 def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
@@ -156,5 +155,5 @@ def _nearby(s: BSeries) -> Iterator[BSeries]:
     ranges = [s.uncertainty(at) * scale for at in range(len(s))]
     for _ in range(4):
         changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
-        changed = make_values(s.table, map(sum, zip(public(s._values), changes, strict=True)))
+        changed = make_values(s.table, map(sum, zip(public(s.stored), changes, strict=True)))
         yield BSeries(s.table, changed, s.empty, names=s.names)

@@ -35,7 +35,7 @@ from bseries.exact.arithmetic import (
     primes_beyond,
     wrapped_integers,
 )
-from bseries.exact.rationals import RationalValues, twos
+from bseries.exact.rationals import RationalValues, lcm_up_to, primorial, twos
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
@@ -86,6 +86,16 @@ class Operation(NamedTuple):
     avoid: int = 1
     bounds: Sequence[float] | None = None
     integers: Wrapped | None = None
+
+
+def log_claim(n: int, step: int) -> int:
+    """Denominators of log a for trees with n nodes (see above)."""
+    return lcm_up_to(n) * step**n
+
+
+def wider_step(order: int, step: int) -> int:
+    """An L for denominators that divide n! step^n."""
+    return step * primorial(order)
 
 
 def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) -> RationalValues:

@@ -191,7 +191,7 @@ class SymbolicSeries:
         if check_order(n) > series.order:
             raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
         if n not in self._elements:
-            weights = {series.table[at]: self._weight(at) for at in series.table.ids(n) if not series._is_zero(at)}
+            weights = {series.table[at]: self._weight(at) for at in series.table.ids(n) if not series.is_zero_at(at)}
             with refusing_large(self._limit):
                 self._elements[n] = self._towers.sum(weights)
         return self._elements[n]

@@ -279,7 +279,7 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
             raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
     changes = _lengths(values[:, :, 1:] - here[:, :, None]).max(axis=1)
     series = f.series
-    present = [not all(map(series._is_zero, series.table.ids(n))) for n in range(1, f.order + 1)]
+    present = [not all(map(series.is_zero_at, series.table.ids(n))) for n in range(1, f.order + 1)]
     return tuple(np.where(present & (changes < norms / 2), norms, 0.0).tolist())
 
 

@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 import bseries as bs
 import trees.table
-from bseries.algebra.composition import log_claim, wider_step
 from bseries.exact import operations, recursions
 from bseries.exact.arithmetic import Exact, Majorant, majorants, primes_beyond
-from bseries.exact.operations import Operation, combine, evaluate
+from bseries.exact.operations import Operation, combine, evaluate, log_claim, wider_step
 from bseries.exact.rationals import RationalValues, smallest_step
 
 ORDER = 6

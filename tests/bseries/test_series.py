@@ -10,7 +10,6 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.algebra.presentation import terms
 
 RK4 = bs.method("rk4")
 X = sympy.Symbol("x")
@@ -196,7 +195,7 @@ def test_step_scaling():
 
 
 def test_weights_are_coefficients_over_symmetry():
-    found = {str(term.tree): (term.coefficient, term.weight) for term in terms(bs.series(RK4, 3))}
+    found = {str(term.tree): (term.coefficient, term.weight) for term in bs.series(RK4, 3).terms()}
     assert found["[τ,τ]"] == (Fraction(1, 3), Fraction(1, 6))
 
 

@@ -76,7 +76,7 @@ def test_stage_by_stage_is_the_same_as_over_partitions(execution, random_series,
     colors = len(method.names)
     order = 6 if colors == 1 and name != "crouzeix3" else 4
     s = bs.series(method, order)
-    b = bs.BSeries(s.table, random_series(order, 9, 0, colors)._values, 0, names=s.names)
+    b = bs.BSeries(s.table, random_series(order, 9, 0, colors).stored, 0, names=s.names)
     assert bs.substitute(b, method) == bs.substitute(b, s)
     assert bs.modifying_integrator(method, order) == bs.modifying_integrator(s)
 

@@ -40,7 +40,7 @@ def runge_kutta(name: str) -> bs.RungeKutta:
 
 def rounded(s: bs.BSeries) -> np.ndarray:
     """The coefficients, rounded once; read off integers, since 10^5 Fractions take a second."""
-    values = s._values
+    values = s.stored
     if values.kind == "float":
         return np.array(values.public())
     orders = s.table.order.tolist()

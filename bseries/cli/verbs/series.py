@@ -143,9 +143,7 @@ def answer(
 
 
 def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[Term]:
-    from bseries.algebra.presentation import terms
-
-    return output.track(terms(s, nonzero=nonzero), len(s))
+    return output.track(s.terms(nonzero=nonzero), len(s))
 
 
 def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
