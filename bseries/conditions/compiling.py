@@ -13,8 +13,7 @@ from bseries.exceptions import SeriesError
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.conditions.listing import OrderConditions
-    from bseries.conditions.program import Summand
+    from bseries.conditions.program import Summand, System
 
 
 class Unknown(NamedTuple):
@@ -51,14 +50,13 @@ class CompiledConditions:
                [1. , 0. , 0.5]])
     """
 
-    def __init__(self, conditions: OrderConditions, stages: int):
+    def __init__(self, system: System, stages: int):
         import numpy as np
 
         self.stages = stages
-        self._system = conditions.system
-        self._arguments = self._system.program.arguments
-        self._structures = conditions.request.structures
-        self._entries = layout(self._system.program, self._structures, stages)
+        self._system = system
+        self._arguments = system.program.arguments
+        self._entries = layout(system.program, system.structures, stages)
         self._starts = [k for k, entry in enumerate(self._entries) if entry.place == 0]
         self._columns = np.array([k for k, entry in enumerate(self._entries) if entry.is_free], np.uint64)
         self._arrays: dict[int, tuple[np.ndarray, ...]] = {}
@@ -149,8 +147,7 @@ class CompiledConditions:
         import numpy as np
 
         if len(arrays) != len(self._arguments):
-            names = ", ".join(argument.name for argument in self._arguments)
-            raise SeriesError(f"arguments must be {names}, but were {len(arrays)}")
+            raise SeriesError(f"arguments must be {', '.join(self._system.arguments)}, but were {len(arrays)}")
         flat = []
         for argument, array in zip(self._arguments, arrays, strict=True):
             try:

@@ -5,20 +5,32 @@ NumPy and numba get vectors instead; see `numpy_code` and `numba_code`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.conditions.layout import known_stages, layout, named_blocks
 from bseries.conditions.numba_code import numba_source
 from bseries.conditions.numpy_code import numpy_source
-from bseries.conditions.scalars import jacobian_assignments, residual_assignments
+from bseries.conditions.scalars import Scalars, gradient, left_side
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.conditions.listing import OrderConditions
-    from bseries.conditions.scalars import Assignments
+    from bseries.conditions.program import System
 
 Shape = tuple[int, ...]
+
+
+class Assignments(NamedTuple):
+    """Temporaries (name, expression) in order, results (index, expression), and what the columns of a Jacobian are.
+
+    `temporary_count` is the largest number that names a temporary.
+    """
+
+    temporaries: list[tuple[str, Any]]
+    results: list[tuple[tuple[int, ...], Any]]
+    columns: list[str]
+    temporary_count: int
 
 
 class Function(NamedTuple):
@@ -145,7 +157,6 @@ LANGUAGES = {
     "fortran": Language(_from_one("()"), "t({})", "!", _fortran_printer, _fortran),
     "octave": Language(_from_one("()"), "t{}", "%", _octave_printer, _octave, preamble=("1;  % a script file",)),
 }
-VECTOR_LANGUAGES = {"numpy": numpy_source, "numba": numba_source}
 ALL_LANGUAGES = ("python", "numpy", "numba", "julia", "c", "fortran", "octave")
 
 
@@ -153,41 +164,38 @@ MOST_ENTRIES = 200_000
 """Code for larger Jacobians would take minutes to write, and longer to compile."""
 
 
-def source(conditions: OrderConditions, language: str, stages: int | None, jacobian: bool) -> str:
+def source(system: System, title: str, labels: Iterable[str], language: str, stages: int | None, jacobian: bool) -> str:
     """The source code of residual and Jacobian in a language; see `OrderConditions.code`.
 
     The rows of r and J are the conditions, the columns of J the free coefficients, argument by argument, row by row.
-    In C matrices are flat, row by row.
+    In C matrices are flat, row by row. The title and a label for each equation go into comments.
     """
     name = language.lower() if isinstance(language, str) else language
     if name not in ALL_LANGUAGES:
         raise SeriesError(f"language must be one of {', '.join(ALL_LANGUAGES)}, but was {language!r:.60}")
-    if not len(conditions):
+    if not system.equations:
         raise SeriesError("there must be conditions to write code for, but the assumptions imply them all")
-    if name in VECTOR_LANGUAGES:
-        return "\n".join([f"# {_title(conditions)}", *VECTOR_LANGUAGES[name](conditions, jacobian)]) + "\n"
+    if name not in LANGUAGES:
+        vectors = numba_source(system, jacobian) if name == "numba" else numpy_source(system, labels, jacobian)
+        return "\n".join([f"# {title}", *vectors]) + "\n"
     own = LANGUAGES[name]
-    count = conditions.known_stages(stages)
-    size = len(conditions) * count * (count + 1)
+    count = known_stages(stages)
+    size = len(system.equations) * count * (count + 1)
     if size > MOST_ENTRIES:
         raise SeriesError(
             f"stages must be fewer, or language numpy or numba: the Jacobian has {size:,} entries to write"
         )
-    lines = [f"{own.comment} {_title(conditions)}; {count} stages", *own.preamble, ""]
-    lines += _written(conditions, own, "residual", "r", count, residual_assignments(conditions, count, own))
+    lines = [f"{own.comment} {title}; {count} stages", *own.preamble, ""]
+    lines += _written(system, own, "residual", "r", count, _residual_assignments(system, count, own))
     if jacobian:
-        found = jacobian_assignments(conditions, count, own)
+        found = _jacobian_assignments(system, count, own)
         lines += [
             "",
             *([""] if own.comment == "#" else []),
             *(f"{own.comment} {line}" for line in _column_lines(found.columns)),
         ]
-        lines += _written(conditions, own, "jacobian", "J", count, found)
+        lines += _written(system, own, "jacobian", "J", count, found)
     return "\n".join(lines) + "\n"
-
-
-def _title(conditions: OrderConditions) -> str:
-    return f"{len(conditions)} order conditions of {conditions.kind} methods: order {conditions.order}"
 
 
 def _column_lines(columns: Sequence[str]) -> list[str]:
@@ -196,17 +204,95 @@ def _column_lines(columns: Sequence[str]) -> list[str]:
     return ["Columns of the Jacobian:", *rows]
 
 
-def _written(
-    conditions: OrderConditions, language: Language, name: str, result: str, stages: int, found: Assignments
-) -> list[str]:
+def _written(system: System, language: Language, name: str, result: str, stages: int, found: Assignments) -> list[str]:
     """One function."""
     from sympy import Symbol
 
     printer = language.printer()
-    shape = (len(conditions), len(found.columns)) if name == "jacobian" else (len(conditions),)
+    shape = (len(system.equations), len(found.columns)) if name == "jacobian" else (len(system.equations),)
     body = [
         language.declare + printer.doprint(value, assign_to=Symbol(temporary)) for temporary, value in found.temporaries
     ]
     body += [printer.doprint(value, assign_to=Symbol(language.entry(result, at, shape))) for at, value in found.results]
-    arguments = {argument.name: argument.shape(stages) for argument in conditions.system.program.arguments}
+    arguments = {argument.name: argument.shape(stages) for argument in system.program.arguments}
     return language.function(Function(name, arguments, result, shape, found.temporary_count, body))
+
+
+class _Recorder:
+    """Gives a name to every expression worth one; equal expressions have one name."""
+
+    def __init__(self, pattern: str):
+        self._pattern = pattern
+        self._names: dict[Any, Any] = {}
+
+    def __call__(self, value: Any) -> Any:
+        """The name of an expression; numbers and names stand for themselves."""
+        if isinstance(value, int) or value.is_Symbol or value.is_Number:
+            return value
+        if value not in self._names:
+            from sympy import Symbol
+
+            self._names[value] = Symbol(self._pattern.format(len(self._names) + 1))
+        return self._names[value]
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def needed(self, results: Sequence[Any]) -> list[tuple[str, Any]]:
+        """The assignments that the results depend on."""
+        used = {symbol for result in results for symbol in result.free_symbols}
+        kept = []
+        for value, name in reversed(self._names.items()):
+            if name in used:
+                used |= value.free_symbols
+                kept.append((name.name, value))
+        return kept[::-1]
+
+
+def _machine(system: System, stages: int, language: Language) -> tuple[Scalars, _Recorder]:
+    from sympy import Symbol
+
+    def symbol(argument: Any, at: tuple[int, ...]) -> Any:
+        return Symbol(language.entry(argument.name, at, argument.shape(stages)))
+
+    recorder = _Recorder(language.temporary)
+    program = system.program
+    blocks = named_blocks(program, system.structures, stages, symbol)
+    return Scalars(program, stages, blocks, recorder), recorder
+
+
+def _residual_assignments(system: System, stages: int, language: Language) -> Assignments:
+    """The assignments of the residual."""
+    from sympy import sympify
+
+    machine, recorder = _machine(system, stages, language)
+    values = system.program.run(machine, system.size)
+    results = [
+        ((k,), sympify(left_side(equation, machine, values) - equation.right, strict=True))
+        for k, equation in enumerate(system.equations)
+    ]
+    return _assignments(recorder, results, [])
+
+
+def _jacobian_assignments(system: System, stages: int, language: Language) -> Assignments:
+    """The assignments of the entries of the Jacobian that are not zero."""
+    from sympy import sympify
+
+    machine, recorder = _machine(system, stages, language)
+    gradients = system.gradients
+    values = system.program.run(machine)
+    free = [entry for entry in layout(system.program, system.structures, stages) if entry.is_free]
+    results = []
+    for k, slopes in enumerate(gradients):
+        derivatives = gradient(system.program, slopes, stages, values)
+        for column, entry in enumerate(free):
+            value = sympify(derivatives[entry.block][entry.place], strict=True)
+            if value != 0:
+                results.append(((k, column), value))
+    columns = [language.entry(entry.argument.name, entry.at, entry.argument.shape(stages)) for entry in free]
+    return _assignments(recorder, results, columns)
+
+
+def _assignments(recorder: _Recorder, results: list[tuple[tuple[int, ...], Any]], columns: list[str]) -> Assignments:
+    temporaries = recorder.needed([value for _, value in results])
+    return Assignments(temporaries, results, columns, len(recorder))

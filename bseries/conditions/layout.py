@@ -73,6 +73,13 @@ def check_stages(stages: object) -> int:
     return count
 
 
+def known_stages(stages: int | None) -> int:
+    """The number of stages where it must be known."""
+    if stages is None:
+        raise SeriesError("stages must be given to write the equations out, but was not")
+    return check_stages(stages)
+
+
 def read_arrays(program: Program, arrays: Sequence[Any], stages: int | None) -> tuple[int, list[list[Any]]]:
     """The number of stages and the blocks of the arrays that somebody passes.
 

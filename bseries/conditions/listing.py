@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.conditions.condition import OrderCondition, equation_of
-from bseries.conditions.kinds import KINDS
-from bseries.conditions.layout import check_stages, read_arrays
+from bseries.conditions.kinds import KINDS, NODES
+from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.program import Program, System
 from bseries.conditions.reductions import Simplifying, class_weights
 from bseries.conditions.scalars import Scalars, left_sides
@@ -85,7 +85,7 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         kind = KINDS[self.kind]
         program = Program(*kind.coefficients(self.names))
         sums = kind.sums(program)
-        return System(program, [equation_of(trees, sums) for trees in self.classes])
+        return System(program, [equation_of(trees, sums) for trees in self.classes], self.request.structures)
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
             >>> bs.order_conditions("nystrom", 3).arguments
             ('Abar', 'bbar', 'b', 'c')
         """
-        return tuple(argument.name for argument in self.system.program.arguments)
+        return self.system.arguments
 
     def __len__(self) -> int:
         return len(self.classes)
@@ -200,12 +200,17 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         """
         from bseries.conditions.symbolic import equations
 
+        program = self.system.program
         if arrays:
-            return equations(self, *read_arrays(self.system.program, arrays, self.request.stages), nodes=nodes)
-        return equations(self, self.known_stages(stages), None, nodes=nodes)
+            given = read_arrays(program, arrays, self.request.stages)
+        else:
+            given = self.known_stages(stages), None
+        if nodes and any(operator.row_sum != NODES for operator in program.operators):
+            raise SeriesError(f"nodes must be False for {self.kind} methods, but was True")
+        return equations(self.system, *given, nodes=nodes)
 
     def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
-        """Source code of a function ``residual`` and, unless declined, ``jacobian``; see `order_theory.languages`.
+        """Source code of a function ``residual`` and, unless declined, ``jacobian``; see `conditions.languages`.
 
         Args:
             language: ``"python"`` (lists; exact on Fractions), ``"numpy"``, ``"numba"``, ``"julia"``, ``"c"``,
@@ -237,7 +242,10 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         """
         from bseries.conditions.languages import source
 
-        return source(self, language, stages, jacobian)
+        title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
+        names = self.names if len(self.names) > 1 else None
+        labels = (", ".join(tree.text(names) for tree in trees) for trees in self.classes)
+        return source(self.system, title, labels, language, self._chosen_stages(stages), jacobian)
 
     def compile(self, stages: int | None = None) -> CompiledConditions:
         """The residual and its Jacobian as compiled functions of floats; see `CompiledConditions`.
@@ -250,15 +258,14 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         """
         from bseries.conditions.compiling import CompiledConditions
 
-        return CompiledConditions(self, self.known_stages(stages))
+        return CompiledConditions(self.system, self.known_stages(stages))
 
     def known_stages(self, stages: int | None) -> int:
         """The number of stages given here or with the request."""
-        if stages is None:
-            stages = self.request.stages
-        if stages is None:
-            raise SeriesError("stages must be given to write the equations out, but was not")
-        return check_stages(stages)
+        return known_stages(self._chosen_stages(stages))
+
+    def _chosen_stages(self, stages: int | None) -> int | None:
+        return self.request.stages if stages is None else stages
 
     def to_dict(self) -> dict[str, Any]:
         """The conditions as JSON-ready data."""

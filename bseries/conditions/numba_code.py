@@ -13,8 +13,7 @@ from bseries.conditions.kinds import DIAGONALLY_IMPLICIT, EXPLICIT
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bseries.conditions.listing import OrderConditions
-    from bseries.conditions.program import Program
+    from bseries.conditions.program import Program, System
 
 LOOPS = '''
 
@@ -61,9 +60,8 @@ JACOBIAN = """    v = run(len(OPERATIONS), matrices, vectors)
                     J[k, first[block] + i * s + j] += slope * v[y, j]"""
 
 
-def numba_source(conditions: OrderConditions, jacobian: bool) -> list[str]:
+def numba_source(system: System, jacobian: bool) -> list[str]:
     """The lines of residual and Jacobian."""
-    system = conditions.system
     terms = [(k, term) for k, equation in enumerate(system.equations) for term in equation.summands]
     slopes = [(k, slope) for k, row in enumerate(system.gradients if jacobian else []) for slope in row]
     lines = ["import numpy as np", "from numba import njit", ""]
@@ -80,8 +78,8 @@ def numba_source(conditions: OrderConditions, jacobian: bool) -> list[str]:
         lines += _table("SLOPES", [f"({k}, {slope.block}, {slope.x}, {slope.y})" for k, slope in slopes])
         lines += _table("SLOPE_FACTORS", [_float(str(slope.factor)) for _, slope in slopes])
     lines += LOOPS.split("\n")
-    lines += ["", *_header(conditions, "residual", "Left-hand sides minus right-hand sides."), *RESIDUAL.split("\n")]
-    return [*lines, "", "", *_jacobian(conditions)] if jacobian else lines
+    lines += ["", *_header(system, "residual", "Left-hand sides minus right-hand sides."), *RESIDUAL.split("\n")]
+    return [*lines, "", "", *_jacobian(system)] if jacobian else lines
 
 
 def _table(name: str, rows: Sequence[str]) -> list[str]:
@@ -93,10 +91,10 @@ def _float(number: str) -> str:
     return number if "/" in number else f"{number}.0"
 
 
-def _header(conditions: OrderConditions, name: str, what: str) -> list[str]:
+def _header(system: System, name: str, what: str) -> list[str]:
     """The beginning of a function, with all matrices and vectors in two arrays."""
-    program = conditions.system.program
-    lines = ["@njit", f"def {name}({', '.join(conditions.arguments)}):", f'    """{what}"""']
+    program = system.program
+    lines = ["@njit", f"def {name}({', '.join(system.arguments)}):", f'    """{what}"""']
     lines.append(f"    s = {program.arguments[0].name}.shape[-1]")
     lines.append(f"    matrices = np.zeros(({len(program.operators)}, s, s))")
     lines.append(f"    vectors = np.zeros(({len(program.blocks)}, s))")
@@ -118,20 +116,20 @@ def _entry(program: Program, block: int, at: str) -> str:
     return f"{argument.name}[{stack}{at}]"
 
 
-def _jacobian(conditions: OrderConditions) -> list[str]:
+def _jacobian(system: System) -> list[str]:
     what = "Derivatives of the residual by the free coefficients, row by row."
-    sizes = ["s * s" if argument.is_matrix else "s" for argument, _ in conditions.system.program.blocks]
-    lines = _header(conditions, "jacobian", what)
+    sizes = ["s * s" if argument.is_matrix else "s" for argument, _ in system.program.blocks]
+    lines = _header(system, "jacobian", what)
     lines.append(f"    first = np.cumsum(np.array([0, {', '.join(sizes)}]))")
-    lines.append(f"    J = np.zeros(({len(conditions)}, first[-1]))")
-    return [*lines, *JACOBIAN.split("\n"), *_selection(conditions)]
+    lines.append(f"    J = np.zeros(({len(system.equations)}, first[-1]))")
+    return [*lines, *JACOBIAN.split("\n"), *_selection(system)]
 
 
-def _selection(conditions: OrderConditions) -> list[str]:
+def _selection(system: System) -> list[str]:
     """The lines that move the columns of free coefficients to the front and return them."""
     lines = ["    free = 0"]
-    structures = iter(conditions.request.structures)
-    for block, (argument, _) in enumerate(conditions.system.program.blocks):
+    structures = iter(system.structures)
+    for block, (argument, _) in enumerate(system.program.blocks):
         lines.append("    for i in range(s):")
         source, indent = f"first[{block}] + i", " " * 8
         if argument.is_matrix:

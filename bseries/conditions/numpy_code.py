@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 from bseries.conditions.kinds import FULL
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from fractions import Fraction
 
-    from bseries.conditions.listing import OrderConditions
-    from bseries.conditions.program import Program, Slope, Summand
-    from trees.tree import Tree
+    from bseries.conditions.program import Program, Slope, Summand, System
 
 
 def _block_name(program: Program, block: int) -> str:
@@ -58,16 +56,16 @@ class Writer:
         return self._line("v", f"{x} @ {self.operators[operator]}")
 
 
-def numpy_source(conditions: OrderConditions, jacobian: bool) -> list[str]:
-    """The lines of residual and Jacobian."""
-    lines = ["import numpy as np", "", "", *_residual(conditions)]
-    return [*lines, "", "", *_jacobian(conditions)] if jacobian else lines
+def numpy_source(system: System, labels: Iterable[str], jacobian: bool) -> list[str]:
+    """The lines of residual and Jacobian; a label for each equation goes into a comment."""
+    lines = ["import numpy as np", "", "", *_residual(system, labels)]
+    return [*lines, "", "", *_jacobian(system)] if jacobian else lines
 
 
-def _header(conditions: OrderConditions, writer: Writer, name: str, what: str) -> list[str]:
+def _header(system: System, writer: Writer, name: str, what: str) -> list[str]:
     """The beginning of a function: constant matrices, sums of matrices, and the stage vectors."""
-    program = conditions.system.program
-    lines = [f"def {name}({', '.join(conditions.arguments)}):", f'    """{what}"""']
+    program = system.program
+    lines = [f"def {name}({', '.join(system.arguments)}):", f'    """{what}"""']
     lines.append(f"    s = {program.arguments[0].name}.shape[-1]")
     lines.append("    one = np.ones(s)")
     for own, op in zip(writer.operators, program.operators, strict=True):
@@ -78,22 +76,15 @@ def _header(conditions: OrderConditions, writer: Writer, name: str, what: str) -
     return lines + [f"    {line}" for line in writer.lines]
 
 
-def _residual(conditions: OrderConditions) -> list[str]:
-    system = conditions.system
+def _residual(system: System, labels: Iterable[str]) -> list[str]:
     writer = Writer(system.program)
     values = system.program.run(writer, system.size)
-    lines = _header(conditions, writer, "residual", "Left-hand sides minus right-hand sides.")
+    lines = _header(system, writer, "residual", "Left-hand sides minus right-hand sides.")
     lines.append("    return np.array([")
-    for trees, (summands, right) in zip(conditions.classes, system.equations, strict=True):
+    for label, (summands, right) in zip(labels, system.equations, strict=True):
         total = " + ".join(_summand(system.program, summand, values) for summand in summands)
-        lines.append(f"        {total} - {right},  # {_tree_texts(conditions, trees)}")
+        lines.append(f"        {total} - {right},  # {label}")
     return [*lines, "    ])"]
-
-
-def _tree_texts(conditions: OrderConditions, trees: Sequence[Tree]) -> str:
-    """The trees of a condition, for a comment."""
-    names = conditions.names if len(conditions.names) > 1 else None
-    return ", ".join(tree.text(names) for tree in trees)
 
 
 def _summand(program: Program, summand: Summand, values: Sequence[str]) -> str:
@@ -106,14 +97,13 @@ def _times(factor: Fraction, value: str) -> str:
     return f"{factor} * {f'({value})' if ' @ ' in value else value}"
 
 
-def _jacobian(conditions: OrderConditions) -> list[str]:
-    system = conditions.system
+def _jacobian(system: System) -> list[str]:
     gradients = system.gradients
     writer = Writer(system.program)
     values = system.program.run(writer)
     what = "Derivatives of the residual by the free coefficients, row by row."
-    lines = _header(conditions, writer, "jacobian", what)
-    count = len(conditions)
+    lines = _header(system, writer, "jacobian", what)
+    count = len(system.equations)
     for block, (argument, part) in enumerate(system.program.blocks):
         sizes = "s, s" if argument.is_matrix else "s"
         lines.append(f"    d{block} = np.zeros(({count}, {sizes}))  # by {argument.name} {part}".rstrip())
@@ -125,7 +115,7 @@ def _jacobian(conditions: OrderConditions) -> list[str]:
             lines.append(f"    d{block}[{k}] = {' + '.join(_slope(slope, values) for slope in own)}")
     rows = ", ".join(f"d{block}.reshape({count}, -1)" for block in range(len(system.program.blocks)))
     lines.append(f"    J = np.concatenate([{rows}], axis=1)")
-    return [*lines, *_selection(conditions)]
+    return [*lines, *_selection(system)]
 
 
 def _slope(slope: Slope, values: Sequence[str]) -> str:
@@ -133,14 +123,14 @@ def _slope(slope: Slope, values: Sequence[str]) -> str:
     return _times(slope.factor, own)
 
 
-def _selection(conditions: OrderConditions) -> list[str]:
+def _selection(system: System) -> list[str]:
     """The lines that keep the columns of free coefficients."""
-    structures = conditions.request.structures
+    structures = system.structures
     if all(structure == FULL for structure in structures):
         return ["    return J"]
     masks = []
     own = iter(structures)
-    for argument, _ in conditions.system.program.blocks:
+    for argument, _ in system.program.blocks:
         offset = {"explicit": -1, "diagonally-implicit": 0}.get(next(own)) if argument.is_matrix else None
         shape = "s * s" if argument.is_matrix else "s"
         masks.append(f"np.ones({shape})" if offset is None else f"np.tri(s, s, {offset}).ravel()")

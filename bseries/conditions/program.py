@@ -206,13 +206,20 @@ class System:
     Args:
         program: What computes the stage vectors of the equations.
         equations: The equations.
+        structures: The structure of each stage matrix among the arguments.
     """
 
-    def __init__(self, program: Program, equations: Sequence[Equation]):
+    def __init__(self, program: Program, equations: Sequence[Equation], structures: Sequence[str]):
         self.program = program
         self.equations = tuple(equations)
+        self.structures = tuple(structures)
         self.size = len(program.operations)
         """The number of operations that the left-hand sides need; those behind serve the derivatives."""
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the arrays of coefficients."""
+        return tuple(argument.name for argument in self.program.arguments)
 
     @cached_property
     def gradients(self) -> list[list[Slope]]:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from bseries.conditions.kinds import NODES
 from bseries.conditions.layout import named_blocks
 from bseries.conditions.scalars import Scalars, left_sides
-from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.conditions.listing import OrderConditions
-    from bseries.conditions.program import Argument
+    from bseries.conditions.program import Argument, Program, System
 
 
 def symbol_name(argument: Argument, at: Sequence[int], stages: int) -> str:
@@ -22,21 +19,20 @@ def symbol_name(argument: Argument, at: Sequence[int], stages: int) -> str:
     return f"{argument.symbol}{'__' if part else ''}{part}_{('_' if stages > 9 else '').join(digits)}"
 
 
-def equations(conditions: OrderConditions, stages: int, blocks: list[list[Any]] | None, *, nodes: bool) -> list[Any]:
+def equations(system: System, stages: int, blocks: list[list[Any]] | None, *, nodes: bool) -> list[Any]:
     """The equations in given coefficients, or in symbols."""
     import sympy
 
-    system = conditions.system
     program = system.program
 
     def symbol(argument: Argument, at: tuple[int, ...]) -> Any:
         return sympy.Symbol(symbol_name(argument, at, stages))
 
     if blocks is None:
-        blocks = named_blocks(program, conditions.request.structures, stages, symbol)
+        blocks = named_blocks(program, system.structures, stages, symbol)
     else:
         blocks = [[sympy.sympify(entry, strict=True) for entry in block] for block in blocks]
-    known, definitions = _nodes(conditions, Scalars(program, stages, blocks)) if nodes else ({}, [])
+    known, definitions = _nodes(program, Scalars(program, stages, blocks)) if nodes else ({}, [])
     left = left_sides(system, Scalars(program, stages, blocks, nodes=known))
     found = [
         sympy.Eq(sympy.sympify(a, strict=True), sympy.sympify(equation.right, strict=True), evaluate=False)
@@ -45,14 +41,12 @@ def equations(conditions: OrderConditions, stages: int, blocks: list[list[Any]] 
     return found + definitions
 
 
-def _nodes(conditions: OrderConditions, machine: Scalars) -> tuple[dict[int, tuple[Any, ...]], list[Any]]:
+def _nodes(program: Program, machine: Scalars) -> tuple[dict[int, tuple[Any, ...]], list[Any]]:
     """Symbols for the row sums of each stage matrix, and their definitions."""
     import sympy
 
     known, definitions = {}, []
-    for k, operator in enumerate(conditions.system.program.operators):
-        if operator.row_sum != NODES:
-            raise SeriesError(f"nodes must be False for {conditions.kind} methods, but was True")
+    for k, operator in enumerate(program.operators):
         name = f"c__{operator.part}" if operator.part else "c"
         symbols = []
         for i, total in enumerate(machine.image(k, machine.one(), of_one=False), 1):
