@@ -17,7 +17,7 @@ from bseries.fields.compiled_series import build_tables
 from integrators.reference.plain_arithmetic import Arithmetic
 
 if TYPE_CHECKING:
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.scene_trees import SeriesOnScene
 
 FUNCTIONS = (
     *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
@@ -27,7 +27,7 @@ CONSTANTS = ("TERM_ROW", "TAPE_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_
 
 
 class PreciseSeries:
-    """A `SceneSeries` with all constants in so many digits; printed decimals of a method are taken for exact.
+    """A series on a scene with all constants in so many digits; printed decimals of a method are taken for exact.
 
     Example:
         >>> import bseries as bs
@@ -36,7 +36,7 @@ class PreciseSeries:
         [mpf('0.915')]
     """
 
-    def __init__(self, series: SceneSeries, digits: int):
+    def __init__(self, series: SeriesOnScene, digits: int):
         import mpmath
 
         self.series, self.arithmetic = series, Arithmetic(digits)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from types import ModuleType
 
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.scene_trees import SeriesOnScene
 
 CHUNK_ROWS = 64
 """Rows of sites that are evaluated at a time when there are many points."""
@@ -75,9 +75,9 @@ def evaluator() -> Any:
 
 
 class CompiledSeries:
-    """The numbers behind a `SceneSeries`; see there."""
+    """A series on a scene as compiled functions of floats."""
 
-    def __init__(self, series: SceneSeries, route: str):
+    def __init__(self, series: SeriesOnScene, route: str):
         self.series = series
         self._wanted = route
         _ = series.scene.numeric_terms  # refuses symbols
@@ -223,7 +223,7 @@ def contractions(ints: Any) -> int:
     return int(ints[table + 1] - ints[table]) // tower_layout.TABLES["contraction"]
 
 
-def build_tables(series: SceneSeries, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
+def build_tables(series: SeriesOnScene, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
     """The tables of the tower kernels, with numbers of a kind."""
     trees, scene = series.trees, series.scene
     needs = find_needs(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)

@@ -12,7 +12,7 @@ from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power
-from bseries.fields.scene_trees import SceneTrees, flat_fields, shapes, trees_of_method, trees_of_series
+from bseries.fields.scene_trees import SceneTrees, SeriesOnScene, shapes, trees_of_method, trees_of_series
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -23,12 +23,11 @@ if TYPE_CHECKING:
 
     from bseries.algebra.stages import Method
     from bseries.fields.compiled_series import CompiledSeries
-    from bseries.fields.differentials import SymbolicSeries
 
 ROUTES = ("auto", "towers", "symbolic")
 
 
-class SceneSeries:
+class SceneSeries(SeriesOnScene):
     """A B-series on a scene, as a function of the state and the step size.
 
     A field series gives f_h(y) = Σ h^(|τ|−1)/σ(τ) b(τ) F(τ)(y), a flow series a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y). Only
@@ -54,44 +53,8 @@ class SceneSeries:
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries, *, route: str = "auto"):
         if route not in ROUTES:
             raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
-        if series.table != trees.table:
-            raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
-        self.scene, self.trees, self.series, self._wanted = scene, trees, series, route
-
-    @property
-    def label(self) -> str:
-        """What it is a series of."""
-        return self.series.label or "a series"
-
-    @property
-    def empty(self) -> Any:
-        """The coefficient of the empty tree: 0 for a field."""
-        return self.series.empty
-
-    @cached_property
-    def weights(self) -> list[Any]:
-        """The factors of the elementary differentials: coefficient/σ."""
-        return self.series.weights()
-
-    @property
-    def order(self) -> int:
-        """The largest number of nodes."""
-        return self.trees.table.max_order
-
-    @property
-    def dimension(self) -> int:
-        """The number of variables."""
-        return self.scene.dimension
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of the variables."""
-        return self.scene.variables
-
-    @property
-    def is_field(self) -> bool:
-        """Whether it is a field, and not a map."""
-        return self.empty == 0
+        super().__init__(scene, trees, series)
+        self._wanted = route
 
     def __repr__(self) -> str:
         return f"<{self.label} on {self.scene.name}: order {self.order}, {self.report()}>"
@@ -173,18 +136,6 @@ class SceneSeries:
     @cached_property
     def _precise(self) -> dict[int, Any]:
         return {}
-
-    @cached_property
-    def formulas(self) -> SymbolicSeries:
-        """The series written out; see `bseries.fields.differentials`."""
-        return self.written()
-
-    def written(self, **limits: int) -> SymbolicSeries:
-        """The series written out anew, given up where formulas grow beyond a limit."""
-        from bseries.fields.differentials import SymbolicSeries
-
-        fields = flat_fields(self.scene, self.trees.pieces)
-        return SymbolicSeries(self.series, fields, self.scene.symbols, **limits)
 
     def symbolic(self, k: int) -> tuple[sympy.Expr, ...]:
         """The formulas of the term with h^k: for a field f_(k+1), for a map the terms of order k.

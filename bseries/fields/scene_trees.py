@@ -8,6 +8,7 @@ order 8 in two colours, and 200 in one). The smaller table is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.algebra.stages import Method
+    from bseries.fields.differentials import SymbolicSeries
     from integrators.scenes.scene import Scene
 
 
@@ -89,6 +91,71 @@ def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr,
         )
         for piece in pieces
     ]
+
+
+class SeriesOnScene:
+    """A series with the scene and the pieces of its field that the colours stand for: what evaluations of it read.
+
+    Attributes:
+        scene: The scene.
+        trees: The trees and the pieces of the field that their colours stand for.
+        series: The coefficients.
+
+    Raises:
+        SeriesError: The series has other trees.
+    """
+
+    def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries):
+        if series.table != trees.table:
+            raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
+        self.scene, self.trees, self.series = scene, trees, series
+
+    @property
+    def label(self) -> str:
+        """What it is a series of."""
+        return self.series.label or "a series"
+
+    @property
+    def empty(self) -> Any:
+        """The coefficient of the empty tree: 0 for a field."""
+        return self.series.empty
+
+    @cached_property
+    def weights(self) -> list[Any]:
+        """The factors of the elementary differentials: coefficient/σ."""
+        return self.series.weights()
+
+    @property
+    def order(self) -> int:
+        """The largest number of nodes."""
+        return self.trees.table.max_order
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return self.scene.dimension
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables."""
+        return self.scene.variables
+
+    @property
+    def is_field(self) -> bool:
+        """Whether it is a field, and not a map."""
+        return self.empty == 0
+
+    @cached_property
+    def formulas(self) -> SymbolicSeries:
+        """The series written out; see `bseries.fields.differentials`."""
+        return self.written()
+
+    def written(self, **limits: int) -> SymbolicSeries:
+        """The series written out anew, given up where formulas grow beyond a limit."""
+        from bseries.fields.differentials import SymbolicSeries
+
+        fields = flat_fields(self.scene, self.trees.pieces)
+        return SymbolicSeries(self.series, fields, self.scene.symbols, **limits)
 
 
 def shapes(table: TreeTable, plain: TreeTable) -> list[int]:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic import written_forms
 from bseries.fields.symbolic.formula_rings import FormulaRing
-from bseries.fields.symbolic.quotients import fractions
 from bseries.fields.symbolic.sparse_polynomials import constant, total
 
 if TYPE_CHECKING:
@@ -166,7 +165,7 @@ class DifferentialRing:
 
     def is_zero(self, element: Element) -> bool:
         """Whether an element is zero, as far as the relations tell (see the class)."""
-        return not any(part.numerator for part in fractions(self.polynomials, element.terms))
+        return not any(part.numerator for part in self.polynomials.quotients(element.terms))
 
     def to_expression(self, element: Element, *, simplify: bool = True) -> sympy.Expr:
         """The SymPy expression: over common denominators and factored, or expanded as it is."""

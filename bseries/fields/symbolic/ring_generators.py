@@ -9,7 +9,8 @@
 | p^(1/n), p a prime | its n-th power is p | 0 |
 | any other function | | SymPy's, read when they are needed |
 
-With w at hand no other generator is needed for roots of g: g^(k/n) = g^j w^(jn−k).
+With w at hand no other generator is needed for roots of g: g^(k/n) = g^j w^(jn−k). An element is a sum of a few
+quotients, each a polynomial without roots times a product of powers of roots.
 """
 
 from __future__ import annotations
@@ -21,17 +22,19 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.quotients import Quotient, fractions, primitive
 from bseries.fields.symbolic.sparse_polynomials import (
     ONE,
     RewritingRing,
     TooLarge,
     constant,
+    divided,
+    exponent,
     exponents,
     generator,
     generators_of,
     narrowed,
     partial,
+    primitive,
     total,
 )
 
@@ -57,6 +60,13 @@ class Pair(NamedTuple):
     sine: int
     cosine: int
     sign: int
+
+
+class Quotient(NamedTuple):
+    """A polynomial without roots, times powers of roots {number of the generator: exponent}."""
+
+    numerator: Terms
+    roots: dict[int, int]
 
 
 class GeneratedRing(RewritingRing):
@@ -182,6 +192,39 @@ class GeneratedRing(RewritingRing):
         self.add_rule(leading + step, {m: narrowed(x / base[leading]) for m, x in tail.items()})
         return w
 
+    # Common denominators. Powers of w = g^(−1/n) that differ by multiples of n have one.
+
+    def quotients(self, terms: Terms, *, grow: bool = True) -> list[Quotient]:
+        """An element as a sum of quotients, none of which have a common denominator; it is zero if all numerators are.
+
+        Args:
+            terms: The element.
+            grow: Whether to bring terms over a common denominator even if that makes more of them, or if it is e^b.
+        """
+        parts = [Quotient(terms, {})]
+        for k in sorted(self.roots, reverse=True):  # a root's base holds earlier generators only
+            if grow or self.exponentials.isdisjoint(self.roots[k].base):
+                parts = [finer for part in parts for finer in self._over_common_denominators(part, k, grow)]
+        return parts
+
+    def _over_common_denominators(self, part: Quotient, k: int, grow: bool) -> list[Quotient]:
+        """Bring all powers of the k-th generator, a root, to the highest one of the same residue, and cancel."""
+        base, degree = self.roots[k]
+        by_power: dict[int, Terms] = {}
+        for monomial, x in part.numerator.items():
+            e = exponent(monomial, k)
+            by_power.setdefault(e, {})[monomial - generator(k, e)] = x
+        found = []
+        for residue in {e % degree for e in by_power}:
+            group = {e: numerator for e, numerator in by_power.items() if e % degree == residue}
+            highest = max(group)
+            powers = ((numerator, self.power(base, (highest - e) // degree)) for e, numerator in group.items())
+            common = self.dot(powers)
+            if grow or len(common) <= sum(map(len, group.values())):
+                group = {highest: common}
+            found += [_cancelled(numerator, base, {**part.roots, k: e}, k, degree) for e, numerator in group.items()]
+        return found
+
     # Powers.
 
     def raised(self, terms: Terms, power: Fraction, index: int = 1, written: sympy.Expr | None = None) -> Terms:
@@ -196,9 +239,9 @@ class GeneratedRing(RewritingRing):
         if not terms:
             raise SeriesError("formula must not divide by zero, but a denominator in it vanishes")
         if index == 1:
-            quotients = fractions(self, terms)
-            if len(quotients) == 1 and (quotients[0].roots or len(quotients[0].numerator) == 1):
-                return self._inverse_quotient(quotients[0], -int(power))
+            parts = self.quotients(terms)
+            if len(parts) == 1 and (parts[0].roots or len(parts[0].numerator) == 1):
+                return self._inverse_quotient(parts[0], -int(power))
         content, base = primitive(terms, keep_sign=index > 1) if self.digits is None else (Fraction(1), terms)
         if base == {ONE: 1}:
             return self.raised_number(content, power)
@@ -252,6 +295,13 @@ class GeneratedRing(RewritingRing):
                 factor = {generator(self.prime_root(prime, index), int(part * index)): factor[ONE]}
             result = self.dot([(result, factor)])
         return result
+
+
+def _cancelled(numerator: Terms, base: Terms, roots: dict[int, int], k: int, degree: int) -> Quotient:
+    """Take the base of the k-th generator off a numerator as often as its power allows."""
+    while numerator and roots[k] > 0 and (quotient := divided(numerator, base)) is not None:
+        numerator, roots[k] = quotient, roots[k] - degree
+    return Quotient(numerator, {root: e for root, e in roots.items() if e})
 
 
 @lru_cache(maxsize=256)

@@ -11,6 +11,7 @@ remainders a canonical form, if their leading monomials have no generator in com
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
@@ -186,3 +187,38 @@ def _rewrite(terms: Terms, rule: Rule) -> bool:
                 product = m - leading + n
                 terms[product] = terms.get(product, 0) + x * y
     return bool(hits)
+
+
+def divided(terms: Terms, divisor: Terms) -> Terms | None:
+    """The quotient of polynomials, if the division leaves nothing."""
+    leading = max(divisor)
+    rule = Rule.of(leading, divisor)
+    rest, quotient = dict(terms), {}
+    while rest:
+        monomial = max(rest)
+        if not rule.divides(monomial):
+            return None
+        step, factor = monomial - leading, narrowed(Fraction(rest[monomial]) / divisor[leading])
+        quotient[step] = factor
+        for m, x in divisor.items():
+            rest[m + step] = rest.get(m + step, 0) - factor * x
+            if not rest[m + step]:
+                del rest[m + step]
+    return quotient
+
+
+def primitive(terms: Terms, *, keep_sign: bool = False) -> tuple[Fraction, Terms]:
+    """A number and a polynomial with coprime integer coefficients whose product it is.
+
+    The coefficient that leads, the first variables before the others, becomes positive, unless `keep_sign`.
+    """
+    denominator = math.lcm(*(x.denominator for x in terms.values()))
+    content = Fraction(math.gcd(*(int(x * denominator) for x in terms.values())), denominator)
+    if not keep_sign and _leading_coefficient(terms) < 0:
+        content = -content
+    return content, {m: narrowed(x / content) for m, x in terms.items()}
+
+
+def _leading_coefficient(terms: Terms) -> Number:
+    present = generators_of(terms)
+    return terms[max(terms, key=lambda m: [exponent(m, k) for k in present])]

@@ -7,13 +7,12 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.fields.symbolic import flint_polynomials
-from bseries.fields.symbolic.quotients import Quotient, fractions, primitive
-from bseries.fields.symbolic.sparse_polynomials import exponent, generator, generators_of, total
+from bseries.fields.symbolic.sparse_polynomials import exponent, generator, generators_of, primitive, total
 
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.symbolic.ring_generators import GeneratedRing, Pair
+    from bseries.fields.symbolic.ring_generators import GeneratedRing, Pair, Quotient
     from bseries.fields.symbolic.sparse_polynomials import Terms
 
 MOST_FACTORED = 60
@@ -26,7 +25,7 @@ def factored(ring: GeneratedRing, terms: Terms) -> sympy.Expr:
 
     common = math.lcm(*(x.denominator for x in terms.values()))  # integers multiply faster
     integers: Terms = {m: int(x * common) for m, x in terms.items()}
-    return sympy.Add(*(_factored_quotient(ring, part, common) for part in fractions(ring, integers, grow=False)))
+    return sympy.Add(*(_factored_quotient(ring, part, common) for part in ring.quotients(integers, grow=False)))
 
 
 def _factored_quotient(ring: GeneratedRing, part: Quotient, divisor: int) -> sympy.Expr:
