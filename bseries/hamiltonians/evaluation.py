@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from bseries.algebra.bseries import BSeries
     from bseries.fields.scene_trees import SceneTrees
-    from bseries.hamiltonians.from_trees import EnergyScene
+    from bseries.hamiltonians.energy_scene import EnergyScene
     from integrators import Scene
 
 
