@@ -11,7 +11,7 @@ from bseries.conditions.kinds import KINDS, NODES
 from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.program import Program, System
 from bseries.conditions.reductions import Simplifying, class_weights
-from bseries.conditions.scalars import Scalars, left_sides
+from bseries.conditions.scalars import Scalars, equations, left_sides
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.immutable import Frozen
@@ -198,8 +198,6 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
             >>> bs.order_conditions("runge-kutta", 3, explicit=True).sympy(stages=3)[3].lhs
             a_21**2*b_2 + b_3*(a_31 + a_32)**2
         """
-        from bseries.conditions.symbolic import equations
-
         program = self.system.program
         if arrays:
             given = read_arrays(program, arrays, self.request.stages)
