@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.shadow.roundings import Roundings
-    from bseries.shadow.sources import Source
-    from bseries.shadow.states import Columns
+    from bseries.shadow.sources import Columns, Source
 
 CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
 """How much of a step a right assumption leaves unexplained: between ratios, of long steps, and of definitions."""

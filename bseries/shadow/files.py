@@ -19,7 +19,7 @@ from integrators.runs.trajectory import PART, RUN
 
 if TYPE_CHECKING:
     from bseries.shadow.scene_forces import SceneForces
-    from bseries.shadow.states import Columns
+    from bseries.shadow.sources import Columns
     from integrators import Trajectory
 
 

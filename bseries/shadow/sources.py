@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.roundings import ULPS, Rounding, precision
-from bseries.shadow.states import ROLES
 
 if TYPE_CHECKING:
     import numpy as np
 
     from bseries.shadow.scene_forces import SceneForces
-    from bseries.shadow.states import Columns
 
+    Columns: TypeAlias = Mapping[str, np.ndarray]
+    """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
+
+ROLES = {
+    "t": "the time",
+    "q": "positions",
+    "p": "momenta",
+    "v": "velocities",
+    "U": "the potential",
+    "F": "forces",
+    "gradU": "the potential's gradient",
+}
 VECTORS = ("q", "p", "v", "F", "gradU")
 ALIASES = {
     "t": ("t", "time", "times"),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.roundings import Roundings
@@ -11,20 +11,8 @@ from bseries.shadow.roundings import Roundings
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.shadow.sources import Source
+    from bseries.shadow.sources import Columns, Source
 
-    Columns: TypeAlias = Mapping[str, np.ndarray]
-    """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
-
-ROLES = {
-    "t": "the time",
-    "q": "positions",
-    "p": "momenta",
-    "v": "velocities",
-    "U": "the potential",
-    "F": "forces",
-    "gradU": "the potential's gradient",
-}
 FULL, BEHIND, AHEAD, MIDDLE = "full", "half-behind", "half-ahead", "drift-kick-drift"
 LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
 """Where momenta are stored: with their positions; half a step before or after them; or in the other kind of step."""

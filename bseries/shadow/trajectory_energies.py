@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.shadow.report import ShadowReport
-    from bseries.shadow.sources import Source
-    from bseries.shadow.states import Columns, Reader, States
+    from bseries.shadow.sources import Columns, Source
+    from bseries.shadow.states import Reader, States
 
 CHUNK_NUMBERS = 2**17
 """How many numbers of one kind are worked on at a time: what a processor's cache holds."""
