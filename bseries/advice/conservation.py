@@ -19,46 +19,13 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.growth import goes_on
+from bseries.advice.modified_terms import ModifiedTerms, numeric_inverse_structure
 from bseries.fields.scene_series import modified_field
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
-    from bseries.advice.modified_terms import ModifiedTerms
     from integrators import Scene
-
-
-def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None:
-    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None where there is none.
-
-    Example:
-        >>> import bseries as bs, numpy as np
-        >>> f = bs.modified_field(bs.method("rk4"), bs.scene("lotka-volterra"), 1)
-        >>> y = np.array([2.0, 3.0])
-        >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
-        [0.5, 0.333333333333]
-    """
-    import numpy as np
-
-    if not scene.is_hamiltonian:
-        return None
-    if scene.canonical_pair is not None:
-        p, q = scene.canonical_pair
-        fixed = np.zeros((scene.dimension, scene.dimension))
-        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
-        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
-        return lambda y: fixed
-    import sympy
-
-    if scene.poisson is None:
-        return None
-    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
-    if matrix.det().equals(0):
-        return None
-    function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)
-    return lambda y: np.linalg.inv(np.array(function(y), float))
 
 
 @lru_cache(maxsize=16)
@@ -76,7 +43,7 @@ def gradient(scene: Scene) -> Any:
         return None
     from integrators import method
 
-    inverse = inverse_structure(scene) if scene.canonical_pair is not None else None
+    inverse = numeric_inverse_structure(scene) if scene.canonical_pair is not None else None
     if inverse is not None:
         field, matrix = modified_field(method("explicit-euler"), scene, 1), inverse(np.zeros(scene.dimension))
         return lambda y: matrix @ field.terms(y)[0]
@@ -160,7 +127,7 @@ def _gains(terms: ModifiedTerms, y: np.ndarray, turns: np.ndarray) -> bool:
     """
     import numpy as np
 
-    inverse = inverse_structure(terms.field.scene)
+    inverse = numeric_inverse_structure(terms.field.scene)
     for k in np.flatnonzero(turns):
         around = np.repeat(y[:, None], TURN, axis=1)
         around[k] += np.linspace(0, 2 * math.pi, TURN, endpoint=False)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.conservation import inverse_structure
 from bseries.advice.growth import goes_on
 from bseries.analysis.structure import symmetry, symplecticity
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_series import modified_field
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import numpy as np
 
@@ -70,7 +69,7 @@ class ModifiedTerms(NamedTuple):
         """
         import numpy as np
 
-        inverse = inverse_structure(self.field.scene)
+        inverse = numeric_inverse_structure(self.field.scene)
         if inverse is None:
             return False
         shifts = SHIFT * self.sizes(y)
@@ -138,6 +137,37 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
                 powers = _powers(field, exact)
             return ModifiedTerms(field, powers)
     raise SeriesError(f"method must have an order below {ORDERS[-1]} for terms of its modified equation, but has not")
+
+
+def numeric_inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None:
+    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None where there is none.
+
+    Example:
+        >>> import bseries as bs, numpy as np
+        >>> f = bs.modified_field(bs.method("rk4"), bs.scene("lotka-volterra"), 1)
+        >>> y = np.array([2.0, 3.0])
+        >>> (numeric_inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
+        [0.5, 0.333333333333]
+    """
+    import numpy as np
+
+    if not scene.is_hamiltonian:
+        return None
+    if scene.canonical_pair is not None:
+        p, q = scene.canonical_pair
+        fixed = np.zeros((scene.dimension, scene.dimension))
+        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
+        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
+        return lambda y: fixed
+    import sympy
+
+    if scene.poisson is None:
+        return None
+    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
+    if matrix.det().equals(0):
+        return None
+    function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)
+    return lambda y: np.linalg.inv(np.array(function(y), float))
 
 
 def in_floats(method: Method) -> Program:

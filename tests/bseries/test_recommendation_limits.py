@@ -11,7 +11,8 @@ from steady_budgets import for_steps, stop_the_clock
 import bseries as bs
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision.candidates import candidate
-from bseries.advice.work_precision.extrapolation import Outlook, outlook
+from bseries.advice.work_precision.extrapolation import outlook
+from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.recommendation import bracket, largest_step
 from bseries.advice.work_precision.run_errors import Judge, RunErrors
 from bseries.advice.work_precision.sweeps import Curve, Row

@@ -16,7 +16,8 @@ from bseries.advice.timing import Timing
 from bseries.advice.work_precision import run_errors
 from bseries.advice.work_precision.candidates import candidate, candidates, modifying_scene
 from bseries.advice.work_precision.dense_reference import DenseReference
-from bseries.advice.work_precision.extrapolation import Outlook, outlook
+from bseries.advice.work_precision.extrapolation import outlook
+from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.recommendation import largest_step
 from bseries.advice.work_precision.run_errors import Judge, RunErrors
 from bseries.advice.work_precision.sweeps import Curve, Row, time_scale

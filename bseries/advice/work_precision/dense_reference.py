@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from time import thread_time
 from typing import TYPE_CHECKING
 
@@ -22,6 +26,25 @@ TRIAL = 0.02
 """The part of a span that shows what all of it costs."""
 SAMPLINGS = 3
 """How often a solution is computed until there are enough intervals, mostly."""
+REFERENCE_PROGRAM = "import bseries as bs; bs.reference_solution(bs.scene('riccati'), [0.5], full=True)"
+"""Compiles what reference solutions need."""
+
+
+@contextmanager
+def reference_compiled_ahead() -> Iterator[None]:
+    """Let another process compile what reference solutions need; where there is a cache on disk, it is found there.
+
+    Example:
+        >>> with reference_compiled_ahead():
+        ...     pass
+    """
+    null = subprocess.DEVNULL
+    process = subprocess.Popen([sys.executable, "-c", REFERENCE_PROGRAM], stdin=null, stdout=null, stderr=null)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 def affordable_span(scene: Scene, span: float, seconds: float) -> float:

@@ -12,6 +12,7 @@ from bseries.advice.measures import MEASURES, MODIFIED_ENERGY, SOLUTION, check_m
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
 from bseries.advice.work_precision.dense_reference import affordable_span
+from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.run_errors import Judge
 from bseries.advice.work_precision.sweeps import Curve, Row, sweep, time_scale, timed_curves
 from integrators.core.errors import IntegratorError, shorten
@@ -22,7 +23,6 @@ from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.candidates import Methods
-    from bseries.advice.work_precision.recommendation import Recommendation
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method."""
@@ -41,6 +41,7 @@ class WorkPrecision:
     """What accuracy costs on a scene; made by `work_precision`.
 
     Attributes:
+        judge: What measures runs on the scene.
         scene: The scene.
         span: How long all runs were.
         errors: The largest and the smallest error of interest.
@@ -58,7 +59,7 @@ class WorkPrecision:
     """
 
     def __init__(self, judge: Judge, errors: tuple[float, float], curves: Sequence[Curve], left_out: dict[str, str]):
-        self._judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
+        self.judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
         self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
         self.machine = machine()
 
@@ -87,9 +88,7 @@ class WorkPrecision:
         Raises:
             IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
-        from bseries.advice.work_precision.recommendation import choose
-
-        return choose(self, error, span, self.measures[0] if measure is None else measure)
+        return choose(self.judge, self.curves, error, span, measure)
 
     def to_dict(self) -> dict[str, Any]:
         """All figures as JSON-ready data."""
@@ -278,6 +277,6 @@ def _notes(found: WorkPrecision) -> list[str]:
     failed = sum(row.errors.failure is not None for row in rows)
     if failed:
         notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
-    if found._judge.problem:
-        notes.append(f"The solution was not measured: {found._judge.problem}.")
+    if found.judge.problem:
+        notes.append(f"The solution was not measured: {found.judge.problem}.")
     return notes

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.measures import MEASURES, check_measure, whole_steps
-from bseries.advice.work_precision.extrapolation import Outlook, best_outlook, factor
+from bseries.advice.work_precision.extrapolation import best_outlook, factor
+from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.step_costs import SAMPLE, step_costs
 from bseries.advice.work_precision.sweeps import ROUNDING
 from integrators.core.errors import IntegratorError
 from integrators.steppers.run_input import read_number, read_positive
 
 if TYPE_CHECKING:
-    from bseries.advice.work_precision.precision_curves import WorkPrecision
     from bseries.advice.work_precision.run_errors import Judge, RunErrors
     from bseries.advice.work_precision.sweeps import Curve
 
@@ -75,23 +75,24 @@ class Step(NamedTuple):
     error: float
 
 
-def choose(found: WorkPrecision, error: float, span: float | None, measure: str) -> Recommendation:
+def choose(
+    judge: Judge, curves: Sequence[Curve], error: float, span: float | None, measure: str | None
+) -> Recommendation:
     """The cheapest method for an error; see `WorkPrecision.best`."""
-    judge = found._judge
-    measure = check_measure(measure, MEASURES)
-    if measure not in found.measures:
-        raise IntegratorError(f"measure must be one of {', '.join(found.measures)}, which were had, but was {measure}")
+    measure = judge.available[0] if measure is None else check_measure(measure, MEASURES)
+    if measure not in judge.available:
+        raise IntegratorError(f"measure must be one of {', '.join(judge.available)}, which were had, but was {measure}")
     wanted = read_positive(error, "error")
     length = judge.span if span is None else read_number(span, "span")
     if length < judge.span:
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
     times = length / judge.span
-    ahead = _ahead(found, wanted, length, measure)
+    ahead = _ahead(judge, curves, wanted, length, measure)
     able = [each for each in ahead if _bracket_of_rows(*each, wanted, measure)[0] is not None]
     steps = [_checked_step(judge, *near, wanted, length, measure) for near in _near(able, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
-        raise _refusal(found, [until for _, until in ahead], wanted, length, measure)
+        raise _refusal(judge, [until for _, until in ahead], wanted, length, measure)
     seconds = _seconds(judge, list(met.values()))
     name = min(seconds, key=seconds.__getitem__)
     step = met[name]
@@ -109,13 +110,15 @@ def choose(found: WorkPrecision, error: float, span: float | None, measure: str)
     )
 
 
-def _ahead(found: WorkPrecision, error: float, length: float, measure: str) -> list[tuple[Curve, Outlook]]:
+def _ahead(
+    judge: Judge, curves: Sequence[Curve], error: float, length: float, measure: str
+) -> list[tuple[Curve, Outlook]]:
     """The methods with their outlooks, but for those that would be dearer even if errors did not grow."""
-    optimistic = ((curve.seconds(error, measure), curve) for curve in found.curves)
+    optimistic = ((curve.seconds(error, measure), curve) for curve in curves)
     chosen, least = [], math.inf
     for seconds, curve in sorted(((t, c) for t, c in optimistic if t is not None), key=lambda pair: pair[0]):
         if seconds <= NEAR * least:
-            until = best_outlook(found._judge, curve, length, error, measure)
+            until = best_outlook(judge, curve, length, error, measure)
             chosen.append((curve, until))
             if _bracket_of_rows(curve, until, error, measure)[0] is not None:  # and not by luck
                 least = min(least, curve.seconds(error, measure, until) or math.inf)
@@ -136,16 +139,16 @@ def _checked_step(judge: Judge, curve: Curve, ahead: Outlook, error: float, leng
     return step
 
 
-def _refusal(found: WorkPrecision, ahead: list[Outlook], error: float, length: float, measure: str) -> IntegratorError:
+def _refusal(judge: Judge, ahead: list[Outlook], error: float, length: float, measure: str) -> IntegratorError:
     """Why no method is recommended: none is so precise, or how errors grow on in a longer run is not known."""
-    if length <= found.span or not ahead:
+    if length <= judge.span or not ahead:
         return IntegratorError(
-            f"error must be one that a method reaches on {found.scene.name} within its budget, but was {error:g}"
+            f"error must be one that a method reaches on {judge.scene.name} within its budget, but was {error:g}"
         )
     reason = "" if any(until.tells(measure) for until in ahead) else ", since the motion turned too seldom"
     return IntegratorError(
-        f"span must be one for which a method is known to reach {error:g} on {found.scene.name}, but was {length:g}: "
-        f"how errors grow on from {found.span:g} to {length:g} may be unknown{reason}"
+        f"span must be one for which a method is known to reach {error:g} on {judge.scene.name}, but was {length:g}: "
+        f"how errors grow on from {judge.span:g} to {length:g} may be unknown{reason}"
     )
 
 

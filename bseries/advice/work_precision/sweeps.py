@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from bseries.advice.measures import SOLUTION
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision.candidates import Candidate
-from bseries.advice.work_precision.extrapolation import Outlook
+from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.run_errors import UNSOLVED, Judge, RunErrors
 from bseries.advice.work_precision.step_costs import step_costs
 

@@ -199,7 +199,7 @@ def cost(
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
-    from bseries.advice.work_precision.ahead import reference_compiled_ahead
+    from bseries.advice.work_precision.dense_reference import reference_compiled_ahead
     from bseries.advice.work_precision.precision_curves import work_precision
 
     if start is not None:
