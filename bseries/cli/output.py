@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.progress import Progress
 
@@ -62,8 +62,8 @@ class Output(NamedTuple):
 
     def listing(
         self,
-        columns: Sequence[layout.Column],
-        rows: Sequence[layout.Row],
+        columns: Sequence[table.Column],
+        rows: Sequence[table.Row],
         title: str,
         notes: Sequence[str],
         sections: int | None = None,
@@ -73,9 +73,9 @@ class Output(NamedTuple):
         In plain text an empty line stands wherever the column number `sections` changes.
         """
         if self.format == "markdown":
-            return [layout.markdown(columns, rows, title=title, notes=notes)]
-        text = layout.table(columns, rows if sections is None else layout.sections(rows, sections), self.width)
-        return [layout.paragraphs([title, ""], self.width), text, layout.paragraphs(["", *notes], self.width)]
+            return [table.markdown(columns, rows, title=title, notes=notes)]
+        text = table.text(columns, rows if sections is None else table.sections(rows, sections), self.width)
+        return [table.paragraphs([title, ""], self.width), text, table.paragraphs(["", *notes], self.width)]
 
     def write(self, chunks: Iterable[str]) -> None:
         """Write text piece by piece; a file appears when it is complete."""

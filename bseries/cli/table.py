@@ -25,7 +25,7 @@ class Column(NamedTuple):
     right: bool = False
 
 
-def table(columns: Sequence[Column], rows: Iterable[Row | None], width: int | None) -> str:
+def text(columns: Sequence[Column], rows: Iterable[Row | None], width: int | None) -> str:
     """Aligned columns under a rule; None among the rows is an empty line.
 
     Where `width` columns of a terminal do not suffice, wide cells are folded, never cut.

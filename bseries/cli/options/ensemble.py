@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.numbers import read_float
@@ -180,13 +180,13 @@ def _text(
         if watch.prediction is not None:
             facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(None)}
         failures = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in result.failures]
-        return [layout.json({**facts, "failures": failures, "rows": list(_records(result))}, "rows")]
+        return [table.json({**facts, "failures": failures, "rows": list(_records(result))}, "rows")]
     rows = [[record["what"], *(_shown(record[key]) for key in list(record)[1:])] for record in _records(result)]
     notes = [*_notes(result, many, to), *watch.notes(None)]
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = layout.table(COLUMNS, rows, output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = table.text(COLUMNS, rows, output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
 def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
@@ -233,4 +233,4 @@ def _csv(result: EnsembleResult) -> Iterator[str]:
         [repr(float(t)), str(count), *(repr(float(column[k])) for column in columns)]
         for k, (t, count) in enumerate(zip(result.t, result.count, strict=True))
     )
-    return layout.csv(["t", "count", *names], rows)
+    return table.csv(["t", "count", *names], rows)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.output import WholeNumber, names_or_none, takes_output
 from bseries.cli.table import Column
@@ -64,23 +64,23 @@ def check(method: Method, order: int | None, nonzero: bool, output: Output) -> I
         data = report.to_dict()
         if nonzero and "error" in data:
             data["error"]["terms"] = [term for term in data["error"]["terms"] if term["coefficient"] != "0"]
-        return [layout.json(data)]
+        return [table.json(data)]
     number = _latex_number if output.format == "latex" else _number
     facts, errors = list(_facts(report, number)), list(_errors(report, number, nonzero))
     if output.format == "csv":
-        return layout.csv([column.heading for column in COLUMNS], [*facts, *errors])
+        return table.csv([column.heading for column in COLUMNS], [*facts, *errors])
     notes = list(_notes(report))
     if len(errors) > MOST_TERMS:
         notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
         errors = []
     if output.format == "latex":
-        rows = [(layout.latex_text(name), v if v[0] == "$" else layout.latex_text(v)) for name, v in [*facts, *errors]]
-        return [layout.latex(COLUMNS, rows)]
+        rows = [(table.latex_text(name), v if v[0] == "$" else table.latex_text(v)) for name, v in [*facts, *errors]]
+        return [table.latex(COLUMNS, rows)]
     title = f"Order and properties of {method.name}"
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, [*facts, *errors], title=title, notes=notes)]
-    text = layout.table(COLUMNS, [*facts, *([None] if errors else []), *errors], output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, [*facts, *errors], title=title, notes=notes)]
+    text = table.text(COLUMNS, [*facts, *([None] if errors else []), *errors], output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
 def _facts(report: Report, number: Number) -> Iterator[tuple[str, str]]:

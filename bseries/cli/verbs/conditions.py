@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.trees import takes_max_children
 from bseries.cli.output import WholeNumber, names_or_none, takes_output
@@ -107,20 +107,20 @@ def _answer(found: OrderConditions, output: Output) -> Iterable[str]:
     """The conditions in any format."""
     output.check_rows(len(found))
     if output.format == "json":
-        return [layout.json(found.to_dict(), "conditions")]
+        return [table.json(found.to_dict(), "conditions")]
     if output.format == "csv":
-        return layout.csv(FIELDS, map(_csv_row, found.to_dict()["conditions"]))
+        return table.csv(FIELDS, map(_csv_row, found.to_dict()["conditions"]))
     if output.format == "latex":
         return [found.latex() + "\n"]
     title, notes = _title(found), _notes(found)
     rows = list(_rows(found, output))
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = layout.table(COLUMNS, layout.sections(rows, 0), output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = table.text(COLUMNS, table.sections(rows, 0), output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
-def _rows(found: OrderConditions, output: Output) -> Iterator[layout.Row]:
+def _rows(found: OrderConditions, output: Output) -> Iterator[table.Row]:
     names = names_or_none(found.names)
     for condition in output.track(found, len(found)):
         yield (
@@ -130,7 +130,7 @@ def _rows(found: OrderConditions, output: Output) -> Iterator[layout.Row]:
         )
 
 
-def _csv_row(record: dict[str, Any]) -> layout.Row:
+def _csv_row(record: dict[str, Any]) -> table.Row:
     return [" ".join(map(str, value)) if isinstance(value, list) else str(value) for value in record.values()]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.advice.measures import ENERGY, MODIFIED_ENERGY, duration
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import is_tableau_file, read_method
 from bseries.cli.options.numbers import read_float
@@ -108,13 +108,13 @@ def choice_facts(
     return facts
 
 
-def csv_rows(found: WorkPrecision) -> Iterator[layout.Row]:
+def csv_rows(found: WorkPrecision) -> Iterator[table.Row]:
     """All runs, one a row."""
     for curve in found.curves:
         for row in curve.rows:
             costs = (None,) * 4 if row.cost is None else row.cost
             errors = (getattr(row.errors, name) for name in CSV[-5:])
-            yield layout.values(curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)
+            yield table.values(curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)
 
 
 def _short(error: float) -> str:
@@ -223,12 +223,12 @@ def cost(
     if picture is not None:
         _draw(found, picture)
     if output.format == "csv":
-        return layout.csv(CSV, csv_rows(found))
+        return table.csv(CSV, csv_rows(found))
     goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
     choices = {error: _choice(found, error, longer) for error in goals}
     predictions = _predictions(found, choices) if predict else {}
     if output.format == "json":
-        return [layout.json({**found.to_dict(), "choices": choice_facts(choices, predictions)}, "methods")]
+        return [table.json({**found.to_dict(), "choices": choice_facts(choices, predictions)}, "methods")]
     return written(found, choices, predictions, output)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_float
 from bseries.cli.options.scene_argument import place, read_parts, read_start, takes_parts, takes_scene
@@ -75,17 +75,17 @@ def drift(
     )
     if output.format == "json":
         slope = _slope(report)
-        return [layout.json(report.to_dict() | ({} if slope is None else {"h": report.h, "slope": str(slope)}))]
+        return [table.json(report.to_dict() | ({} if slope is None else {"h": report.h, "slope": str(slope)}))]
     if output.format == "latex":
         from bseries.cli.scene_latex import latex_formula, latex_words
 
         def latex(value: str | sympy.Expr) -> str:
             return latex_words(value) if isinstance(value, str) else f"${latex_formula(value, scene)}$"
 
-        return [layout.latex(COLUMNS, ([latex_words(what), latex(value)] for what, value in _facts(report)))]
+        return [table.latex(COLUMNS, ([latex_words(what), latex(value)] for what, value in _facts(report)))]
     rows = [(what, str(value)) for what, value in _facts(report)]
     if output.format == "csv":
-        return layout.csv([column.heading for column in COLUMNS], rows)
+        return table.csv([column.heading for column in COLUMNS], rows)
     from integrators.core.errors import shorten
 
     title = f"Energy of {place(method, scene, effects)}: {report.verdict}"

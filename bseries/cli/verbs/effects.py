@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.advice.measures import SOLUTION, whole_steps
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.numbers import read_given
@@ -73,7 +73,7 @@ COST_CSV = (
 def write_report(report: EffectReport, output: Output) -> Iterable[str]:
     """Influences, their costs and the recommendation, in any format but JSON."""
     if output.format == "csv":
-        return layout.csv(CSV, _report_values(report))
+        return table.csv(CSV, _report_values(report))
     title = f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}"
     return _written(output, COLUMNS, list(_rows(report)), title, [EXPLANATION, *_times(report), *report.advice()])
 
@@ -81,7 +81,7 @@ def write_report(report: EffectReport, output: Output) -> Iterable[str]:
 def write_costs(costs: EffectCosts, output: Output) -> Iterable[str]:
     """What effects cost, in any format but JSON."""
     if output.format == "csv":
-        return layout.csv(COST_CSV, map(_cost_values, costs))
+        return table.csv(COST_CSV, map(_cost_values, costs))
     notes = [
         "step, field: CPU time for a step and for an evaluation of the field; ±: half the distance of the quartiles.",
         f"trees: those to order {costs.order} that the modified equation of {costs.method} needs there.",
@@ -91,28 +91,28 @@ def write_costs(costs: EffectCosts, output: Output) -> Iterable[str]:
 
 
 def _written(
-    output: Output, columns: Sequence[Column], rows: Sequence[layout.Row], title: str, notes: Sequence[str]
+    output: Output, columns: Sequence[Column], rows: Sequence[table.Row], title: str, notes: Sequence[str]
 ) -> Iterable[str]:
     if output.format == "latex":
-        return [layout.latex(columns, (list(map(layout.latex_text, row)) for row in rows))]
+        return [table.latex(columns, (list(map(table.latex_text, row)) for row in rows))]
     return output.listing(columns, rows, title, notes)
 
 
-def _report_values(report: EffectReport) -> Iterator[layout.Row]:
+def _report_values(report: EffectReport) -> Iterator[table.Row]:
     """The numbers of each effect, and in a row without a name the error of the method."""
     for row in report.rows:
         leave_out = str(row.name in report.leave_out).lower()
-        yield layout.values(row.name, *row.left_out, *row.alone, row.seconds, row.uncertainty, leave_out)
-    yield layout.values(None, *report.own_error, None, None, None, None, None)
+        yield table.values(row.name, *row.left_out, *row.alone, row.seconds, row.uncertainty, leave_out)
+    yield table.values(None, *report.own_error, None, None, None, None, None)
 
 
-def _cost_values(row: CostRow) -> layout.Row:
+def _cost_values(row: CostRow) -> table.Row:
     """The numbers of some effects; names are separated by spaces."""
     times = (*row.step[:3], *row.field[:3])
-    return layout.values(len(row.effects), " ".join(row.effects), *times, row.trees, row.all_trees)
+    return table.values(len(row.effects), " ".join(row.effects), *times, row.trees, row.all_trees)
 
 
-def _rows(report: EffectReport) -> Iterator[layout.Row]:
+def _rows(report: EffectReport) -> Iterator[table.Row]:
     """A row for each effect, and one for the method itself."""
     for row in report.rows:
         kept = "leave out" if row.name in report.leave_out else "keep"
@@ -134,7 +134,7 @@ def _times(report: EffectReport) -> Iterator[str]:
     yield "A step takes " + ", ".join(f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in times) + "."
 
 
-def _cost_row(row: CostRow) -> layout.Row:
+def _cost_row(row: CostRow) -> table.Row:
     trees = ["" if count is None else f"{count:,}" for count in (row.trees, row.all_trees)]
     return [str(len(row.effects)), ", ".join(row.effects), *_timing(row.step), *_timing(row.field), *trees]
 
@@ -227,7 +227,7 @@ def effects(
         **common,
     )
     if output.format == "json":
-        return [layout.json({**report.to_dict(), "machine": machine()}, "rows")]
+        return [table.json({**report.to_dict(), "machine": machine()}, "rows")]
     return write_report(report, output)
 
 
@@ -271,5 +271,5 @@ def _costs(scene: Any, method: Method, common: dict[str, Any], order: int | None
 
     costs = effect_costs(scene, method, order=ORDER if order is None else order, **common)
     if output.format == "json":
-        return [layout.json({**costs.to_dict(), "machine": machine()}, "rows")]
+        return [table.json({**costs.to_dict(), "machine": machine()}, "rows")]
     return write_costs(costs, output)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.powers import notes, read_powers, remarks, span, takes_powers
 from bseries.cli.options.scene_argument import head, place, read_parts, takes_parts, takes_scene
@@ -74,12 +74,12 @@ def equation(
         return [field_equations(scene, terms)]
     if output.format == "json":
         records = [_record(k, field) for k, field in terms if any(field) or not nonzero]
-        return [layout.json({**_head(f, method, effects, modifying), "terms": records}, "terms")]
+        return [table.json({**_head(f, method, effects, modifying), "terms": records}, "terms")]
     rows = [
         (str(k), x, str(g)) for k, field in terms for x, g in zip(f.variables, field, strict=True) if g or not nonzero
     ]
     if output.format == "csv":
-        return layout.csv(FIELDS, rows)
+        return table.csv(FIELDS, rows)
     what = "Modifying integrator" if modifying else "Modified equation"
     title = f"{what} of {place(method, scene, effects)}: {span(powers)}, {f.report()}"
     below = [_meaning(modifying), *notes(f.series, method, scene, nonzero=nonzero)]

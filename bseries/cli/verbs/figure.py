@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.scene_argument import read_assignments
 from bseries.cli.output import Output
@@ -75,14 +75,14 @@ def figure(
     with Progress() as progress:
         if listed:
             output = Output("table", None, progress)
-            output.write([layout.table(COLUMNS, _rows(), output.width)])
+            output.write([table.text(COLUMNS, _rows(), output.width)])
         elif everything:
             _draw_all(path, data, settings, format_ or "png", progress)
         else:
             _draw_one(str(name), path, data, settings, progress)
 
 
-def _rows() -> list[layout.Row]:
+def _rows() -> list[table.Row]:
     """A line for each figure."""
     from bseries.figures.registry import figure_file, figure_names, options_of
 
@@ -109,7 +109,7 @@ def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[
     _make(file, _options(file, name, settings), path, format_, data, progress.update)
     if path is not None and data != "-":  # numbers on standard output stay alone
         output = Output("table", None, progress)
-        output.write([layout.paragraphs([file.CAPTION], output.width)])
+        output.write([table.paragraphs([file.CAPTION], output.width)])
 
 
 def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:
@@ -152,15 +152,15 @@ def _make(
     advance: Callable[[int, int], None],
 ) -> None:
     """Compute the numbers of a figure, and write them, their picture or both."""
+    from bseries import plotting
     from bseries.figures.registry import compute, drawn, takes_progress
-    from bseries.plotting import picture, table
     from integrators.core.text_files import atomic_write
 
     numbers = compute(file, {**options, "progress": advance} if takes_progress(file) else options)
-    content = None if format_ is None else picture(drawn(file, numbers), format_)
+    content = None if format_ is None else plotting.picture(drawn(file, numbers), format_)
     if data is not None:
         columns = file.columns(numbers)
-        _write_text(layout.csv(list(columns), table(columns)), data)
+        _write_text(table.csv(list(columns), plotting.table(columns)), data)
     if path is not None and content is not None:
         atomic_write(path, content)
 

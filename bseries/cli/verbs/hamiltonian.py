@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.powers import notes, read_powers, remarks, span, takes_powers
@@ -125,7 +125,7 @@ def _on_scene(
         return [hamiltonian_equation(energy.scene, terms, energy.verdict.limit(latex=True))]
     rows = [(str(k), str(formula)) for k, formula in terms if formula != 0 or not nonzero]
     if output.format == "csv":
-        return layout.csv(FIELDS, rows)
+        return table.csv(FIELDS, rows)
     series = energy.field.series
     if output.format == "json":
         data = {
@@ -139,7 +139,7 @@ def _on_scene(
             **remarks(series, method, energy.scene),
             "terms": [{"power": int(k), "hamiltonian": formula} for k, formula in rows],
         }
-        return [layout.json(data, "terms")]
+        return [table.json(data, "terms")]
     title = f"Modified Hamiltonian of {place(method, energy.scene, effects)}: {span(powers)}, by {energy.route}"
     below = [
         energy.verdict.limit()
@@ -177,9 +177,9 @@ def _in_brackets(
         data = brackets.to_dict()
         terms = [x for x in data.pop("terms") if x["power"] in powers and (x["coefficient"] != "0" or not nonzero)]
         if output.format == "csv":
-            return layout.csv(BRACKET_FIELDS, ([str(x[field]) for field in BRACKET_FIELDS] for x in terms))
+            return table.csv(BRACKET_FIELDS, ([str(x[field]) for field in BRACKET_FIELDS] for x in terms))
         issues = {"issues": list(method.issues)} if method.issues else {}
-        return [layout.json({**data, **issues, "terms": terms}, "terms")]
+        return [table.json({**data, **issues, "terms": terms}, "terms")]
     rows = [(str(k), brackets.term_text(k)) for k in shown]
     title = f"Modified Hamiltonian of {method.name}: {span(powers)}, in brackets of {', '.join(brackets.parts)}"
     return output.listing(COLUMNS, rows, title, list(_bracket_notes(brackets, method, nonzero)))
@@ -215,18 +215,18 @@ def _verdict(
 
     verdict = hamiltonian_verdict(method, scene, order, parts=parts)
     if output.format == "json":
-        return [layout.json({**head("hamiltonian-verdict", method, scene, effects), **verdict.to_dict()})]
+        return [table.json({**head("hamiltonian-verdict", method, scene, effects), **verdict.to_dict()})]
     where = place(method, scene, effects)
     general = verdict.general
     rows = [] if general is None else [(verdict.kind, str(general.order), verdict.broken_tree or "")]
     here = where.removeprefix(f"{method.name} on ")
     rows.append((here, str(verdict.order), "" if verdict.holds else f"h^{verdict.order}"))
     if output.format == "csv":
-        return layout.csv([column.heading for column in VERDICT_COLUMNS], rows)
+        return table.csv([column.heading for column in VERDICT_COLUMNS], rows)
     if output.format == "latex":
         from bseries.cli.scene_latex import latex_words
 
-        return [layout.latex(VERDICT_COLUMNS, ([latex_words(cell) for cell in row] for row in rows))]
+        return [table.latex(VERDICT_COLUMNS, ([latex_words(cell) for cell in row] for row in rows))]
     title = f"Modified equation of {where}: Hamiltonian to order {verdict.order}, tested to {verdict.tested_to}"
     return output.listing(VERDICT_COLUMNS, rows, title, list(_verdict_notes(verdict)))
 

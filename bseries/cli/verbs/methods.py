@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.output import takes_output
@@ -53,19 +53,19 @@ def _catalogue(output: Output) -> Iterable[str]:
     entries = catalogue()
     if output.format == "json":
         records = [_record(entry) for entry in entries]
-        return [layout.json({"schema": 1, "kind": "methods", "methods": records}, "methods")]
+        return [table.json({"schema": 1, "kind": "methods", "methods": records}, "methods")]
     if output.format == "csv":
-        return layout.csv(FIELDS, (_csv_row(_record(entry)) for entry in entries))
+        return table.csv(FIELDS, (_csv_row(_record(entry)) for entry in entries))
     if output.format == "latex":
-        cells = ([layout.latex_text(cell.replace("\n", "; ")) for cell in _row(entry)] for entry in entries)
-        return [layout.latex(COLUMNS, cells)]
+        cells = ([table.latex_text(cell.replace("\n", "; ")) for cell in _row(entry)] for entry in entries)
+        return [table.latex(COLUMNS, cells)]
     notes = ["`bseries methods NAME` shows a tableau and its source; --format csv and json list all sources."]
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, map(_row, entries), title="Methods", notes=notes)]
-    rows: list[layout.Row | None] = []
+        return [table.markdown(COLUMNS, map(_row, entries), title="Methods", notes=notes)]
+    rows: list[table.Row | None] = []
     for kind, group in groupby(entries, key=lambda entry: entry.kind):
         rows += [None, (kind.upper(), "", "", ""), *map(_row, group)]
-    return [layout.table(COLUMNS, rows[1:], output.width), layout.paragraphs(["", *notes], output.width)]
+    return [table.text(COLUMNS, rows[1:], output.width), table.paragraphs(["", *notes], output.width)]
 
 
 def _record(entry: MethodEntry) -> dict[str, Any]:
@@ -77,11 +77,11 @@ def _name(entry: MethodEntry) -> str:
     return entry.name + "{s}" * entry.is_family
 
 
-def _csv_row(record: dict[str, Any]) -> layout.Row:
+def _csv_row(record: dict[str, Any]) -> table.Row:
     return [" ".join(value) if isinstance(value, tuple) else str(value) for value in record.values()]
 
 
-def _row(entry: MethodEntry) -> layout.Row:
+def _row(entry: MethodEntry) -> table.Row:
     stages = str(entry.stages) if entry.stages else f"s ≥ {entry.least_stages}" if entry.least_stages > 1 else "s"
     description = [entry.description]
     if entry.aliases:
@@ -111,7 +111,7 @@ def _tableau(method: Method, output: Output) -> Iterable[str]:
 
         return [dumps_method(method, "json")]
     if output.format == "csv":
-        return layout.csv(("part", "row", "node", *map(str, range(1, method.stages + 1))), _csv_tableau(method))
+        return table.csv(("part", "row", "node", *map(str, range(1, method.stages + 1))), _csv_tableau(method))
     return [_latex_tableau(part) for part in method.partitions]
 
 
@@ -120,7 +120,7 @@ def _described(method: Method, output: Output) -> Iterable[str]:
     facts = list(_facts(method))
     if output.format == "markdown":
         return [f"{method.name}\n\n```text\n{method}\n```\n\n", *(f"- {fact}\n" for fact in facts)]
-    return [f"{method.name}\n\n{method}\n\n", layout.paragraphs(facts, output.width)]
+    return [f"{method.name}\n\n{method}\n\n", table.paragraphs(facts, output.width)]
 
 
 def _facts(method: Method) -> Iterator[str]:
@@ -149,7 +149,7 @@ def _shown(part: RungeKutta) -> RungeKutta:
     return part.to_float() if too_long else part
 
 
-def _csv_tableau(method: RungeKutta | PartitionedRungeKutta) -> Iterator[layout.Row]:
+def _csv_tableau(method: RungeKutta | PartitionedRungeKutta) -> Iterator[table.Row]:
     for part, name in zip(map(_shown, method.partitions), method.names, strict=True):
         for i, row in enumerate(part.A):
             yield name, f"A{i + 1}", str(part.c[i]), *map(str, row)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.scene_argument import takes_scene
 from bseries.cli.output import takes_output
@@ -103,8 +103,8 @@ def _entry_of(scene: Scene) -> SceneEntry | None:
 def _place(summand: Summand) -> str:
     """Where a formula goes: H or a derivative, over which sites, and in which part of the field."""
     target = "H" if summand.target is None else f"{summand.target}'"
-    table = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
-    where = f"sites {shorten(table)}" if table else SUMS.get(summand.sites.kind)
+    listed = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
+    where = f"sites {shorten(listed)}" if listed else SUMS.get(summand.sites.kind)
     part = summand.part and f"part {summand.part}"
     return ", ".join(filter(None, [target, where, part]))
 
@@ -179,17 +179,17 @@ def _catalogue(output: Output) -> Iterable[str]:
 
     records = list(map(_record, scene_catalogue()))
     if output.format == "json":
-        return [layout.json({"schema": 1, "kind": "scenes", "scenes": records}, "scenes")]
+        return [table.json({"schema": 1, "kind": "scenes", "scenes": records}, "scenes")]
     if output.format == "csv":
-        return layout.csv(FIELDS, map(_csv_row, records))
+        return table.csv(FIELDS, map(_csv_row, records))
     if output.format == "latex":
         from bseries.cli.scene_latex import latex_words
 
-        return [layout.latex(COLUMNS, ([latex_words(cell.replace("\n", "; ")) for cell in _row(r)] for r in records))]
+        return [table.latex(COLUMNS, ([latex_words(cell.replace("\n", "; ")) for cell in _row(r)] for r in records))]
     notes = ["`bseries scenes NAME` shows one in detail; --format csv and json list all sources."]
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, map(_row, records), title="Scenes", notes=notes)]
-    return [layout.table(COLUMNS, map(_row, records), output.width), layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, map(_row, records), title="Scenes", notes=notes)]
+    return [table.text(COLUMNS, map(_row, records), output.width), table.paragraphs(["", *notes], output.width)]
 
 
 def _record(entry: SceneEntry) -> dict[str, Any]:
@@ -197,11 +197,11 @@ def _record(entry: SceneEntry) -> dict[str, Any]:
     return {field: entry.build().dimension if field == "dimension" else getattr(entry, field) for field in FIELDS}
 
 
-def _csv_row(record: dict[str, Any]) -> layout.Row:
+def _csv_row(record: dict[str, Any]) -> table.Row:
     return [str(value) if isinstance(value, str | int) else " ".join(value) for value in record.values()]
 
 
-def _row(record: dict[str, Any]) -> layout.Row:
+def _row(record: dict[str, Any]) -> table.Row:
     lists = (("also", record["aliases"]), ("options", record["options"]))
     description = [record["summary"], *(f"{what}: {', '.join(names)}" for what, names in lists if names)]
     return record["name"], str(record["dimension"]), ", ".join(record["effects"]), "\n".join(description)
@@ -213,19 +213,19 @@ def _details(scene: Scene, effects: Sequence[str], output: Output) -> Iterable[s
 
     if output.format == "json":
 
-        return [layout.json({"schema": 1, "kind": "scene", "dimension": scene.dimension, **scene.to_dict()})]
+        return [table.json({"schema": 1, "kind": "scene", "dimension": scene.dimension, **scene.to_dict()})]
     if output.format == "latex":
-        return [layout.latex(FACTS, latex_rows(scene))]
+        return [table.latex(FACTS, latex_rows(scene))]
     rows = fact_rows(scene)
     if output.format == "csv":
-        return layout.csv([column.heading for column in FACTS], rows)
+        return table.csv([column.heading for column in FACTS], rows)
     rows = [(what, shorten(value, MOST_CHARACTERS)) for what, value in rows]
     title = scene.name + " with " * bool(effects) + ", ".join(effects) + (f": {scene.summary}" if scene.summary else "")
     notes = [f"{note[0].upper()}{note[1:]}." for note in scene.notes]
     if output.format == "markdown":
-        return [layout.markdown(FACTS, rows, title=title, notes=notes)]
-    text = layout.table(FACTS, rows, output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(_below(notes), output.width)]
+        return [table.markdown(FACTS, rows, title=title, notes=notes)]
+    text = table.text(FACTS, rows, output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(_below(notes), output.width)]
 
 
 def _below(notes: Sequence[str]) -> list[str]:

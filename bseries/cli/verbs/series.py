@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.trees import takes_max_children
 from bseries.cli.output import WholeNumber, names_or_none, takes_output
@@ -129,31 +129,31 @@ def answer(
         data = s.to_dict(kind, nonzero=nonzero)
         if issues:
             data["issues"] = list(issues)
-        return [layout.json(data, "terms")]
+        return [table.json(data, "terms")]
     if output.format == "latex":
         return [s.to_latex(nonzero=True) + "\n"]
     if output.format == "csv":
-        return layout.csv(FIELDS, _csv_rows(s, _terms(s, nonzero, output)))
+        return table.csv(FIELDS, _csv_rows(s, _terms(s, nonzero, output)))
     title, notes = _title(s, kind), _notes(s, issues, kind, nonzero=nonzero, rounded=as_float)
     rows = _table_rows(s, _terms(s, nonzero, output))
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = layout.table(COLUMNS, layout.sections(rows, 0), output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = table.text(COLUMNS, table.sections(rows, 0), output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
 def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[Term]:
     return output.track(s.terms(nonzero=nonzero), len(s))
 
 
-def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
+def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[table.Row]:
     names = names_or_none(s.names)
     for term in terms:
         tree = term.tree
         yield str(tree.order), tree.text(names), term.coefficient_text, term.weight_text, tree.differential(names=names)
 
 
-def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[layout.Row]:
+def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[table.Row]:
     names = names_or_none(s.names)
     for term in terms:
         tree = term.tree

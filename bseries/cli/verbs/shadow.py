@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.method_argument import split_row
 from bseries.cli.options.numbers import read_float
@@ -123,15 +123,15 @@ def _text(report: ShadowReport, bound: float | None, output: Output) -> Iterable
         data = report.to_dict()
         if bound is not None:
             data["bound"] = {"energy": bound, "step": report.step_for(bound)}
-        return [layout.json({**data, "rows": data.pop("rows")}, "rows")]
+        return [table.json({**data, "rows": data.pop("rows")}, "rows")]
     if output.format == "csv":
         rows = (row._asdict() for row in report.rows)
-        return layout.csv(FIELDS, (["" if row[key] is None else repr(row[key]) for key in FIELDS] for row in rows))
+        return table.csv(FIELDS, (["" if row[key] is None else repr(row[key]) for key in FIELDS] for row in rows))
     columns = [Column(heading, True) for heading in sentences.HEADINGS]
     cells = [sentences.cells(row) for row in report.rows]
     title, notes = sentences.title(report), list(sentences.sentences(report, bound))
     if output.format == "markdown":
-        return [layout.markdown(columns, cells, title=title, notes=[*notes, sentences.KEY])]
-    table = layout.table(columns, cells, output.width)
-    below = layout.paragraphs(["", *notes, "", sentences.KEY], output.width)
-    return [layout.paragraphs([title, ""], output.width), table, below]
+        return [table.markdown(columns, cells, title=title, notes=[*notes, sentences.KEY])]
+    text = table.text(columns, cells, output.width)
+    below = table.paragraphs(["", *notes, "", sentences.KEY], output.width)
+    return [table.paragraphs([title, ""], output.width), text, below]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.ensemble import simulate_ensemble, takes_ensemble
 from bseries.cli.options.expectation import Expectation
@@ -233,14 +233,14 @@ def _text(
         facts |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
         if watch.prediction is not None:
             facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(lost)}
-        return [layout.json({**facts, "file": to, "rows": records}, "rows")]
+        return [table.json({**facts, "file": to, "rows": records}, "rows")]
     rows = [_row(record) for record in records]
     notes = [*_notes(run, rows, cost, to), *watch.notes(lost)]
     shown = rows[:MOST_ROWS]
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, shown, title=title, notes=notes)]
-    text = layout.table(COLUMNS, shown, output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, shown, title=title, notes=notes)]
+    text = table.text(COLUMNS, shown, output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
 def _records(run: Trajectory, scene: Scene) -> Iterator[dict[str, Any]]:
@@ -274,13 +274,13 @@ def _finite(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _row(record: dict[str, Any]) -> layout.Row:
+def _row(record: dict[str, Any]) -> table.Row:
     forms = {"start": ".15g", "end": ".15g", "change": ".3g", "relative": ".3g"}
     cells = ("" if record.get(key) is None else format(record[key], form) for key, form in forms.items())
     return [record["what"], *cells]
 
 
-def _notes(run: Trajectory, rows: Sequence[layout.Row], cost: float | None, to: str | None) -> Iterator[str]:
+def _notes(run: Trajectory, rows: Sequence[table.Row], cost: float | None, to: str | None) -> Iterator[str]:
     if run.observed:
         count = len(run.observed_t)
         yield f"change: the largest distance from the start, at {count:,} times; relative: as a part of the start."
@@ -298,4 +298,4 @@ def _csv(run: Trajectory) -> Iterator[str]:
         raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
     columns = [run.t, *run.y, *run.observed.values()]
     lines = ([repr(float(column[k])) for column in columns] for k in range(len(run.t)))
-    return layout.csv(["t", *run.variables, *run.observed], lines)
+    return table.csv(["t", *run.variables, *run.observed], lines)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table as layout
+from bseries.cli import table
 from bseries.cli.options.trees import takes_max_children
 from bseries.cli.output import WholeNumber, names_or_none, takes_output
 from bseries.cli.table import Column
@@ -58,8 +58,7 @@ def trees(order: int, colors: int, max_children: Any, count: bool, output: Outpu
     if count:
         return count_answer(counts, colors, output)
     output.check_rows(sum(counts))
-    table = TreeTable(order, colors, max_children)
-    return tree_answer(table, output)
+    return tree_answer(TreeTable(order, colors, max_children), output)
 
 
 def count_answer(counts: Sequence[int], colors: int, output: Output) -> Iterable[str]:
@@ -67,37 +66,37 @@ def count_answer(counts: Sequence[int], colors: int, output: Output) -> Iterable
     numbers = list(zip(range(1, len(counts) + 1), counts, accumulate(counts), strict=True))
     if output.format == "json":
         rows = [{"order": n, "trees": own, "total": total} for n, own, total in numbers]
-        return [layout.json({"schema": 1, "kind": "tree-counts", "colors": colors, "counts": rows}, "counts")]
+        return [table.json({"schema": 1, "kind": "tree-counts", "colors": colors, "counts": rows}, "counts")]
     rows = [tuple(map(str, row)) for row in numbers]
     if output.format == "csv":
-        return layout.csv(("order", "trees", "total"), rows)
+        return table.csv(("order", "trees", "total"), rows)
     if output.format == "latex":
-        return [layout.latex(COUNT_COLUMNS, rows)]
+        return [table.latex(COUNT_COLUMNS, rows)]
     if output.format == "markdown":
-        return [layout.markdown(COUNT_COLUMNS, rows, title="Numbers of rooted trees", notes=[])]
-    return [layout.table(COUNT_COLUMNS, rows, output.width)]
+        return [table.markdown(COUNT_COLUMNS, rows, title="Numbers of rooted trees", notes=[])]
+    return [table.text(COUNT_COLUMNS, rows, output.width)]
 
 
-def tree_answer(table: TreeTable, output: Output) -> Iterable[str]:
+def tree_answer(listed: TreeTable, output: Output) -> Iterable[str]:
     """The trees in any format."""
     from trees.names import default_names
 
-    names = names_or_none(default_names(table.colors))
-    trees = enumerate(output.track(table, len(table)))
+    names = names_or_none(default_names(listed.colors))
+    trees = enumerate(output.track(listed, len(listed)))
     if output.format == "json":
-        data = {"schema": 1, "kind": "trees", "order": table.max_order, "colors": list(default_names(table.colors))}
-        return [layout.json({**data, "trees": [_record(i, tree, names) for i, tree in trees]}, "trees")]
+        data = {"schema": 1, "kind": "trees", "order": listed.max_order, "colors": list(default_names(listed.colors))}
+        return [table.json({**data, "trees": [_record(i, tree, names) for i, tree in trees]}, "trees")]
     if output.format == "csv":
-        return layout.csv(FIELDS, (_csv_row(_record(i, tree, names)) for i, tree in trees))
+        return table.csv(FIELDS, (_csv_row(_record(i, tree, names)) for i, tree in trees))
     if output.format == "latex":
-        return [layout.latex(COLUMNS, (_latex_row(i, tree, names) for i, tree in trees))]
+        return [table.latex(COLUMNS, (_latex_row(i, tree, names) for i, tree in trees))]
     rows = (_row(i, tree, names) for i, tree in trees)
-    title = f"{len(table)} rooted trees with at most {table.max_order} nodes"
+    title = f"{len(listed)} rooted trees with at most {listed.max_order} nodes"
     notes = ["σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings."]
     if output.format == "markdown":
-        return [layout.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = layout.table(COLUMNS, layout.sections(rows, 1), output.width)
-    return [layout.paragraphs([title, ""], output.width), text, layout.paragraphs(["", *notes], output.width)]
+        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
+    text = table.text(COLUMNS, table.sections(rows, 1), output.width)
+    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
 def _record(at: int, tree: Tree, names: Sequence[str] | None) -> dict[str, Any]:
@@ -116,15 +115,15 @@ def _record(at: int, tree: Tree, names: Sequence[str] | None) -> dict[str, Any]:
     }
 
 
-def _csv_row(record: dict[str, Any]) -> layout.Row:
+def _csv_row(record: dict[str, Any]) -> table.Row:
     return [" ".join(map(str, value)) if isinstance(value, list) else str(value) for value in record.values()]
 
 
-def _row(at: int, tree: Tree, names: Sequence[str] | None) -> layout.Row:
+def _row(at: int, tree: Tree, names: Sequence[str] | None) -> table.Row:
     return (*_numbers(at, tree, tree.text(names)), tree.differential(names=names), tree.weight(names=names))
 
 
-def _latex_row(at: int, tree: Tree, names: Sequence[str] | None) -> layout.Row:
+def _latex_row(at: int, tree: Tree, names: Sequence[str] | None) -> table.Row:
     formulas = (f"${formula('latex', names)}$" for formula in (tree.differential, tree.weight))
     return (*_numbers(at, tree, f"${tree.text(names)}$".replace("τ", r"\tau ")), *formulas)
 
