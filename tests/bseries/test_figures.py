@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.cli import table as layout
+from bseries import plotting
+from bseries.cli import table
 from bseries.figures import (
     energy_error,
     lotka_volterra,
@@ -30,7 +31,7 @@ from bseries.figures import (
 )
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
 from bseries.figures.truncated_scenes import truncated_scene
-from bseries.plotting import FORMATS, PrintFigure, new_figure, picture, picture_format, table
+from bseries.plotting import FORMATS, PrintFigure, new_figure, picture, picture_format
 
 pytest.importorskip("matplotlib")
 
@@ -383,7 +384,7 @@ def test_pictures_are_complete(name):
 @pytest.mark.parametrize("name", figures())
 def test_columns_survive_csv(name):
     columns = figure_file(name).columns(numbers_of(name))
-    text = "".join(layout.csv(list(columns), table(columns)))
+    text = "".join(table.csv(list(columns), plotting.table(columns)))
     rows = list(csv.reader(io.StringIO(text)))
     assert rows[0] == list(columns)
     for k, column in enumerate(columns.values()):
