@@ -121,18 +121,18 @@ class Rootings:
         self.table = table
         self.flips = blocks and not is_separable(table)
         size = len(table)
-        columns = (table._block, table._order, table._color, table._left, table._right, table._base_start, table._base)
         flipped, turned, representative = (table.column(size, "int32") for _ in range(3))
         sign, stack = table.column(size), table.column(table.max_order, "int32")
-        table.run(turn_roots)(self.flips, table.max_order, table.colors, *columns, stack, flipped, turned)
+        table.run(turn_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
         self.flipped, self.turned = _list(flipped), _list(turned)
         if min(self.turned) < 0 or (self.flips and min(self.flipped) < 0):
             raise TreeError(f"table must hold every tree with its root moved, but {table!r} does not")
+        columns = table.columns
         table.run(find_centroids)(
-            self.flips, table._order, table._color, table._right, flipped, turned, representative, sign
+            self.flips, columns.order, columns.color, columns.right, flipped, turned, representative, sign
         )
         self.representative, self.sign = _list(representative), _list(sign)
-        self._symmetry = _list(table._symmetry_and_density[0])
+        self._symmetry = _list(table.symmetry_and_density[0])
 
     def symmetry(self, tree: int) -> int:
         """Number of automorphisms of a tree's free tree: the centroid, or the edge between two, stays where it is."""
@@ -165,11 +165,8 @@ def is_separable(table: TreeTable) -> bool:
 def grafting(table: TreeTable) -> Callable[[int, int], int]:
     """The Butcher product u ∘ v on the ids of a table; negative if the table does not hold it."""
     run = table.run(kernels.graft)
-    columns = (
-        table.max_order, table.colors, table._block, table._order, table._color, table._left, table._right,
-        table._base_start, table._base, table.column(table.max_order, "int32"),
-    )  # fmt: skip
-    return lambda u, v: run(u, v, *columns)
+    stack = table.column(table.max_order, "int32")
+    return lambda u, v: run(u, v, table.max_order, table.colors, *table.columns, stack)
 
 
 def free_tree_classes(
@@ -215,7 +212,7 @@ def free_tree_classes(
     roots = rootings(table, blocks=blocks)
     classes: dict[int, list[Rooting]] = {}
     for tree, representative in enumerate(roots.representative):
-        if not (roots.flips and table._color[tree]):
+        if not (roots.flips and table.columns.color[tree]):
             rooting = Rooting(table[tree], roots.sign[tree], roots.multiplicity(tree))
             classes.setdefault(representative, []).append(rooting)
     return tuple(

@@ -40,6 +40,28 @@ class Splits(NamedTuple):
     branch: Any
 
 
+class Columns(NamedTuple):
+    """The columns that kernels read: arrays where the table is compiled, lists where it is not.
+
+    Attributes:
+        block: By number of nodes and root colour, the first id.
+        order: Number of nodes of every tree.
+        color: Root colour of every tree.
+        left: Id of every tree without its largest child; −1 for single nodes.
+        right: Id of the largest child of every tree; −1 for single nodes.
+        base_start: By number of nodes, where `base` starts.
+        base: By tree and the block of the right factor, where the Butcher products with it start.
+    """
+
+    block: Any
+    order: Any
+    color: Any
+    left: Any
+    right: Any
+    base_start: Any
+    base: Any
+
+
 class TreeTable(Sequence[Tree]):
     """Every rooted tree with 1 … `order` nodes in `colors` colours, sorted and numbered.
 
@@ -94,21 +116,13 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self._compiled = compiling_pays(1000 * size)
+        self.compiled = compiling_pays(1000 * size)
         limits = [bound for row in self.limits for bound in row]
-        self._block = self.column(self.block)
-        self._base_start = self.column(base_start)
-        self._order = self.column(size)
-        self._color = self.column(size)
-        self._left = self.column(size, "int32")
-        self._right = self.column(size, "int32")
-        self._base = self.column(base_start[-1], "int32")
-        run = self.run(kernels.enumerate_trees)
-        run(
-            order, colors, self.column(limits), self._block, self._order, self._color, self._left, self._right,
-            self._base_start, self._base,
+        self.columns = Columns(
+            self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
+            self.column(size, "int32"), self.column(base_start), self.column(base_start[-1], "int32"),
         )  # fmt: skip
-
+        self.run(kernels.enumerate_trees)(order, colors, self.column(limits), *self.columns)
         self._complete = True
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -121,11 +135,11 @@ class TreeTable(Sequence[Tree]):
 
     def run(self, kernel: Any) -> Any:
         """The execution of a kernel that suits this table's columns."""
-        return kernel.compiled if self._compiled else kernel.py_func
+        return kernel.compiled if self.compiled else kernel.py_func
 
     def column(self, content: int | list[int], dtype: str | None = None) -> Any:
         """A column of zeros, or of given numbers: a list, or an array for compiled kernels."""
-        if not self._compiled:
+        if not self.compiled:
             return [0] * content if isinstance(content, int) else content
         import numpy as np
 
@@ -153,11 +167,11 @@ class TreeTable(Sequence[Tree]):
     def _tree(self, at: int) -> Tree:
         tree = self._trees.get(at)
         if tree is None:
-            color, left = int(self._color[at]), int(self._left[at])
+            color, left = int(self.columns.color[at]), int(self.columns.left[at])
             if left < 0:
                 children = ()
             else:
-                children = (*self._tree(left).children, self._tree(int(self._right[at])))
+                children = (*self._tree(left).children, self._tree(int(self.columns.right[at])))
             tree = self._trees[at] = Tree._canonical(color, children)
         return tree
 
@@ -171,14 +185,13 @@ class TreeTable(Sequence[Tree]):
         """Id of a tree, negative if the table does not hold it."""
         if tree.order > self.max_order or tree.color >= self.colors:
             return kernels.OUTSIDE
+        _, order, color, _, _, base_start, base = self.columns
         at = tree.color
         for child in tree.children:
             v = self._find(child)
             if v < 0:
                 return v
-            at = kernels.product.py_func(
-                at, v, self.max_order, self.colors, self.block, self._order, self._color, self._base_start, self._base
-            )
+            at = kernels.product.py_func(at, v, self.max_order, self.colors, self.block, order, color, base_start, base)
             if at < 0:
                 return at
         return at
@@ -234,22 +247,22 @@ class TreeTable(Sequence[Tree]):
     @cached_property
     def order(self) -> np.ndarray:
         """Number of nodes of every tree."""
-        return self._public(self._order, "int8")
+        return self._public(self.columns.order, "int8")
 
     @cached_property
     def color(self) -> np.ndarray:
         """Root colour of every tree."""
-        return self._public(self._color, "int8")
+        return self._public(self.columns.color, "int8")
 
     @cached_property
     def left(self) -> np.ndarray:
         """Id of what is left of every tree without its largest child; −1 for single nodes."""
-        return self._public(self._left, "int32")
+        return self._public(self.columns.left, "int32")
 
     @cached_property
     def right(self) -> np.ndarray:
         """Id of the largest child of every tree; −1 for single nodes."""
-        return self._public(self._right, "int32")
+        return self._public(self.columns.right, "int32")
 
     @cached_property
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -260,18 +273,18 @@ class TreeTable(Sequence[Tree]):
     @cached_property
     def lists(self) -> tuple[list[int], list[int], list[int], list[int]]:
         """Order, colour, left and right as lists, for kernels run by the interpreter."""
-        columns = (self._order, self._color, self._left, self._right)
+        columns = self.columns[1:5]
         return tuple(x if isinstance(x, list) else x.tolist() for x in columns)  # pyright: ignore[reportReturnType]
 
     @property
     def symmetry(self) -> np.ndarray:
         """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 ends)."""
-        return self._public(self._symmetry_and_density[0], "int64" if self.max_order <= 20 else "object")
+        return self._public(self.symmetry_and_density[0], "int64" if self.max_order <= 20 else "object")
 
     @property
     def density(self) -> np.ndarray:
         """Density γ of every tree (Python integers beyond order 20, where int64 ends)."""
-        return self._public(self._symmetry_and_density[1], "int64" if self.max_order <= 20 else "object")
+        return self._public(self.symmetry_and_density[1], "int64" if self.max_order <= 20 else "object")
 
     @staticmethod
     def _public(column: Any, dtype: str) -> np.ndarray:
@@ -282,8 +295,9 @@ class TreeTable(Sequence[Tree]):
         return view
 
     @cached_property
-    def _symmetry_and_density(self) -> tuple[Any, Any]:
-        compiled = self._compiled and self.max_order <= 20
+    def symmetry_and_density(self) -> tuple[Any, Any]:
+        """The columns σ and γ: arrays where the table is compiled and they fit int64, lists elsewhere."""
+        compiled = self.compiled and self.max_order <= 20
         if not compiled:
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
             order, _, left, right = self.lists
@@ -291,7 +305,7 @@ class TreeTable(Sequence[Tree]):
             return symmetry, density
         symmetry, density = self.column(len(self), "int64"), self.column(len(self), "int64")
         kernels.symmetry_and_density.compiled(
-            self._order, self._left, self._right, symmetry, density, self.column(len(self))
+            self.columns.order, self.columns.left, self.columns.right, symmetry, density, self.column(len(self))
         )
         return symmetry, density
 
@@ -318,16 +332,15 @@ class TreeTable(Sequence[Tree]):
 
     def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
         self.run(kernels.split_trees)(
-            first, last, self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
-            self._base_start, self._base, known.start, known.trunk, known.branch, into.start, into.trunk, into.branch,
-            self.column(self.max_order, "int32"),
+            first, last, self.max_order, self.colors, *self.columns, known.start, known.trunk, known.branch,
+            into.start, into.trunk, into.branch, self.column(self.max_order, "int32"),
         )  # fmt: skip
 
     def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
         """Fill the columns that `trees.table` describes."""
         self.run(kernels.list_partitions)(
-            0, len(self), self.max_order, self.colors, self._block, self._order, self._color, self._left, self._right,
-            self._base_start, self._base, start, skeleton, part, self.column(self.max_order, "int32"),
+            0, len(self), self.max_order, self.colors, *self.columns, start, skeleton, part,
+            self.column(self.max_order, "int32"),
         )  # fmt: skip
 
     def split_chunks(self) -> Iterator[Splits]:

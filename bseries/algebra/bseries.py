@@ -312,7 +312,7 @@ class BSeries(Mapping[Tree, Any]):
         """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ)."""
         number: Any = exact_number(factor, "factor")
         powers = [number**n for n in range(self.order + 1)]
-        values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table._order, strict=True))
+        values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table.columns.order, strict=True))
         return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
 
     def log(self) -> BSeries:

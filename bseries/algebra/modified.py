@@ -146,7 +146,7 @@ def exact_values(table: TreeTable) -> RationalValues:
 
 
 def _compact(table: TreeTable, numerators: list[int]) -> Any:
-    if not table._compiled or table.max_order > 20:
+    if not table.compiled or table.max_order > 20:
         return numerators
     import numpy as np
 

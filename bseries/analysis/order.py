@@ -95,7 +95,7 @@ def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
 def _order_of_series(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int:
     check_flow(s, "method")
     failing = first_failure(s, auxiliary)
-    return s.order if failing is None else int(s.table._order[failing]) - 1
+    return s.order if failing is None else int(s.table.columns.order[failing]) - 1
 
 
 def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:

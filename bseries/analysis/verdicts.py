@@ -61,7 +61,7 @@ def verdict(table: TreeTable, broken: int | None) -> Verdict:
     """The verdict if the tree with this id is the first to break a property."""
     if broken is None:
         return Verdict(table.max_order, None, table.max_order)
-    return Verdict(int(table._order[broken]) - 1, table[broken], table.max_order)
+    return Verdict(int(table.columns.order[broken]) - 1, table[broken], table.max_order)
 
 
 def decide(conditions: Conditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:

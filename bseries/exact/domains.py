@@ -128,7 +128,7 @@ class RingValues:
     def __getitem__(self, at: int) -> Fraction | sympy.Expr:
         import sympy
 
-        element, nodes = self.elements[at], self.table._order[at]
+        element, nodes = self.elements[at], self.table.columns.order[at]
         if self.step == self.ring.one:
             value = self.ring.to_sympy(element)
         else:
@@ -154,7 +154,7 @@ class RingValues:
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
-            for element, nodes in zip(self.elements, self.table._order, strict=True)
+            for element, nodes in zip(self.elements, self.table.columns.order, strict=True)
         ]
         return RingValues(self.table, ring, elements, step)
 
@@ -246,7 +246,7 @@ def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
     if all(isinstance(entry, Fraction) for entry in entries):
         return RationalValues.from_fractions(table, entries)  # pyright: ignore[reportArgumentType]
     ring, numerators, common = ring_and_elements(entries)
-    elements = [x * common ** (int(n) - 1) for x, n in zip(numerators, table._order, strict=True)]
+    elements = [x * common ** (int(n) - 1) for x, n in zip(numerators, table.columns.order, strict=True)]
     return RingValues(table, ring, elements, common)
 
 
@@ -312,7 +312,7 @@ def divided(values: RingValues) -> RingValues:
     step = converted(values.step, values.ring, field)
     elements = [
         converted(x, values.ring, field) / step ** int(n)
-        for x, n in zip(values.elements, values.table._order, strict=True)
+        for x, n in zip(values.elements, values.table.columns.order, strict=True)
     ]
     return RingValues(values.table, field, elements, field.one)
 
@@ -323,7 +323,7 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
     if first.kind == "rational":
         return evaluate(table, operands, operation)
     if first.kind == "float":
-        arithmetic = floats() if table._compiled else float_lists()
+        arithmetic = floats() if table.compiled else float_lists()
     else:
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))

@@ -109,7 +109,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         return operation.expression(arithmetic, *loaders)
 
     stages = max(source.terms for source in sources)
-    if table._compiled and table.max_order <= MOST_TERMS and stages <= MOST_STAGES:
+    if table.compiled and table.max_order <= MOST_TERMS and stages <= MOST_STAGES:
         integers = None
         if operation.units % 2:
             integers = operation.integers or wrapped_integers(twos(common))
@@ -124,7 +124,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
             )
             return RationalValues(table, numerators, denominators, step)
     values = run(Exact())
-    scaled = [value * denominators[n] for n, value in zip(table._order, values, strict=True)]
+    scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
 
@@ -188,8 +188,8 @@ def _run_wrapped(
 ) -> Any:
     values = run(arithmetic)
     odd, shift = _scaling(arithmetic, tuple(denominators), field)
-    values *= odd[table._order]
-    values >>= shift[table._order]
+    values *= odd[table.columns.order]
+    values >>= shift[table.columns.order]
     return values
 
 
@@ -215,7 +215,7 @@ def _run_primes(
     def one(i: int) -> None:
         values = run(prime_field(primes[i])).astype(np.int64)
         factors = np.array([d % primes[i] for d in denominators])
-        values *= factors[table._order]
+        values *= factors[table.columns.order]
         values %= primes[i]
         residues[i] = values
 

@@ -53,7 +53,7 @@ class RationalValues:
         return cls(table, numerators, denominators, step)
 
     def __getitem__(self, at: int) -> Fraction:
-        nodes = self.table._order[at]
+        nodes = self.table.columns.order[at]
         return Fraction(int(self.numerators[at]), self.denominators[nodes])
 
     @cached_property
@@ -78,7 +78,7 @@ class RationalValues:
 
     def map(self, function: Callable[[int, Fraction], Fraction]) -> RationalValues:
         """function(number of nodes, value) for every tree."""
-        nodes = self.table._order
+        nodes = self.table.columns.order
         values = [function(int(nodes[i]), value) for i, value in enumerate(self.fractions())]
         return RationalValues.from_fractions(self.table, values)
 

@@ -200,7 +200,7 @@ class SymbolicSeries:
         """b(τ)/σ(τ) of the tree with this id; floats as the fractions that they are."""
         value = self._coefficients[at]
         number = Fraction(value) if isinstance(value, Fraction | float) else self.ring.element(value)
-        return number * Fraction(1, int(self.series.table._symmetry_and_density[0][at]))
+        return number * Fraction(1, int(self.series.table.symmetry_and_density[0][at]))
 
 
 def symbolic_terms(

@@ -172,8 +172,8 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
             found.append(
                 int(
                     graft.py_func(
-                        found[u], found[v], plain.max_order, 1, plain.block, *plain.lists, plain._base_start,
-                        plain._base, stack,
+                        found[u], found[v], plain.max_order, 1, plain.block, *plain.lists, plain.columns.base_start,
+                        plain.columns.base, stack,
                     )
                 )
             )  # fmt: skip

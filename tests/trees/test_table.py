@@ -106,10 +106,7 @@ def test_splits_made_in_passing_equal_kept_ones(make, monkeypatch):
 def test_grafting_finds_the_product_for_every_pair(make):
     table = make(5, 2)
     for (u, first), (v, second) in itertools.product(enumerate(table), repeat=2):
-        at = table.run(graft)(
-            u, v, 5, 2, table._block, table._order, table._color, table._left, table._right, table._base_start,
-            table._base, table.column(6, "int32"),
-        )  # fmt: skip
+        at = table.run(graft)(u, v, 5, 2, *table.columns, table.column(6, "int32"))
         if first.order + second.order <= 5:
             assert table[at] == first.butcher_product(second)
         else:
