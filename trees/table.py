@@ -172,7 +172,7 @@ class TreeTable(Sequence[Tree]):
                 children = ()
             else:
                 children = (*self._tree(left).children, self._tree(int(self.columns.right[at])))
-            tree = self._trees[at] = Tree._canonical(color, children)
+            tree = self._trees[at] = Tree.from_sorted(color, children)
         return tree
 
     def __iter__(self) -> Iterator[Tree]:

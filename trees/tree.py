@@ -59,7 +59,7 @@ class Tree:
         return Tree.from_levels(*parse(text, names))
 
     @staticmethod
-    def _canonical(color: int, children: tuple[Tree, ...]) -> Tree:
+    def from_sorted(color: int, children: tuple[Tree, ...]) -> Tree:
         """The tree with these children, which the caller guarantees to ascend and to stay below the limit of nodes."""
         tree = object.__new__(Tree)
         tree._color = color
@@ -96,7 +96,7 @@ class Tree:
         order = 1 + sum(child._order for child in members)
         if order > MAX_ORDER:
             raise TreeError(f"children must have fewer than {MAX_ORDER} nodes together, but have {order - 1}")
-        return Tree._canonical(_integer("color", color), tuple(sorted(members)))
+        return Tree.from_sorted(_integer("color", color), tuple(sorted(members)))
 
     @staticmethod
     def from_levels(levels: Iterable[int], colors: Iterable[int] | None = None) -> Tree:
@@ -123,7 +123,7 @@ class Tree:
         for level, color in zip(reversed(depths), reversed(paints), strict=True):
             children = subtrees[level + 1]
             children.sort()
-            subtrees[level].append(Tree._canonical(color, tuple(children)))
+            subtrees[level].append(Tree.from_sorted(color, tuple(children)))
             children.clear()
         return subtrees[0][0]
 
@@ -158,7 +158,7 @@ class Tree:
     @property
     def left(self) -> Tree | None:
         """The tree without `right`: every tree of two or more nodes is uniquely ``left.butcher_product(right)``."""
-        return Tree._canonical(self._color, self._children[:-1]) if self._children else None
+        return Tree.from_sorted(self._color, self._children[:-1]) if self._children else None
 
     @property
     def right(self) -> Tree | None:

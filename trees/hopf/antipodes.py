@@ -63,7 +63,7 @@ def _signed_partitions(tree: Tree) -> FormalSum:
         return lifted
 
     lifted = fold(tree, {(_NONE, _NONE): 1}, lift)
-    return FormalSum._of({(parts,): count for (own, parts), count in lifted.items() if not own})
+    return FormalSum.from_terms({(parts,): count for (own, parts), count in lifted.items() if not own})
 
 
 def substitution_antipode(x: Summand) -> FormalSum:
@@ -102,14 +102,14 @@ def _substitution_inverse(tree: Tree) -> FormalSum:
     if tree.order == 1:
         return FormalSum(_NONE)
     contractions: dict[Tree, dict[Any, Any]] = {}  # of each skeleton: its parts without single nodes
-    for (parts, skeleton), count in substitution_coproduct(tree)._terms.items():
+    for (parts, skeleton), count in substitution_coproduct(tree).terms.items():
         if skeleton.order < tree.order:
-            larger = Forest._canonical(tuple([part for part in parts if part.order > 1]))
+            larger = Forest.from_sorted(tuple([part for part in parts if part.order > 1]))
             add_terms(contractions.setdefault(skeleton.trees[0], {}), {(larger,): count})
     total: dict[Any, Any] = {}
     for skeleton, parts in contractions.items():
-        add_terms(total, multiply_terms(parts, _substitution_inverse(skeleton)._terms), -1)
-    return FormalSum._of(total)
+        add_terms(total, multiply_terms(parts, _substitution_inverse(skeleton).terms), -1)
+    return FormalSum.from_terms(total)
 
 
 def grossman_larson_antipode(x: Summand) -> FormalSum:
@@ -147,11 +147,11 @@ def _assemblies(forest: Forest) -> FormalSum:
         return FormalSum(forest)
     ways = (forest.order + 1) ** (len(forest) - 1)
     check_work(ways // prod(factorial(copies) for copies in Counter(forest).values()))  # at most so many are equal
-    first, rest = forest.trees[0], Forest._canonical(forest.trees[1:])
+    first, rest = forest.trees[0], Forest.from_sorted(forest.trees[1:])
     total: dict[Any, Any] = {}
-    for (joined, others), count in grossman_larson_coproduct(rest)._terms.items():
-        add_terms(total, multiply_terms(_connected(joined * first)._terms, _assemblies(others)._terms), count)
-    return FormalSum._of(total)
+    for (joined, others), count in grossman_larson_coproduct(rest).terms.items():
+        add_terms(total, multiply_terms(_connected(joined * first).terms, _assemblies(others).terms), count)
+    return FormalSum.from_terms(total)
 
 
 @lru_cache(maxsize=KEPT)
@@ -160,6 +160,6 @@ def _connected(forest: Forest) -> FormalSum:
     total: dict[Any, Any] = {}
     for root, copies in Counter(forest).items():
         at = forest.trees.index(root)
-        others = Forest._canonical(forest.trees[:at] + forest.trees[at + 1 :])
-        add_terms(total, graft(_assemblies(others), root)._terms, copies)
-    return FormalSum._of(total)
+        others = Forest.from_sorted(forest.trees[:at] + forest.trees[at + 1 :])
+        add_terms(total, graft(_assemblies(others), root).terms, copies)
+    return FormalSum.from_terms(total)

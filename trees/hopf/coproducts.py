@@ -58,7 +58,7 @@ def _cuts(tree: Tree) -> FormalSum:
         lifted[Forest(subtree), _NONE] = 1
         return lifted
 
-    return FormalSum._of(fold(tree, {(_NONE, _NONE): 1}, lift))
+    return FormalSum.from_terms(fold(tree, {(_NONE, _NONE): 1}, lift))
 
 
 def counit(x: Summand) -> Any:
@@ -128,7 +128,7 @@ def _partitions(tree: Tree) -> FormalSum:
         return lifted
 
     lifted = fold(tree, {(_NONE, _NONE, _NONE): 1}, lift)
-    return FormalSum._of({(parts, skeleton): n for (own, parts, skeleton), n in lifted.items() if not own})
+    return FormalSum.from_terms({(parts, skeleton): n for (own, parts, skeleton), n in lifted.items() if not own})
 
 
 def substitution_counit(x: Summand) -> Any:
@@ -182,10 +182,10 @@ def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: in
         value: Any = {(_NONE,) * factors: 1}
         work = 0
         for tree in forest:
-            image = of_tree(tree)._terms
+            image = of_tree(tree).terms
             work += work_of(value, image, forest.order)
             check_work(work)
             value = multiply_terms(value, image)
-        return FormalSum._of(value)
+        return FormalSum.from_terms(value)
 
     return as_sum(x, "x").map(of_forest)

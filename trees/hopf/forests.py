@@ -60,21 +60,21 @@ class Forest:
         if isinstance(trees, Forest):
             return trees
         if isinstance(trees, str):
-            return Forest._canonical(tuple(sorted(_read(trees, names))))
+            return Forest.from_sorted(tuple(sorted(_read(trees, names))))
         if isinstance(trees, Tree):
-            return Forest._canonical((trees,))
+            return Forest.from_sorted((trees,))
         if not hasattr(trees, "__iter__"):
             raise TreeError(f"trees must be trees, or a text such as 'τ·[τ]', but was {trees!r:.60}")
         members = list(trees)
         for tree in members:
             if not isinstance(tree, Tree):
                 raise TreeError(f"trees must be trees, but one was {tree!r:.60}")
-        return Forest._canonical(tuple(sorted(members)))
+        return Forest.from_sorted(tuple(sorted(members)))
 
     @staticmethod
-    def _canonical(trees: tuple[Tree, ...]) -> Forest:
+    def from_sorted(trees: tuple[Tree, ...]) -> Forest:
         """The forest of these trees, which the caller guarantees to ascend."""
-        return Forest._make(trees, sum([tree._order for tree in trees]), sum([tree._hash for tree in trees]))
+        return Forest._make(trees, sum([tree.order for tree in trees]), sum([hash(tree) for tree in trees]))
 
     @staticmethod
     def _make(trees: tuple[Tree, ...], order: int, hash_sum: int) -> Forest:
@@ -193,7 +193,7 @@ def rooted(forest: Forest, color: int) -> Forest:
 
     Kept, because equal trees that are different objects are slow to compare.
     """
-    return Forest._canonical((Tree._canonical(color, forest._trees),))
+    return Forest.from_sorted((Tree.from_sorted(color, forest._trees),))
 
 
 def common_names(trees: Iterable[Tree], names: Iterable[str] | None) -> tuple[str, ...]:

@@ -109,10 +109,10 @@ def _bilinear(x: Summand, y: Summand, *, beside: bool) -> FormalSum:
     first, second = as_sum(x, "x"), as_sum(y, "y")
     check_work(len(first) * len(second))
     total: dict[Any, Any] = {}
-    for (scions,), a in first._terms.items():
-        for (stock,), b in second._terms.items():
-            add_terms(total, _attached(scions, stock, beside)._terms, a * b)
-    return FormalSum._of(total)
+    for (scions,), a in first.terms.items():
+        for (stock,), b in second.terms.items():
+            add_terms(total, _attached(scions, stock, beside).terms, a * b)
+    return FormalSum.from_terms(total)
 
 
 @lru_cache(maxsize=KEPT)
@@ -131,7 +131,7 @@ def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
     slot = {}
     for received in product(*(range(copies + 1) for copies in wanted)):
         trees = [tree for tree, copies in zip(kinds, received, strict=True) for _ in range(copies)]
-        slot[received, Forest._canonical(tuple(trees))] = 1
+        slot[received, Forest.from_sorted(tuple(trees))] = 1
 
     def multiply(left: Terms, right: Terms) -> Terms:
         total: dict[Any, Any] = {}
@@ -156,4 +156,4 @@ def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
         work += work_of(total, value, stock.order)
         check_work(work)
         total = multiply(total, value)
-    return FormalSum._of({(forest,): ways for (received, forest), ways in total.items() if received == wanted})
+    return FormalSum.from_terms({(forest,): ways for (received, forest), ways in total.items() if received == wanted})

@@ -6,6 +6,7 @@ from fractions import Fraction
 from itertools import chain
 from math import prod
 from operator import itemgetter
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from trees.errors import TreeError
@@ -58,22 +59,27 @@ class FormalSum:
         if isinstance(terms, FormalSum):
             return terms
         if isinstance(terms, Tree | Forest | str | tuple):
-            return FormalSum._of({_factors(terms): 1})
+            return FormalSum.from_terms({_factors(terms): 1})
         if terms is not None and not hasattr(terms, "items"):
             raise TreeError(f"terms must be a mapping from forests to coefficients, but was {terms!r:.60}")
         added: dict[Factors, Any] = {}
         for element, coefficient in terms.items() if terms else ():
             add_terms(added, {_factors(element): exact_coefficient(coefficient)})
         _check_alike("terms", added)
-        return FormalSum._of(added)
+        return FormalSum.from_terms(added)
 
     @staticmethod
-    def _of(terms: Mapping[Factors, Any]) -> FormalSum:
-        """The sum of these terms, which the caller guarantees to agree in shape and to have exact coefficients."""
+    def from_terms(terms: Mapping[Factors, Any]) -> FormalSum:
+        """The sum of terms whose keys are tuples of equally many forests; coefficients are checked, zeros left out."""
         total = object.__new__(FormalSum)
         exact = ((factors, exact_coefficient(coefficient)) for factors, coefficient in terms.items())
         total._terms = {factors: coefficient for factors, coefficient in exact if coefficient != 0}
         return total
+
+    @property
+    def terms(self) -> Mapping[Factors, Any]:
+        """The coefficient of each tuple of tensor factors, in no order; `items` sorts them."""
+        return MappingProxyType(self._terms)
 
     @property
     def factors(self) -> int:
@@ -115,7 +121,7 @@ class FormalSum:
             return NotImplemented
         added = FormalSum(other)
         self._check_factors(added)
-        return FormalSum._of(add_terms(dict(self._terms), added._terms))
+        return FormalSum.from_terms(add_terms(dict(self._terms), added._terms))
 
     __radd__ = __add__
 
@@ -132,9 +138,9 @@ class FormalSum:
         if isinstance(other, FormalSum | Tree | Forest):
             factor = FormalSum(other)
             self._check_factors(factor)
-            return FormalSum._of(multiply_terms(self._terms, factor._terms))
+            return FormalSum.from_terms(multiply_terms(self._terms, factor._terms))
         scale = exact_coefficient(other)
-        return FormalSum._of({factors: coefficient * scale for factors, coefficient in self._terms.items()})
+        return FormalSum.from_terms({factors: coefficient * scale for factors, coefficient in self._terms.items()})
 
     __rmul__ = __mul__
 
@@ -168,7 +174,7 @@ class FormalSum:
         """
         right = as_sum(other, "other", tensors=True)._terms
         check_work(len(self._terms) * len(right))
-        return FormalSum._of({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
+        return FormalSum.from_terms({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
 
     def map(self, rule: Callable[[Any], Any]) -> FormalSum:
         """The linear extension of a rule for basis elements.
@@ -192,7 +198,7 @@ class FormalSum:
             image = as_sum(rule(_element(factors)), "rule(element)", tensors=True)
             add_terms(total, image._terms, coefficient)
         _check_alike("rule(element)", total)
-        return FormalSum._of(total)
+        return FormalSum.from_terms(total)
 
     def evaluate(self, *rules: Callable[[Tree], Any]) -> Any:
         """The value of the sum where trees have values: Σ coefficient · Π rule(tree), a multiplicative functional.
