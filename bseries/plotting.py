@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.figure import Figure
 
 from bseries.exceptions import SeriesError
-from trees.display.drawing import PALETTE
+from trees.drawing import PALETTE
 
 if TYPE_CHECKING:
     import numpy as np

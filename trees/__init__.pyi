@@ -1,6 +1,6 @@
 from .counting import count_trees as count_trees
-from .display.drawing import draw as draw
-from .display.drawing import svg as svg
+from .drawing import draw as draw
+from .drawing import svg as svg
 from .errors import TreeError as TreeError
 from .free_trees import FreeTree as FreeTree
 from .free_trees import free_tree_classes as free_tree_classes

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING
 
 from trees.errors import TreeError
 from trees.names import node_names
-from trees.notation import nest
+from trees.notation import TreeLike, nest, parents_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from trees.tree import Tree
-
 _INDICES = "ijklmnrsuvwxyz"  # without the names of blocks, of the node and of zero
 
 
-def elementary_differential(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+def elementary_differential(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The elementary differential F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)) of a tree.
 
     Args:
@@ -49,13 +47,13 @@ def elementary_differential(tree: Tree, format: str = "text", names: Iterable[st
     """
     latex = _is_latex(format)
     labels = []
-    for (_, subtree), name in zip(tree.preorder(), node_names(tree.colors, names), strict=True):
+    for children, name in zip(_children(tree), node_names(tree.colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
-        labels.append("f" + part + _derivative(len(subtree.children), latex))
+        labels.append("f" + part + _derivative(len(children), latex))
     return nest(tree.levels, labels, "(", ")")
 
 
-def elementary_weight(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The elementary weight of a tree: a sum with a factor b for the root, a for each edge, c for each edge to a leaf.
 
     Args:
@@ -80,22 +78,22 @@ def elementary_weight(tree: Tree, format: str = "text", names: Iterable[str] | N
         HLW, Table III.1.1 and section III.2.
     """
     latex = _is_latex(format)
-    name_of = dict(zip(tree.colors, node_names(tree.colors, names), strict=True))
-    inner = [(level, subtree) for level, subtree in tree.preorder() if level == 0 or subtree.children]
+    name_of = node_names(tree.colors, names)
+    parents, children = parents_of(tree.levels), _children(tree)
+    inner = [node for node, above in enumerate(children) if node == 0 or above]
     indices = index_letters(len(inner), latex)
+    index_of = dict(zip(inner, indices, strict=True))
     factors = []
-    path: list[str] = []  # the indices from the root to the present node
-    for (level, subtree), own in zip(inner, indices, strict=True):
-        path[level:] = [own]
-        subscript = ("," if len(own) > 1 and not latex else "").join(path[-2:])
-        factors.append(factor_text("a" if level else "b", name_of[subtree.color], subscript, 1, latex))
-        for color, equal in groupby(child.color for child in subtree.children if not child.children):
-            factors.append(factor_text("c", name_of[color], own, len(list(equal)), latex))
+    for node, own in index_of.items():
+        subscript = ("," if len(own) > 1 and not latex else "").join([index_of[parents[node]], own] if node else [own])
+        factors.append(factor_text("a" if node else "b", name_of[node], subscript, 1, latex))
+        for name, equal in groupby(name_of[child] for child in children[node] if not children[child]):
+            factors.append(factor_text("c", name, own, len(list(equal)), latex))
     sign = f"\\sum_{{{','.join(indices)}}}" if latex else "Σ"
     return " ".join([sign, *factors])
 
 
-def order_condition(tree: Tree, format: str = "text", names: Iterable[str] | None = None) -> str:
+def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The condition on a Runge–Kutta method that the tree's elementary weight be 1/γ.
 
     Args:
@@ -122,6 +120,15 @@ def order_condition(tree: Tree, format: str = "text", names: Iterable[str] | Non
         raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {density.bit_length()} bits")
     quotient = f"\\frac{{1}}{{{density}}}" if _is_latex(format) else f"1/{density}"
     return f"{elementary_weight(tree, format, names)} = {quotient if density > 1 else 1}"
+
+
+def _children(tree: TreeLike) -> list[list[int]]:
+    """The children of each node, as numbers in preorder."""
+    children: list[list[int]] = [[] for _ in tree.levels]
+    for node, parent in enumerate(parents_of(tree.levels)):
+        if node:
+            children[parent].append(node)
+    return children
 
 
 def _is_latex(format: str) -> bool:

@@ -6,7 +6,7 @@ as tall as it likes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from trees.errors import TreeError
 from trees.names import check_names, default_color, is_name, is_number, node_names
@@ -16,6 +16,56 @@ if TYPE_CHECKING:
 
 MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
+
+
+@runtime_checkable
+class TreeLike(Protocol):
+    """A tree as formulas and pictures need it; `Tree` is one."""
+
+    @property
+    def order(self) -> int:
+        """The number of nodes."""
+        ...
+
+    @property
+    def levels(self) -> Sequence[int]:
+        """The distance of each node from the root, in preorder."""
+        ...
+
+    @property
+    def colors(self) -> Sequence[int]:
+        """The colour of each node, in preorder."""
+        ...
+
+    @property
+    def density(self) -> int:
+        """The product of the orders of all subtrees."""
+        ...
+
+    def text(self, names: Iterable[str] | None = None) -> str:
+        """The tree in brackets."""
+        ...
+
+
+def parents_of(levels: Sequence[int]) -> list[int]:
+    """The parent of each node, as numbers in preorder; −1 for the root.
+
+    Args:
+        levels: The level of each node in preorder.
+
+    Returns:
+        The numbers of the parents.
+
+    Example:
+        >>> parents_of((0, 1, 2, 1))
+        [-1, 0, 1, 0]
+    """
+    path: list[int] = []  # the nodes from the root to the present one
+    parents = []
+    for node, level in enumerate(levels):
+        path[level:] = [node]
+        parents.append(path[level - 1] if level else -1)
+    return parents
 
 
 def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:

@@ -228,7 +228,7 @@ class TreeTable(Sequence[Tree]):
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def _repr_svg_(self) -> str:
-        from trees.display.drawing import svg
+        from trees.drawing import svg
 
         return svg(self)
 

@@ -129,16 +129,33 @@ class Tree:
 
     @staticmethod
     def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
-        """The tree that a networkx graph holds; see `trees.display.networks.from_networkx`."""
-        from trees.display.networks import from_networkx
+        """The tree that a networkx graph holds.
 
-        return from_networkx(graph, root)
+        Args:
+            graph: A tree: directed, with edges from parent to child, or undirected. The attribute ``color`` of a node
+                is its colour, 0 where it is missing.
+            root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
+
+        Returns:
+            The tree.
+
+        Raises:
+            TreeError: If the graph is not a tree with this root, or a colour is not 0, 1, ….
+
+        Example:
+            >>> import networkx as nx
+            >>> Tree.from_networkx(nx.path_graph(3), root=1)
+            Tree('[τ,τ]')
+        """
+        from trees.networks import from_networkx
+
+        return Tree.from_levels(*from_networkx(graph, root))
 
     def to_networkx(self) -> nx.DiGraph:
-        """The tree as a networkx graph; see `trees.display.networks.to_networkx`."""
-        from trees.display.networks import to_networkx
+        """The tree as a directed graph; see `trees.networks.to_networkx`."""
+        from trees.networks import to_networkx
 
-        return to_networkx(self)
+        return to_networkx(self.levels, self.colors)
 
     @property
     def color(self) -> int:
@@ -277,7 +294,7 @@ class Tree:
         return f"Tree('{self.text()}')"
 
     def _repr_svg_(self) -> str:
-        from trees.display.drawing import svg
+        from trees.drawing import svg
 
         return svg(self)
 

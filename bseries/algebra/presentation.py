@@ -118,7 +118,7 @@ def to_text(terms: Iterable[Term], names: Sequence[str] | None) -> str:
 
 def to_html(terms: Iterable[Term], names: Sequence[str] | None, *, title: str, count: int) -> str:
     """The first of `count` terms as an HTML table with pictures of the trees."""
-    from trees.display.drawing import svg
+    from trees.drawing import svg
 
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"

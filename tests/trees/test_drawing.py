@@ -12,7 +12,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from tree_oracles import grown, random_trees
 
-from trees.display.drawing import PALETTE, RADIUS, STEP, arrange, draw, svg
+from trees.drawing import PALETTE, RADIUS, STEP, arrange, draw, svg
 from trees.errors import TreeError
 from trees.tree import Tree
 

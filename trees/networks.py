@@ -1,43 +1,44 @@
-"""Trees as networkx graphs and back."""
+"""Preorder sequences of trees as networkx graphs and back."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from trees.errors import TreeError
-from trees.tree import Tree
+from trees.notation import parents_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import networkx as nx
 
 
-def to_networkx(tree: Tree) -> nx.DiGraph:
+def to_networkx(levels: Sequence[int], colors: Sequence[int]) -> nx.DiGraph:
     """A tree as a directed graph.
 
     Args:
-        tree: The tree.
+        levels: The level of each node in preorder.
+        colors: The colour of each node.
 
     Returns:
         Nodes 0, 1, … in preorder, 0 the root, each with its attribute ``color``; edges from parent to child.
 
     Example:
-        >>> list(to_networkx(Tree("[τ,[τ]]")).edges)
+        >>> list(to_networkx((0, 1, 1, 2), (0, 0, 0, 0)).edges)
         [(0, 1), (0, 2), (2, 3)]
     """
     import networkx as nx
 
     graph = nx.DiGraph()
-    path: list[int] = []  # the nodes from the root to the present one
-    for node, (level, subtree) in enumerate(tree.preorder()):
-        graph.add_node(node, color=subtree.color)
-        path[level:] = [node]
-        if level:
-            graph.add_edge(path[level - 1], node)
+    for node, parent in enumerate(parents_of(levels)):
+        graph.add_node(node, color=colors[node])
+        if node:
+            graph.add_edge(parent, node)
     return graph
 
 
-def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
-    """The tree that a graph holds.
+def from_networkx(graph: nx.Graph, root: Any = None) -> tuple[list[int], list[Any]]:
+    """Levels and colours, in preorder, of the tree that a graph holds.
 
     Args:
         graph: A tree: directed, with edges from parent to child, or undirected. The attribute ``color`` of a node is
@@ -45,15 +46,15 @@ def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
         root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
 
     Returns:
-        The tree.
+        Levels, and the colours as they are given.
 
     Raises:
-        TreeError: If the graph is not a tree with this root, or a colour is not 0, 1, ….
+        TreeError: If the graph is not a tree with this root.
 
     Example:
         >>> import networkx as nx
         >>> from_networkx(nx.path_graph(3), root=1)
-        Tree('[τ,τ]')
+        ([0, 1, 1], [0, 0, 0])
     """
     if not all(hasattr(graph, name) for name in ("is_directed", "adj", "nodes")):
         raise TreeError(f"graph must be a networkx graph, but was {graph!r:.60}")
@@ -78,7 +79,7 @@ def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
         raise TreeError(
             f"graph must be connected and without cycles, but node {missing!r:.60} is not reached from the root"
         )
-    return Tree.from_levels(levels, colors)
+    return levels, colors
 
 
 def _root(graph: nx.Graph, root: Any) -> Any:

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from foundation.extras import how_to_install
 from trees.errors import TreeError
 from trees.names import check_names, default_names
-from trees.tree import Tree
+from trees.notation import TreeLike, parents_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.axes import Axes
-
-    from trees.tree import Tree
 
 
 MAX_TREES = 2_000
@@ -52,7 +50,7 @@ class Picture(NamedTuple):
 
 
 def arrange(
-    trees: Tree | Iterable[Tree], columns: int | None, labels: bool | Iterable[str], names: Iterable[str] | None
+    trees: TreeLike | Iterable[TreeLike], columns: int | None, labels: bool | Iterable[str], names: Iterable[str] | None
 ) -> Picture:
     """Place trees in rows and columns, each as wide and high as it needs, the roots of a row on one line.
 
@@ -97,8 +95,8 @@ def arrange(
     return Picture(borders[-1], bottoms[-1], drawn)
 
 
-def _members(trees: Tree | Iterable[Tree]) -> list[Tree]:
-    if isinstance(trees, Tree):
+def _members(trees: TreeLike | Iterable[TreeLike]) -> list[TreeLike]:
+    if isinstance(trees, TreeLike):
         trees = [trees]
     elif not hasattr(trees, "__iter__"):
         raise TreeError(f"trees must be a tree or trees, but was {trees!r:.60}")
@@ -108,7 +106,7 @@ def _members(trees: Tree | Iterable[Tree]) -> list[Tree]:
     if len(members) > MAX_TREES:
         raise TreeError(f"trees must be at most {MAX_TREES} in one picture, but are more")
     for tree in members:
-        if not isinstance(tree, Tree):
+        if not isinstance(tree, TreeLike):
             raise TreeError(f"trees must be trees, but one was {tree!r:.60}")
         if tree.order > MAX_NODES:
             raise TreeError(f"trees must have at most {MAX_NODES} nodes in a picture, but one has {tree.order}")
@@ -134,18 +132,12 @@ def _columns(columns: int | None, count: int) -> int:
     return min(columns, count)
 
 
-def _edges(levels: tuple[int, ...]) -> list[tuple[int, int]]:
+def _edges(levels: Sequence[int]) -> list[tuple[int, int]]:
     """Child and parent of each edge, as numbers in preorder."""
-    path: list[int] = []
-    edges = []
-    for node, level in enumerate(levels):
-        path[level:] = [node]
-        if level:
-            edges.append((node, path[level - 1]))
-    return edges
+    return list(enumerate(parents_of(levels)))[1:]
 
 
-def _tidy(tree: Tree) -> tuple[list[float], list[float]]:
+def _tidy(tree: TreeLike) -> tuple[list[float], list[float]]:
     """Places of the nodes in preorder, to the right of the root and above it.
 
     Subtrees stand side by side as close as their outlines allow, and parents in the middle of their children (Reingold
@@ -180,7 +172,7 @@ partitioned methods, then the colours of Okabe and Ito (2008), which the colour-
 
 
 def svg(
-    trees: Tree | Iterable[Tree],
+    trees: TreeLike | Iterable[TreeLike],
     columns: int | None = None,
     labels: bool | Iterable[str] = False,
     names: Iterable[str] | None = None,
@@ -227,7 +219,7 @@ def svg(
 
 
 def draw(
-    trees: Tree | Iterable[Tree],
+    trees: TreeLike | Iterable[TreeLike],
     ax: Axes | None = None,
     columns: int | None = None,
     labels: bool | Iterable[str] = False,

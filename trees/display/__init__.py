@@ -1,1 +1,0 @@
-"""Trees as pictures and as networkx graphs."""
