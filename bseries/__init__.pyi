@@ -5,6 +5,7 @@ from integrators import ForceGradient as ForceGradient
 from integrators import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
 from integrators import IntegratorError as IntegratorError
 from integrators import LawsonMethod as LawsonMethod
+from integrators import Method as Method
 from integrators import NystromSplitting as NystromSplitting
 from integrators import PartitionedRungeKutta as PartitionedRungeKutta
 from integrators import Program as Program

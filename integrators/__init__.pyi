@@ -27,6 +27,7 @@ from .methods.kinds.splitting import lie_trotter as lie_trotter
 from .methods.kinds.splitting import strang as strang
 from .methods.kinds.takahashi_imada import TakahashiImada as TakahashiImada
 from .methods.kinds.two_derivative import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
+from .methods.program.program import Method as Method
 from .methods.program.program import Program as Program
 from .methods.program.program import ProgramBuilder as ProgramBuilder
 from .methods.tableaux.files import load_method as load_method

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from bseries.algebra.stages import Method
     from bseries.fields.scene_series import SceneSeries
     from integrators import Program, Scene
+    from integrators.methods.program.program import Method
 
 ORDERS = 4, 7, 9, 11, 13
 """How many terms are looked at to find the first that is not zero."""
@@ -176,7 +176,7 @@ def in_floats(method: Method) -> Program:
     from integrators.methods.program.evaluations import Flow
     from integrators.methods.program.transformations import mapped
 
-    program: Any = getattr(method, "program", method)
+    program = method.program
 
     def change(evaluation: Any) -> Any:
         changed = mapped(evaluation, lambda form: form.map(float))
@@ -212,18 +212,16 @@ def _enough(method: Method, first: int) -> int:
         A. Aubry, P. Chartier, Pseudo-symplectic Runge–Kutta methods, BIT 38 (1998) 439–461, doi:10.1007/BF02510253.
     """
     order = first + TERMS
-    if order >= FARTHEST or len(getattr(method, "program", method).names) > 1:
+    if order >= FARTHEST or len(method.names) > 1:
         return order
     checks = (symplecticity, "is_symplectic"), (symmetry, "is_symmetric")  # which tableaux may tell at once
     breaks = [check(method, FARTHEST) for check, known in checks if not getattr(method, known, False)]
     return max([order, *(found.order + 2 for found in breaks if order <= found.order < FARTHEST)])
 
 
-def _is_rational(method: Any) -> bool:
+def _is_rational(method: Method) -> bool:
     """Whether the series of a method is computed in whole numbers."""
-    program = getattr(method, "program", method)
-    has_rational_series = getattr(method, "algebra", None) is not None or program.domain == "QQ"
-    return has_rational_series and getattr(method, "digits", None) is None
+    return getattr(method, "algebra", None) is not None or (method.domain == "QQ" and method.digits is None)
 
 
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:

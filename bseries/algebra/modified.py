@@ -22,8 +22,9 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from bseries.algebra.stages import Method, MethodStages
+    from bseries.algebra.stages import MethodStages
     from bseries.exact.domains import Values
+    from integrators.methods.program.program import Method
 
 
 def series(method: Method, order: int | TreeTable, *, max_children: Any = None) -> BSeries:

@@ -27,17 +27,15 @@ from bseries.exact.rationals import smallest_step, twos
 from bseries.exact.recursions import Stages, elementary_weights
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.methods.program.program import Program
+from integrators.methods.program.program import Method, Program
 
 if TYPE_CHECKING:
     import random
 
     from bseries.exact.domains import Values
     from integrators import StageAlgebra
-    from integrators.methods.program import interface as program_method
     from trees.table import TreeTable
 
-    Method: TypeAlias = "RungeKutta | PartitionedRungeKutta | Program | program_method.Method"
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
 
@@ -139,13 +137,10 @@ class RingStages(_WithStages):
 
 
 def check_method(method: object) -> Method:
-    """The argument, if it is a method: a tableau, a program, or anything with a program."""
-    if isinstance(method, RungeKutta | PartitionedRungeKutta) or isinstance(getattr(method, "program", None), Program):
-        return method  # pyright: ignore[reportReturnType]
-    raise SeriesError(
-        "method must be a method such as method('rk4') or a series, or have a property `program`, made by a "
-        f"ProgramBuilder, that says how it steps, but was {method!r:.60}"
-    )
+    """The argument, if it is a method."""
+    if isinstance(method, Method):
+        return method
+    raise SeriesError(f"method must be a Method such as method('rk4'), or a series, but was {method!r:.60}")
 
 
 def auxiliary_colors(method: Method) -> frozenset[int]:
@@ -157,7 +152,7 @@ def auxiliary_colors(method: Method) -> frozenset[int]:
 
 def own_trees(method: Method) -> Any:
     """Which trees a method is meant for, as bounds on children; None for all."""
-    return None if isinstance(method, RungeKutta | PartitionedRungeKutta) else method.program.max_children
+    return method.max_children
 
 
 def stages_of(method: Method, order: int) -> MethodStages:

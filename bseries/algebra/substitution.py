@@ -27,7 +27,8 @@ from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method, MethodStages
+    from bseries.algebra.stages import MethodStages
+    from integrators.methods.program.program import Method
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:

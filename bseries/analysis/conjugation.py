@@ -19,8 +19,8 @@ from bseries.exact.domains import RingValues, divided, make_values, ring_element
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from bseries.analysis.structure import Coloring
+    from integrators.methods.program.program import Method
     from trees.tree import Tree
 
 

@@ -19,7 +19,7 @@ from integrators.methods.program.transformations import as_decimals
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
 

@@ -17,9 +17,9 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from bseries.analysis.conjugation import ConjugateVerdict
     from bseries.analysis.order import ErrorCoefficients
+    from integrators.methods.program.program import Method
 
 
 class Report(NamedTuple):
@@ -189,8 +189,7 @@ def _affordable(method: Method, order: int) -> int:
 
 def _properties(method: Method) -> dict[str, bool]:
     """What the coefficients decide for every order."""
-    own = getattr(method, "is_explicit", None)
-    found = {"explicit": bool(method.program.is_explicit if own is None else own)}
+    found = {"explicit": method.is_explicit}
     if isinstance(method, RungeKutta):
         found["diagonally_implicit"] = method.is_diagonally_implicit
     if isinstance(method, PartitionedRungeKutta):

@@ -25,7 +25,7 @@ from bseries.analysis.verdicts import Verdict, decide, fields_of, flows_of, samp
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
 
     Coloring = Literal["blocks", "parts"] | None
 

@@ -20,8 +20,8 @@ from bseries.exact.domains import RingValues, make_values, public
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from bseries.analysis.structure_conditions import Conditions
+    from integrators.methods.program.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from bseries.algebra.stages import Method
     from bseries.fields.scene_series import SceneSeries
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

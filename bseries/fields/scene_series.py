@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.algebra.stages import Method
     from bseries.fields.compiled_series import CompiledSeries
+    from integrators.methods.program.program import Method
 
 ROUTES = ("auto", "towers", "symbolic")
 

@@ -24,8 +24,8 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.algebra.stages import Method
     from bseries.fields.differentials import SymbolicSeries
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

@@ -37,9 +37,9 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from bseries.algebra.stages import Method
     from bseries.analysis.verdicts import Verdict
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
     Bounds = list[list[int | None]]
 

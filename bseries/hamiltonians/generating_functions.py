@@ -30,8 +30,8 @@ from trees.counting import check_order
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.algebra.stages import Method
     from integrators.methods.program.evaluations import LinearForm
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

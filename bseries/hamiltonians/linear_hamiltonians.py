@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

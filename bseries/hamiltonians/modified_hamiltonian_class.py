@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.algebra.stages import Method
     from bseries.fields.scene_series import SceneSeries
     from bseries.hamiltonians.evaluation import EnergySeries
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
 
 class ModifiedHamiltonian:

@@ -21,8 +21,8 @@ from trees.counting import check_order
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.algebra.stages import Method
     from bseries.hamiltonians.evaluation import EnergySeries
+    from integrators.methods.program.program import Method
 
 ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
 

@@ -28,8 +28,8 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.algebra.stages import Method
     from integrators.methods.program.evaluations import Evaluation, LinearForm
+    from integrators.methods.program.program import Method
 
 Multiples = Mapping[int, Any]
 """What multiple of h H_q or h H_p at a stage the evaluations k_e of a program are."""

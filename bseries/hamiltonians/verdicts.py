@@ -33,9 +33,9 @@ from integrators.scenes.particles.degrees import degrees
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from bseries.analysis.verdicts import Verdict
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
 DIGITS = 100
 STEP = "1e-33"

@@ -14,7 +14,7 @@ from integrators.reference.plain_fields import Fields
 from integrators.reference.plain_flows import average, fixed_point, flow_increment, newton
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.reference.plain_arithmetic import Vector
     from integrators.reference.plain_fields import ByPart
 

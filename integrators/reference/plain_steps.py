@@ -13,7 +13,7 @@ from integrators.reference.plain_fields import block_parts as block_parts
 from integrators.reference.plain_stepper import Stepper
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.reference.plain_arithmetic import Vector
     from integrators.reference.plain_fields import ByPart
 

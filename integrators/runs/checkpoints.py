@@ -21,7 +21,7 @@ from integrators.steppers.run_input import MOST_STEPS
 from integrators.steppers.states import State
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.runs.observers import Observers
     from integrators.scenes.scene import Scene
     from integrators.steppers.states import State
@@ -63,7 +63,7 @@ def _method(method: Method) -> dict[str, Any]:
     try:
         return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
     except IntegratorError:
-        return {"name": method.name, "program": program_text(method.program).splitlines()}  # type: ignore[union-attr]
+        return {"name": method.name, "program": program_text(method.program).splitlines()}
 
 
 DIGESTS = ("start", "compiled steps")

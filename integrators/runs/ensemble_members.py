@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.runs.observers import Observers
     from integrators.scenes.scene import Scene
     from integrators.steppers.states import State

@@ -29,7 +29,7 @@ from integrators.steppers.stepping import stepper
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 BLOCKS = 64

@@ -20,7 +20,7 @@ from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.runs.observers import Observers
     from integrators.runs.recordings import Recording, Rows
     from integrators.runs.trajectory import Trajectory

@@ -19,8 +19,7 @@ from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
     from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.interface import Method
-    from integrators.methods.program.program import Program
+    from integrators.methods.program.program import Method, Program
 
 DECIMALS = 40
 

@@ -12,7 +12,7 @@ from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import remembered
-from integrators.methods.program.program import Program
+from integrators.methods.program.program import Method
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.averages import MOST_NODES
@@ -32,8 +32,6 @@ from integrators.steppers.structure import Structure, method_pieces
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from integrators.methods.program.interface import Method
 
 
 MOST_STEPS = 2**63 - 1
@@ -381,7 +379,7 @@ def stepper(
         from integrators.methods.catalogue.registry import method as named
 
         method = named(method)
-    if not isinstance(getattr(method, "program", None), Program):
+    if not isinstance(method, Method):
         raise IntegratorError(f"method must be a method or its name, but was {shorten(repr(method))}")
     if solver not in SOLVERS:
         raise IntegratorError(f"solver must be one of {', '.join(SOLVERS)}, but was {shorten(repr(solver))}")

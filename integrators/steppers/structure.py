@@ -17,7 +17,7 @@ from integrators.scenes.particles.degrees import Piece, degree
 from integrators.scenes.particles.parts import check_kind, pieces_of
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.model.local_terms import LocalTerm, Output, Place
     from integrators.scenes.model.system import System
     from integrators.scenes.model.terms import Sites
@@ -172,7 +172,7 @@ def _ranges(indices: Sequence[int]) -> Iterable[Range]:
 
 def method_pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
     """The pieces of the field for the parts of a method; an auxiliary matrix is the Jacobian of the whole field."""
-    auxiliary = getattr(method.program, "auxiliary", ())
+    auxiliary = method.program.auxiliary
     names = [name for name in method.names if name not in auxiliary]
     own = dict(zip(names, pieces_of(names, scene, parts), strict=True))
     pieces = [own.get(name, Piece()) for name in method.names]

@@ -15,7 +15,7 @@ from integrators.steppers.run_input import read_number
 
 if TYPE_CHECKING:
     from bseries.advice.effects.variants import EffectVariants, Names
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 ORDER = 6

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from bseries.advice.effects.variants import EffectVariants, Names
     from bseries.advice.timing import Timing
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

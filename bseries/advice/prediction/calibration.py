@@ -7,8 +7,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
 SECONDS = 0.3
 """The time of the part that counts."""

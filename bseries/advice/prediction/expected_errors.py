@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.advice.prediction.perturbation_run import Pilot
-    from bseries.algebra.stages import Method
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
 
 AGREEMENT = 2.0

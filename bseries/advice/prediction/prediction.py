@@ -12,8 +12,8 @@ from integrators.core.errors import IntegratorError
 from integrators.steppers.run_input import check_end, read_positive, read_steps
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
     from integrators import Scene
+    from integrators.methods.program.program import Method
 
 LEFT_OUT = "to", "checkpoint", "progress"
 """Options of `integrate` that a prediction has no use for: it must not touch the files of the run."""

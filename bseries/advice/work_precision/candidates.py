@@ -16,7 +16,7 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
     from integrators.steppers.stepping import Stepper
 

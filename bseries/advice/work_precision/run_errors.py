@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.advice.work_precision.candidates import Candidate
-    from bseries.algebra.stages import Method
     from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+    from integrators.methods.program.program import Method
     from integrators.runs.trajectory import Trajectory
     from integrators.scenes.scene import Scene
 

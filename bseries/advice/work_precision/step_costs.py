@@ -14,7 +14,7 @@ from integrators.steppers.states import StepError
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
     from integrators.steppers.states import State
 

@@ -14,8 +14,8 @@ from bseries.cli.application import Refusal, say, standard_input
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from bseries.algebra.stages import Method as Method
     from integrators import PartitionedRungeKutta, RungeKutta
+    from integrators.methods.program.program import Method as Method
 
 T = TypeVar("T")
 

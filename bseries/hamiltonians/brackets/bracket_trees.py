@@ -19,7 +19,7 @@ from trees.counting import check_order, normal_limits
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from trees.table import TreeTable
 
 MOST_BRACKETS = 800

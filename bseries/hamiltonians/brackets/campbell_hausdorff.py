@@ -27,10 +27,10 @@ from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSer
 from bseries.hamiltonians.brackets.bracket_trees import bracket_table, kinetic_of, read_kinetic, shown_names
 from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, lie_algebra
 from integrators.methods.kinds.splitting import Splitting
-from integrators.methods.program.interface import read_parts
+from integrators.methods.program.program_method import read_parts
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
 
 
 def bracket_hamiltonian(

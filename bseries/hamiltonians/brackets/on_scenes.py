@@ -26,8 +26,8 @@ from integrators.scenes.particles.parts import check_kind, pieces_of
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.algebra.stages import Method
     from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000

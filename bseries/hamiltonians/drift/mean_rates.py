@@ -29,7 +29,7 @@ from bseries.hamiltonians.from_trees import energy_trees
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.algebra.stages import Method
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 STEPS = 100_000

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.algebra.bseries import BSeries
-    from bseries.algebra.stages import Method
     from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
     from bseries.hamiltonians.routes import ModifiedHamiltonian
+    from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
 

@@ -25,7 +25,7 @@ from integrators.methods.catalogue import nystrom as second_order
 from integrators.methods.catalogue.entry import MethodEntry
 
 if TYPE_CHECKING:
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
 
 ENTRIES: tuple[MethodEntry, ...] = (
     *explicit.METHODS,

@@ -14,7 +14,7 @@ from integrators.methods.program.program import Program
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.interface import Method
+    from integrators.methods.program.program import Method
 
 MAX_ORDER = 30
 

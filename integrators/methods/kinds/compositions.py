@@ -14,14 +14,13 @@ from integrators.exact.entries import certainly_differs, multiply_entries, read_
 from integrators.methods.kinds.splitting import Splitting
 from integrators.methods.program.child_bounds import common_bounds
 from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Program
+from integrators.methods.program.program import Method, Program
 from integrators.methods.program.transformations import appended, reversed_step
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
     from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.methods.program.interface import Method
-    from integrators.methods.program.program import Evaluation
+    from integrators.methods.program.evaluations import Evaluation
 
 MAX_STEPS = 1000
 
@@ -267,7 +266,7 @@ def _parts(program: Program) -> str:
 
 
 def _read_method(method: Any, argument: str) -> Method:
-    if not isinstance(getattr(method, "program", None), Program):
+    if not isinstance(method, Method):
         raise IntegratorError(f"{argument} must be a method, but was {shorten(repr(method))}")
     return method
 

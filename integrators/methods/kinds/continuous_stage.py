@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.exact.entries import sum_entries
-from integrators.methods.program.interface import ProgramMethod
+from integrators.methods.program.program_method import ProgramMethod
 from integrators.methods.tableaux.tableau_input import read_matrix, read_row
 from integrators.methods.tableaux.tableau_programs import combination
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import multiply_entries, sum_entries
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
 
@@ -68,8 +70,8 @@ class LawsonMethod(ProgramMethod):
         """The number of stages."""
         return self.tableau.stages
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, ...], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along the two, and in all: L y is linear."""
         return (1, 1, 1), (None, None, None)
 

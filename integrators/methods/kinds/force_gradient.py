@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import read_row
 
 if TYPE_CHECKING:
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
     from integrators.methods.tableaux.tableau_input import EntryRow
@@ -78,8 +80,8 @@ class ForceGradient(ProgramMethod):
         """The number of kicks."""
         return len(self.kicks)
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, int | None], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along p and along q: g depends on q, and q' is linear in p."""
         return (0, None), (1, 0)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import read_matrix, read_row
 from integrators.methods.tableaux.tableau_programs import combination
 
 if TYPE_CHECKING:
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
     from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
@@ -94,8 +96,8 @@ class RungeKuttaNystrom(ProgramMethod):
         """The number of stages."""
         return len(self.b)
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, int | None], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along p and along q: f^q is linear in p."""
         return (None if self.A else 0, None), (1, 0)
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from integrators.methods.kinds.splitting import Splitting
-from integrators.methods.program.interface import read_parts
+from integrators.methods.program.program_method import read_parts
+
+if TYPE_CHECKING:
+    from integrators.methods.program.child_bounds import ChildBounds
 
 
 class NystromSplitting(Splitting):
@@ -56,7 +60,7 @@ class NystromSplitting(Splitting):
         names = read_parts(parts, count=2)
         super().__init__(flows, parts=names, parameters=parameters, name=name, reference=reference, digits=digits)
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, int | None], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along p and along q: g depends on q, and q' is linear in p."""
         return (0, None), (1, 0)

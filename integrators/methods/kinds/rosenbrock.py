@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import check_triangular, read_matrix, read_row
 from integrators.methods.tableaux.tableau_programs import combination
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from integrators.exact.entries import Entry
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
     from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
@@ -178,8 +180,8 @@ class WMethod(Rosenbrock):
         coefficients = _read_coefficients(alpha, gamma, b, parameters)
         self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference, digits=digits)
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, ...], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along the two, and in all: W y is linear."""
         return (None, None, None), (1, 1, 1)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import read_entry, sum_entries
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import in_color_order
 
 if TYPE_CHECKING:

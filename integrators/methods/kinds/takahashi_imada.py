@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import read_entry
-from integrators.methods.program.interface import ProgramMethod, read_parts
+from integrators.methods.program.program_method import ProgramMethod, read_parts
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
 
@@ -83,8 +85,8 @@ class TakahashiImada(ProgramMethod):
         """The number of forces in a step: one at each end."""
         return 2
 
-    @property
-    def max_children(self) -> tuple[tuple[int | None, int | None], ...]:
+    @cached_property
+    def max_children(self) -> ChildBounds:
         """How often each part can be differentiated along p and along q: f depends on q, and q' = p."""
         return (0, None), (1, 0)
 

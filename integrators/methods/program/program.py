@@ -1,4 +1,4 @@
-"""A method as a program: evaluations of the field, and linear combinations of them.
+"""What a method is: anything with a program, that is with evaluations of the field and linear combinations of them.
 
 Every one-step method made of stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds
 of evaluation are enough for all of them; each takes linear forms in y₀ and the k_e, of later evaluations too where
@@ -30,14 +30,95 @@ from integrators.methods.program.evaluations import (
     check_form,
     operands,
 )
-from integrators.methods.tableaux.tableau_input import MAX_STAGES
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
     from integrators.methods.program.child_bounds import ChildBounds
 
 
-class Program(Frozen):
+MAX_STAGES = 1000
+"""The largest number of stages of a tableau, and of unknown evaluations at a time."""
+
+
+class Method(Frozen):
+    """A one-step method: coefficients of its kind, and a `program` that says how it steps.
+
+    A class of one's own needs a property `program` only; by default it answers everything else.
+
+    Example:
+        >>> class Heun(Method):
+        ...     @property
+        ...     def program(self):
+        ...         builder = ProgramBuilder()
+        ...         k1 = builder.field(builder.y)
+        ...         k2 = builder.field(builder.y + k1)
+        ...         return builder.program(builder.y + (k1 + k2) / 2, name="heun")
+        >>> Heun().name, Heun().stages, Heun().is_explicit
+        ('heun', 2, True)
+    """
+
+    @cached_property
+    def program(self) -> Program:
+        """The step as a program; each kind of method makes its own."""
+        raise NotImplementedError
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return (self.program,)
+
+    @cached_property
+    def name(self) -> str:
+        """The name that messages call the method."""
+        return self.program.name
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the parts of the field; one part has the name ""."""
+        return self.program.names
+
+    @cached_property
+    def reference(self) -> str | None:
+        """The publication of the method."""
+        return self.program.reference
+
+    @cached_property
+    def digits(self) -> int | None:
+        """The number of correct digits of coefficients published as decimals; None if they are exact."""
+        return self.program.digits
+
+    @cached_property
+    def max_children(self) -> ChildBounds | None:
+        """How often each part can be differentiated along each part, and in all; None without bound."""
+        return self.program.max_children
+
+    @property
+    def stages(self) -> int:
+        """The number of stages."""
+        return self.program.stages
+
+    @cached_property
+    def domain(self) -> str:
+        """The smallest domain that holds the coefficients: QQ, decimal, algebraic, symbolic or float."""
+        domain = self.program.domain
+        return "decimal" if self.digits is not None and domain == "QQ" else domain
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in the coefficients, sorted."""
+        return self.program.parameters
+
+    @cached_property
+    def is_explicit(self) -> bool:
+        """Whether every stage needs earlier ones only."""
+        return self.program.is_explicit
+
+    @cached_property
+    def issues(self) -> tuple[str, ...]:
+        """One sentence for each contradiction in the coefficients, such as weights that do not sum to 1."""
+        return self.program.issues
+
+
+class Program(Method):
     """A one-step method as a program; made by a `ProgramBuilder`, which explains its attributes.
 
     Example:
@@ -53,14 +134,9 @@ class Program(Frozen):
         True
     """
 
-    names: tuple[str, ...]
     auxiliary: tuple[str, ...]
     evaluations: tuple[Evaluation, ...]
     result: LinearForm
-    name: str
-    reference: str | None
-    digits: int | None
-    max_children: ChildBounds | None
 
     def __init__(
         self,
@@ -119,8 +195,8 @@ class Program(Frozen):
         return self.domain, self.names, self.auxiliary, self.evaluations, self.result, self.digits, self.max_children
 
     @property
-    def program(self) -> Program:
-        """The program itself: whatever has a `program` is a method."""
+    def program(self) -> Program:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The program itself."""
         return self
 
     def restricted(self, max_children: Any) -> Program:
@@ -158,7 +234,7 @@ class Program(Frozen):
         """The number of evaluations."""
         return len(self.evaluations)
 
-    @property
+    @cached_property
     def issues(self) -> tuple[str, ...]:
         """One sentence for each part of the field whose weights do not sum to 1, or to 0 if it is auxiliary."""
         wanted = [0 if name in self.auxiliary else 1 for name in self.names]
@@ -212,7 +288,7 @@ class Program(Frozen):
         """The names of the symbols in the program, sorted."""
         return entries.symbol_names(self._entries)
 
-    @property
+    @cached_property
     def is_explicit(self) -> bool:
         """Whether every evaluation needs earlier ones only."""
         return all(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_label, check_partition_names
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.methods.program.program import Method
 from integrators.methods.tableaux import structure
 from integrators.methods.tableaux.runge_kutta import RungeKutta, check_known, emit
 from integrators.methods.tableaux.tableau_input import in_color_order
@@ -21,7 +21,7 @@ DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, each containing those before."""
 
 
-class PartitionedRungeKutta(Frozen):
+class PartitionedRungeKutta(Method):
     """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, all with the same stages.
 
     With y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). So these are also the
@@ -53,10 +53,7 @@ class PartitionedRungeKutta(Frozen):
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.2 and III.2.
     """
 
-    name: str
-    names: tuple[str, ...]
     partitions: tuple[RungeKutta, ...]
-    reference: str | None
 
     def __init__(
         self,
@@ -122,17 +119,22 @@ class PartitionedRungeKutta(Frozen):
         """The embedded weights: none."""
         return ()
 
-    @property
+    @cached_property
+    def max_children(self) -> None:
+        """None: a tableau is meant for all fields."""
+        return None
+
+    @cached_property
     def digits(self) -> int | None:
         """The smallest number of correct digits of a part, None if all are exact."""
         return min((part.digits for part in self.partitions if part.digits is not None), default=None)
 
-    @property
+    @cached_property
     def domain(self) -> str:
         """The smallest domain that holds the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
         return max((part.domain for part in self.partitions), key=DOMAINS.index)
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """The names of the symbols in all parts, sorted."""
         return tuple(sorted({name for part in self.partitions for name in part.parameters}))
@@ -142,7 +144,7 @@ class PartitionedRungeKutta(Frozen):
         pairs = zip(self.names, self.partitions, strict=True)
         return tuple((name, f"partition {name}: {issue}") for name, part in pairs for issue in part.issues)
 
-    @property
+    @cached_property
     def issues(self) -> tuple[str, ...]:
         """The issues of the parts, each with the name of its part."""
         return tuple(issue for _, issue in self._part_issues)

@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.methods.program.program import Program
+from integrators.methods.program.program import Method, Program
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
@@ -16,12 +16,11 @@ def rational_program(method: Any, decimals: int) -> Program:
 
     The exact roots of a stage algebra are slow to write down, and only so many decimals of them are used.
     """
-    tableaux = getattr(method, "partitions", ())
+    if not isinstance(method, Method):
+        raise IntegratorError(f"method must be a method, but was {shorten(repr(method))}")
+    tableaux = method.partitions if isinstance(method, RungeKutta | PartitionedRungeKutta) else ()
     if all(tableau.algebra is None for tableau in tableaux):
-        program = getattr(method, "program", None)
-        if not isinstance(program, Program):
-            raise IntegratorError(f"method must be a method, but was {shorten(repr(method))}")
-        return program
+        return method.program
     near = [_near(tableau, decimals) for tableau in tableaux]
     if len(near) == 1:
         return near[0].program

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_label
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
+from integrators.methods.program.program import Method
 from integrators.methods.tableaux import structure
 from integrators.methods.tableaux.tableau_input import read_tableau
 
@@ -30,7 +30,7 @@ class TableauWarning(UserWarning):
     """A tableau is usable but contradicts itself: a row sum is not its node, or the weights do not sum to 1."""
 
 
-class RungeKutta(Frozen):
+class RungeKutta(Method):
     """A Runge–Kutta method: its Butcher tableau, exact and immutable.
 
     Entries may be integers, fractions, decimals (``decimal.Decimal`` or text, taken exactly), formulas as text such as
@@ -67,10 +67,7 @@ class RungeKutta(Frozen):
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.1.
     """
 
-    name: str
     embedded: tuple[Row, ...]
-    digits: int | None
-    reference: str | None
     algebra: StageAlgebra | None
 
     def __init__(
@@ -122,7 +119,7 @@ class RungeKutta(Frozen):
     def _label(self, name: str | None, reference: str | None) -> None:
         check_label(name, "name")
         check_label(reference, "reference")
-        self.__dict__.update(name="custom" if name is None else name, reference=reference)
+        self.__dict__.update(names=("",), name="custom" if name is None else name, reference=reference)
 
     @property
     def _data(self) -> tuple[Any, ...]:
@@ -166,10 +163,10 @@ class RungeKutta(Frozen):
         """The number of stages."""
         return self.algebra.stages if self.algebra is not None else len(self.b)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the parts: one, without a name."""
-        return ("",)
+    @cached_property
+    def max_children(self) -> None:
+        """None: a tableau is meant for all fields."""
+        return None
 
     @property
     def partitions(self) -> tuple[Self]:

@@ -9,6 +9,7 @@ from integrators.core.arguments import check_digits, items
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import find_domain, read_entry, round_entry
 from integrators.exact.expressions import check_names
+from integrators.methods.program.program import MAX_STAGES
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 
     EntryRow = tuple[Entry, ...]
     Matrix = tuple[EntryRow, ...]
-
-
-MAX_STAGES = 1000
 
 
 def read_tableau(
@@ -116,7 +114,7 @@ def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: in
     """
     row = items(values, argument)
     if count is not None and len(row) != count:
-        raise IntegratorError(f"{argument} must have {_entries(count)}, but has {len(row)}")
+        raise IntegratorError(f"{argument} must have {_entry_count(count)}, but has {len(row)}")
     if not 1 <= len(row) <= MAX_STAGES:
         raise IntegratorError(f"{argument} must have from 1 to {MAX_STAGES} entries, but has {len(row)}")
     return tuple(read_entry(value, f"{argument}[{j}]", names) for j, value in enumerate(row, 1))

@@ -1,35 +1,25 @@
-"""What the kinds of methods have in common: coefficients of their own, and a program that says what they mean."""
+"""What the kinds of methods that are no tableaux have in common: coefficients, and the program made from them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_digits, check_label
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
-from integrators.methods.program.program import Program, ProgramBuilder
+from integrators.methods.program.program import Method, Program, ProgramBuilder
 
 if TYPE_CHECKING:
     from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
-
-    Method: TypeAlias = "RungeKutta | PartitionedRungeKutta | ProgramMethod | Program"
 
 
-class ProgramMethod(Frozen):
+class ProgramMethod(Method):
     """A method given by coefficients of its kind, and read through its `program`.
 
     A kind sets its coefficients with `_set` and says in `_lower` how a step is made of evaluations.
     """
-
-    name: str
-    names: tuple[str, ...]
-    reference: str | None
-    digits: int | None
 
     def _set(
         self,
@@ -65,7 +55,7 @@ class ProgramMethod(Frozen):
         """Those of the parts that are no parts of the field."""
         return ()
 
-    @property
+    @cached_property
     def max_children(self) -> ChildBounds | None:
         """How often each part can be differentiated along each part, and in all; None without bound."""
         return None
@@ -77,32 +67,6 @@ class ProgramMethod(Frozen):
         end = self._lower(builder)
         labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
         return builder.program(end, **labels, max_children=self.max_children)
-
-    @property
-    def stages(self) -> int:
-        """The number of stages."""
-        return self.program.stages
-
-    @property
-    def issues(self) -> tuple[str, ...]:
-        """One sentence for each part of the field whose weights do not sum to 1."""
-        return self.program.issues
-
-    @property
-    def domain(self) -> str:
-        """The smallest domain that holds the coefficients: QQ, decimal, algebraic, symbolic or float."""
-        domain = self.program.domain
-        return "decimal" if self.digits is not None and domain == "QQ" else domain
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The names of the symbols in the coefficients, sorted."""
-        return self.program.parameters
-
-    @property
-    def is_explicit(self) -> bool:
-        """Whether every evaluation needs earlier ones only."""
-        return self.program.is_explicit
 
     def __str__(self) -> str:
         return str(self.program)
