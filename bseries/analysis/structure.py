@@ -3,7 +3,7 @@
 A structure is decided for all fields of its class at once: that a method is symplectic for one particular Hamiltonian
 system is not asked here. For smaller classes there are series on restricted tables; methods for special systems, which
 know their `max_children`, are decided on those. What a tableau alone decides for every order is in
-`integrators.methods.tableaux.structure`.
+`RungeKutta` and `PartitionedRungeKutta`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ import pytest
 
 import bseries as bs
 from integrators.methods.program.program import Program, ProgramBuilder
-from integrators.methods.tableaux.tableau_programs import tableau_program
 
 HALF = Fraction(1, 2)
 
@@ -30,9 +29,9 @@ def flow_of_part(color, time, order):
 def test_tableaux_and_their_programs_agree(execution, name):
     method = bs.method(name)
     order = 4 if len(method.names) == 2 or name in ("gauss2", "sdirk2") else 6
-    assert bs.series(tableau_program(method), order) == bs.series(method, order)
-    assert bs.modified_equation(tableau_program(method), order) == bs.modified_equation(method, order)
-    assert bs.modifying_integrator(tableau_program(method), order) == bs.modifying_integrator(method, order)
+    assert bs.series(method.program, order) == bs.series(method, order)
+    assert bs.modified_equation(method.program, order) == bs.modified_equation(method, order)
+    assert bs.modifying_integrator(method.program, order) == bs.modifying_integrator(method, order)
 
 
 def test_a_flow_is_the_exact_flow(execution):

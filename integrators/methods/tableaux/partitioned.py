@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from integrators.core.arguments import check_label, check_partition_names
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.program.program import Method
-from integrators.methods.tableaux import structure
-from integrators.methods.tableaux.runge_kutta import RungeKutta, check_known, emit
+from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit
 from integrators.methods.tableaux.tableau_input import in_color_order
+from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from integrators.methods.program.program import Program
@@ -160,9 +160,8 @@ class PartitionedRungeKutta(Method):
 
         So it is for the Störmer–Verlet method and symplectic Euler methods on H(p, q) = T(p) + U(q).
         """
-        return all(
-            structure.is_acyclic([getattr(part, sparsity) for part in self.partitions])
-            for sparsity in ("_sure_sparsity", "_sparsity")
+        return _is_acyclic([part.sure_sparsity for part in self.partitions]) and _is_acyclic(
+            [part.sparsity for part in self.partitions]
         )
 
     @cached_property
@@ -172,19 +171,18 @@ class PartitionedRungeKutta(Method):
         With two parts p and q the method is then symplectic for every Hamiltonian; a separable one does not need
         b_i = b̂_i.
         """
-        return all(structure.is_symplectic_pair(first, second) for first, second in combinations(self.partitions, 2))
+        return all(first.is_symplectic_with(second) for first, second in combinations(self.partitions, 2))
 
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether one reversal of the stages shows that every part is its own adjoint (HLW, V.2)."""
-        return structure.is_symmetric(self.partitions)
+        return are_symmetric(self.partitions)
 
     @cached_property
     def program(self) -> Program:
         """The stages and the step as a program, with one evaluation for each part and stage."""
-        from integrators.methods.tableaux.tableau_programs import tableau_program
-
-        return tableau_program(self)
+        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
+        return tableau_program([(part.A, part.b) for part in self.partitions], self.names, **labels)
 
     def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
         """The method with values in place of symbols, as `RungeKutta.substitute`."""
@@ -198,6 +196,26 @@ class PartitionedRungeKutta(Method):
     def _map(self, function: Callable[[RungeKutta], RungeKutta]) -> PartitionedRungeKutta:
         parts = dict(zip(self.names, map(function, self.partitions), strict=True))
         return PartitionedRungeKutta(parts, name=self.name, reference=self.reference, warn=False)
+
+
+def _is_acyclic(sparsities: Sequence[Sequence[Sequence[bool]]]) -> bool:
+    """Whether stages can be computed in some order if the field of a part depends on the other parts only.
+
+    Stage i of part ν needs, for each a^ν_ij ≠ 0, the field of ν at stage j, hence stage j of all other parts.
+    """
+    parts = range(len(sparsities))
+    needs = {
+        (part, i): {(other, j) for j, used in enumerate(row) if used for other in parts if other != part}
+        for part, rows in enumerate(sparsities)
+        for i, row in enumerate(rows)
+    }
+    while needs:
+        ready = {stage for stage, needed in needs.items() if not needed & needs.keys()}
+        if not ready:
+            return False
+        for stage in ready:
+            del needs[stage]
+    return True
 
 
 def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:

@@ -13,8 +13,8 @@ from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
 from integrators.methods.program.program import Method
-from integrators.methods.tableaux import structure
 from integrators.methods.tableaux.tableau_input import read_tableau
+from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from typing import Self
@@ -198,9 +198,8 @@ class RungeKutta(Method):
     @cached_property
     def program(self) -> Program:
         """The stages and the step as a program."""
-        from integrators.methods.tableaux.tableau_programs import tableau_program
-
-        return tableau_program(self)
+        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
+        return tableau_program([(self.A, self.b)], self.names, **labels)
 
     @cached_property
     def row_sums(self) -> Row:
@@ -219,29 +218,42 @@ class RungeKutta(Method):
     @cached_property
     def issues(self) -> tuple[str, ...]:
         """One sentence for each contradiction: a row sum that is not its node, weights that do not sum to 1."""
-        return structure.find_issues(self)
+        if self.algebra is not None:
+            agree, consistent = self.algebra.rows_sum_to_nodes(), self.algebra.b[0] == 1
+        else:
+            rows = zip(self.A, self.c, strict=True)
+            agree = [entries.cancels((*row, -node), self.precision) for row, node in rows]
+            consistent = entries.cancels((*self.b, -1), self.precision)
+        found = [
+            f"row {i + 1} of A sums to {_shown(self.row_sums[i])}, but c[{i + 1}] is {_shown(self.c[i])}"
+            for i, agrees in enumerate(agree)
+            if agrees is False
+        ]
+        if consistent is False:
+            found.append(f"weights b sum to {_shown(self.weight_sum)}, not 1: the method is inconsistent")
+        return tuple(found)
 
     @cached_property
-    def _sparsity(self) -> tuple[tuple[bool, ...], ...]:
+    def sparsity(self) -> tuple[tuple[bool, ...], ...]:
         """Which entries of A are not zero."""
         return tuple(tuple(entries.cancels([v], self.precision) is not True for v in row) for row in self.A)
 
     @cached_property
-    def _sure_sparsity(self) -> tuple[tuple[bool, ...], ...]:
+    def sure_sparsity(self) -> tuple[tuple[bool, ...], ...]:
         """Entries of A that are certainly not zero, found without exact roots."""
         if self.algebra is None:
-            return self._sparsity
+            return self.sparsity
         return tuple(tuple(abs(v) > 1e-9 for v in row) for row in self.algebra.tableau_float()[0])
 
     @cached_property
     def is_explicit(self) -> bool:
         """Whether A is strictly lower triangular: every stage is given by those before."""
-        return _is_lower(self._sure_sparsity, 0) and _is_lower(self._sparsity, 0)
+        return _is_lower(self.sure_sparsity, 0) and _is_lower(self.sparsity, 0)
 
     @cached_property
     def is_diagonally_implicit(self) -> bool:
         """Whether A is lower triangular but not strictly: the stages are solved for one after another."""
-        return _is_lower(self._sure_sparsity, 1) and _is_lower(self._sparsity, 1) and not self.is_explicit
+        return _is_lower(self.sure_sparsity, 1) and _is_lower(self.sparsity, 1) and not self.is_explicit
 
     @cached_property
     def is_symplectic(self) -> bool:
@@ -249,7 +261,27 @@ class RungeKutta(Method):
 
         The condition is sufficient, and for irreducible methods necessary. It must hold for every value of the symbols.
         """
-        return structure.is_symplectic_pair(self, self)
+        return self.is_symplectic_with(self)
+
+    def is_symplectic_with(self, other: RungeKutta) -> bool:
+        """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for all i and j (HLW, Theorems VI.4.3 and VI.4.6).
+
+        Args:
+            other: the tableau of the other part, with as many stages.
+
+        Returns:
+            Whether the partitioned method of the two is symplectic.
+        """
+        one, two = self.algebra, other.algebra
+        if one is not None and two is not None and one.polynomial == two.polynomial:
+            return one.is_symplectic_with(two)
+        precision = max(self.precision, other.precision)
+        b, b_hat, stages = self.b, other.b, range(self.stages)
+        return all(entries.cancels((b[i], -b_hat[i]), precision) for i in stages) and all(
+            entries.cancels((b[i] * other.A[i][j], b_hat[j] * self.A[j][i], -b[i] * b_hat[j]), precision)
+            for i in stages
+            for j in stages
+        )
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -258,7 +290,7 @@ class RungeKutta(Method):
         σ reverses the stages, as they stand or in order of their row sums. The condition is sufficient, and for
         irreducible methods necessary.
         """
-        return structure.is_symmetric([self])
+        return are_symmetric([self])
 
     def substitute(self, values: Mapping[str, Any]) -> RungeKutta:
         """The method with values in place of symbols.
@@ -323,6 +355,35 @@ class RungeKutta(Method):
 def _is_lower(sparsity: Sequence[Sequence[bool]], first: int) -> bool:
     """Whether row i is zero from place i + first on."""
     return not any(any(row[i + first :]) for i, row in enumerate(sparsity))
+
+
+def are_symmetric(parts: Sequence[RungeKutta]) -> bool:
+    """Whether all parts satisfy a_σ(i)σ(j) + a_ij = b_j for one reversal σ of the stages (HLW, Theorem V.2.3).
+
+    The reversal is that of the stages as they stand or, should they not be in order of their nodes, sorted by row sums.
+    That b_σ(j) = b_j follows. The roots of stage algebras are not computed if the nodes are symmetric.
+    """
+    algebras = [part.algebra for part in parts if part.algebra is not None and part.algebra.has_symmetric_nodes]
+    if len(algebras) == len(parts):
+        return all(algebra.is_symmetric() for algebra in algebras)
+    stages = list(range(parts[0].stages))
+    orders = [stages]
+    if not any(part.parameters for part in parts):
+        sums = [[entries.round_entry(x) if entries.is_sympy(x) else x for x in part.row_sums] for part in parts]
+        orders.append(sorted(stages, key=lambda i: [row[i] for row in sums]))
+    return any(all(_is_reversible(part, order) for part in parts) for order in orders)
+
+
+def _is_reversible(method: RungeKutta, order: Sequence[int]) -> bool:
+    a, b = method.A, method.b
+    partner = dict(zip(order, reversed(order), strict=True))
+    return all(
+        entries.cancels((a[partner[i]][partner[j]], a[i][j], -b[j]), method.precision) for i in order for j in order
+    )
+
+
+def _shown(value: Entry) -> str:
+    return shorten(format_number(value))
 
 
 def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:

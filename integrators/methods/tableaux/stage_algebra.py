@@ -12,6 +12,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import lcm
 from numbers import Rational
+from operator import mul
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
@@ -118,6 +119,42 @@ class StageAlgebra(Frozen):
     def row_sums(self) -> Polynomial:
         """The sums Σ_j a_ij, as a polynomial: x for most methods."""
         return self.apply(polynomials.ONE)
+
+    def rows_sum_to_nodes(self) -> tuple[bool, ...]:
+        """Whether Σ_j a_ij = c_i, for each row of the stage matrix."""
+        if self.row_sums == polynomials.remainder(polynomials.X, self.polynomial):
+            return (True,) * self.stages
+        gap = polynomials.add(self.row_sums, polynomials.scale(polynomials.X, -1))
+        return tuple(value == 0 for value in self.values(gap))
+
+    def is_symplectic_with(self, other: StageAlgebra) -> bool:
+        """As `RungeKutta.is_symplectic_with`, for an algebra with the same nodes; their roots are not computed.
+
+        It is decided for all stage values f and g at once, on the basis 1, x, …: b(f · Âg) + b(Af · g) = b(f) b(g).
+        """
+        b, basis = self.b, range(self.stages)
+        moments = self.moments(2 * len(b) - 1)  # the matrix of b(f · g) has the entries b(x^(k+l))
+        left, right = (
+            [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
+            for algebra in (other, self)
+        )
+        return b == other.b and all(left[k][j] + right[j][k] == b[k] * b[j] for k in basis for j in basis)
+
+    @property
+    def has_symmetric_nodes(self) -> bool:
+        """Whether the nodes are symmetric about 1/2."""
+        sign = -1 if self.stages % 2 else 1
+        return polynomials.scale(_reflect(self.polynomial), sign) == self.polynomial
+
+    def is_symmetric(self) -> bool:
+        """Whether the method is its own adjoint, if its nodes are symmetric.
+
+        The reversal of symmetric nodes is x → 1 − x, so the condition reads ρAρ g + A g = b(g) on the basis.
+        """
+        return all(
+            polynomials.add(_reflect(self.apply(_reflect(g))), self.apply(g)) == polynomials.trim([self.weigh(g)])
+            for g in map(polynomials.power, range(self.stages))
+        )
 
     @cached_property
     def has_rational_nodes(self) -> bool:
@@ -247,6 +284,11 @@ class StageAlgebra(Frozen):
     def values(self, g: Polynomial) -> tuple[Exact, ...]:
         """The values g(c_1), …, g(c_s), exactly."""
         return tuple(_entry([g], point, point) for point in self._exact_nodes)
+
+
+def _reflect(p: Polynomial) -> Polynomial:
+    """The polynomial p(1 − x)."""
+    return polynomials.compose(p, polynomials.trim([1, -1]))
 
 
 def _horner(coefficients: Sequence[int], point: int, places: int) -> int:

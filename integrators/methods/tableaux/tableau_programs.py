@@ -2,44 +2,45 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from integrators.methods.program.evaluations import LinearForm
 from integrators.methods.program.program import ProgramBuilder
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from integrators.exact.entries import Entry
     from integrators.methods.program.program import Program
-    from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+    from integrators.methods.tableaux.tableau_input import Matrix, Row
 
 
-def tableau_program(method: RungeKutta | PartitionedRungeKutta) -> Program:
+def tableau_program(tableaux: Sequence[tuple[Matrix, Row]], names: Sequence[str], **labels: Any) -> Program:
     """k^ν_i = h f^ν(y + Σ_μ Σ_j a^μ_ij k^μ_j), y1 = y + Σ_ν Σ_i b^ν_i k^ν_i.
 
     Args:
-        method: a Runge–Kutta method, partitioned or not.
+        tableaux: the stage matrix and the weights of each part, with equally many stages.
+        names: the names of the parts; that of a single part does not count.
+        labels: name, reference and digits, as for `ProgramBuilder.program`.
 
     Returns:
-        Its program; stage by stage, and within a stage part by part.
+        The program; stage by stage, and within a stage part by part.
     """
-    names = method.names if len(method.names) > 1 else ()
-    builder = ProgramBuilder(names)
-    count = len(method.partitions)
-    registers = builder.unknowns(count * method.stages)
+    count, stages = len(tableaux), len(tableaux[0][1])
+    parts = tuple(names) if count > 1 else ()
+    builder = ProgramBuilder(parts)
+    registers = builder.unknowns(count * stages)
     increments = [registers[part::count] for part in range(count)]
-    for i in range(method.stages):
+    for i in range(stages):
         at = builder.y
-        for tableau, k in zip(method.partitions, increments, strict=True):
-            at = at + combination(tableau.A[i], k)
-        for name, k in zip(names or (None,), increments, strict=True):
+        for (A, _), k in zip(tableaux, increments, strict=True):
+            at = at + combination(A[i], k)
+        for name, k in zip(parts or (None,), increments, strict=True):
             builder.field(at, name, into=k[i])
     result = builder.y
-    for tableau, k in zip(method.partitions, increments, strict=True):
-        result = result + combination(tableau.b, k)
-    return builder.program(result, name=method.name, reference=method.reference, digits=method.digits)
+    for (_, b), k in zip(tableaux, increments, strict=True):
+        result = result + combination(b, k)
+    return builder.program(result, **labels)
 
 
 def combination(coefficients: Iterable[Entry], forms: Iterable[LinearForm]) -> LinearForm:
