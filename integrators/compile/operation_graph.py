@@ -27,7 +27,8 @@ from integrators.exact.expressions import ELEMENTARY
 if TYPE_CHECKING:
     import sympy
 
-    Coefficient = Fraction | sympy.Expr
+    from integrators.exact.number_text import Coefficient
+
     Term = tuple[Coefficient, int]
 
     Product = tuple[Coefficient, Counter[int], Counter[int]]

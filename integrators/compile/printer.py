@@ -21,7 +21,8 @@ from integrators.exact.number_text import ATOM, PRODUCT, SUM, bound_text, litera
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.compile.operation_graph import Coefficient, Term
+    from integrators.compile.operation_graph import Term
+    from integrators.exact.number_text import Coefficient
 
 FUNCTIONS = (*ELEMENTARY, "sqrt")
 """What the lines call, by the names that the modules math and mpmath have for it."""

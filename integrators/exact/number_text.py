@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import ELEMENTARY
 
 if TYPE_CHECKING:
-    from integrators.compile.operation_graph import Coefficient
+    import sympy
+
+    Coefficient: TypeAlias = Fraction | sympy.Expr
 
 SUM, PRODUCT, ATOM = range(3)
 """How tightly the outermost operation of a text binds."""

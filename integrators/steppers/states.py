@@ -10,8 +10,6 @@ from integrators.steppers.adaptive import TIME
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.runs.trajectory import Trajectory
-
 
 class StepError(IntegratorError):
     """A step that could not be made.
@@ -20,7 +18,7 @@ class StepError(IntegratorError):
         step: Its number, from 1.
         t: The time at which it began.
         y: The state at which it began.
-        trajectory: What `integrate` has kept until then; None for steps made without it.
+        trajectory: The `Trajectory` that `integrate` has kept until then; None for steps made without it.
 
     Example:
         >>> from integrators import integrate, parse_scene
@@ -31,7 +29,7 @@ class StepError(IntegratorError):
         103 1.02 <Trajectory of rk4 on scene: 103 states from t = 0 to 1.02>
     """
 
-    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: Trajectory | None = None):
+    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: Any = None):
         super().__init__(message)
         self.step, self.t, self.y, self.trajectory = step, t, y, trajectory
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from integrators.methods.catalogue import explicit
 from integrators.methods.catalogue.entry import MethodEntry
 
 if TYPE_CHECKING:
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from integrators.methods.kinds.exponential import LawsonMethod
     from integrators.methods.kinds.generalized_additive import GeneralizedAdditiveRungeKutta
     from integrators.methods.kinds.two_derivative import TwoDerivativeRungeKutta
+    from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 CHAN_TSAI = "R. P. K. Chan, A. Y. J. Tsai, Numer. Algorithms 53 (2010) 171–194, doi:10.1007/s11075-009-9349-1"
 GARK = "A. Sandu, M. Günther, SIAM J. Numer. Anal. 53 (2015) 17–42, doi:10.1137/130943224"
@@ -45,10 +47,11 @@ def _trapezoidal_midpoint(*, name: str, reference: str) -> GeneralizedAdditiveRu
 
 def _lawson(tableau: str) -> Callable[..., LawsonMethod]:
     def build(*, name: str, reference: str) -> LawsonMethod:
-        from integrators.methods.catalogue.registry import method
         from integrators.methods.kinds.exponential import LawsonMethod
 
-        return LawsonMethod(method(tableau), name=name, reference=reference)  # pyright: ignore[reportArgumentType]
+        entry = next(entry for entry in explicit.METHODS if entry.name == tableau)
+        slow = cast("RungeKutta", entry.build(name=entry.name, reference=entry.reference))
+        return LawsonMethod(slow, name=name, reference=reference)
 
     return build
 
