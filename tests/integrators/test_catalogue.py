@@ -386,7 +386,7 @@ def test_wrong_parameters(name: str, parameters: dict, message: str) -> None:
 
 def test_listing_and_rational_methods_need_no_heavy_import() -> None:
     code = (
-        "import sys; from integrators.methods import catalogue, method; catalogue();"
+        "import sys; from integrators import catalogue, method; catalogue();"
         "method('rk4'); method('gauss3'); method('stormer-verlet'); method('sdirk2', gamma='1/4');"
         "print(sorted({'numpy', 'sympy', 'networkx', 'numba'} & set(sys.modules)))"
     )

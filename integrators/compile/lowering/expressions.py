@@ -1,25 +1,22 @@
-"""Expressions of generated functions in LLVM."""
+"""The syntax trees of generated functions, and their expressions and variables in LLVM."""
 
 # ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
 from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial, reduce
-from types import FunctionType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from textwrap import dedent
+from types import CodeType, FunctionType
+from typing import Any, NamedTuple, NoReturn
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
-
-from integrators.compile.lowering.syntax import refuse
-
-if TYPE_CHECKING:
-    from integrators.compile.lowering.units import Unit
 
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -32,11 +29,80 @@ EXTREMES = {max: operator.gt, min: operator.lt}
 WHOLE, UNSIGNED = types.int64, types.uint64
 
 
+def refuse(node: ast.AST, reason: str = "is not lowered") -> NoReturn:
+    """Raise NotImplementedError for what generated functions must not have."""
+    raise NotImplementedError(f"{ast.unparse(node)!r:.200} {reason}")
+
+
+def tree_of(function: Any) -> ast.FunctionDef:
+    """The syntax tree of a function.
+
+    Raises:
+        NotImplementedError: It has what cannot be lowered, or its file is not the one it was loaded from any more.
+    """
+    tree = ast.parse(dedent(inspect.getsource(function))).body[0]
+    if not isinstance(tree, ast.FunctionDef):
+        refuse(tree)
+    tree.decorator_list = []
+    compiled = compile(ast.Module([tree], []), "", "exec").co_consts
+    code = next(constant for constant in compiled if isinstance(constant, CodeType))
+    if (code.co_code, code.co_names) != (function.__code__.co_code, function.__code__.co_names):
+        raise NotImplementedError(
+            f"{function.__name__} must be lowered from the file it was loaded from, which changed"
+        )
+    local = {*function.__code__.co_varnames}
+    for node in ast.walk(tree):
+        for reason in _reasons(node, local):
+            refuse(node, reason)
+    return tree
+
+
+def _reasons(node: ast.AST, local: set[str]) -> Iterator[str]:
+    """Why something is not lowered, although its kind is."""
+    if isinstance(node, ast.For | ast.While) and node.orelse:
+        yield "has an else"
+    if isinstance(node, ast.For) and not (isinstance(node.iter, ast.Call) and ast.unparse(node.iter.func) == "range"):
+        yield "is over no range"
+    if isinstance(node, ast.Call):
+        if node.keywords or any(isinstance(x, ast.Starred) for x in node.args):
+            yield "has more than positional arguments"
+        if not isinstance(node.func, ast.Name) or node.func.id in local:
+            yield "calls what is no function of the module"
+    if isinstance(node, ast.Compare) and len(node.ops) > 1:
+        yield "compares more than two"
+
+
 class Value(NamedTuple):
     """A value: its numba type, and what it is in LLVM."""
 
     type: Any
     llvm: Any
+
+
+class Target:
+    """What generated functions call: numba's functions, each looked up once for the types of its arguments, and others.
+
+    Args:
+        context: Numba's target.
+        typing: Numba's signatures.
+    """
+
+    def __init__(self, context: Any, typing: Any):
+        self.context, self.typing = context, typing
+        self._known: dict[Any, tuple[Any, Any]] = {}
+
+    def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+        """Numba's signature of a function for these types of arguments, and what calls it with a builder and values."""
+        key = function, arguments
+        if key not in self._known:
+            kind = self.typing.resolve_value_type(function)
+            signature = self.typing.resolve_function_type(kind, arguments, {})
+            self._known[key] = signature, self.context.get_function(kind, signature)
+        return self._known[key]
+
+    def call(self, builder: Any, function: Any, values: Sequence[Value], result: Any = None) -> Value:
+        """Call a function of Python in LLVM."""
+        raise NotImplementedError
 
 
 class Expressions(ast.NodeVisitor):
@@ -46,13 +112,13 @@ class Expressions(ast.NodeVisitor):
     that is a pointer first and then a number, or the other way round.
 
     Args:
-        unit: The functions that this one belongs to.
+        target: What the function calls.
         made: The function in LLVM.
         function: The function of Python.
     """
 
-    def __init__(self, unit: Unit, made: Any, function: Any):
-        self.unit, self.made = unit, made
+    def __init__(self, target: Target, made: Any, function: Any):
+        self.target, self.made = target, made
         self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
         # memory for variables comes before what is read from the module, and that before everything else
         entry, constants, begin = self.block(), self.block(), self.block()
@@ -86,7 +152,7 @@ class Expressions(ast.NodeVisitor):
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         items = self._items(node)
         kind = types.BaseTuple.from_types([item.type for item in items])
-        return Value(kind, self.unit.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
+        return Value(kind, self.target.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         array = self.visit(node.value)
@@ -143,7 +209,15 @@ class Expressions(ast.NodeVisitor):
             return reduce(partial(self._extreme, EXTREMES[function]), arguments)
         if not isinstance(function, FunctionType):
             return self._call(function, *arguments)
-        return self.unit.call(self.builder, function, arguments)
+        return self.target.call(self.builder, function, arguments)
+
+    def assign(self, name: str, value: Value) -> None:
+        """Give a variable a value."""
+        known = self.variables.get(name)
+        if known is None or isinstance(known.type, types.CPointer) != isinstance(value.type, types.CPointer):
+            place = cgutils.alloca_once(self.builder, value.llvm.type, name=name)
+            known = self.variables[name] = Value(value.type, place)
+        self.builder.store(self._kept(value, known.type), known.llvm)
 
     def _operator(self, node: Any) -> Callable[..., Any]:
         return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
@@ -165,7 +239,7 @@ class Expressions(ast.NodeVisitor):
 
     def _truth(self, node: ast.expr) -> Any:
         value = self.visit(node)
-        return self.unit.context.is_true(self.builder, value.type, value.llvm)
+        return self.target.context.is_true(self.builder, value.type, value.llvm)
 
     def known(self, name: str) -> Any:
         """What a name of the module means."""
@@ -179,12 +253,12 @@ class Expressions(ast.NodeVisitor):
         return Value(value.type, place)
 
     def _constant(self, value: Any) -> Value:
-        kind = types.unliteral(self.unit.typing.resolve_value_type(value))
-        return Value(kind, self.unit.context.get_constant_generic(self.constants, kind, value))
+        kind = types.unliteral(self.target.typing.resolve_value_type(value))
+        return Value(kind, self.target.context.get_constant_generic(self.constants, kind, value))
 
     def _call(self, function: Any, *arguments: Value) -> Value:
         """Call what numba knows."""
-        signature, call = self.unit.implementation(function, tuple(x.type for x in arguments))
+        signature, call = self.target.implementation(function, tuple(x.type for x in arguments))
         values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
         return Value(types.unliteral(signature.return_type), call(self.builder, values))
 
@@ -198,7 +272,7 @@ class Expressions(ast.NodeVisitor):
     def _cast(self, value: Value, kind: Any) -> Any:
         if value.type == kind:
             return value.llvm
-        return self.unit.context.cast(self.builder, value.llvm, value.type, kind)
+        return self.target.context.cast(self.builder, value.llvm, value.type, kind)
 
 
 def _can_hold(kind: Any, given: Any) -> bool:

@@ -10,27 +10,22 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from functools import reduce
+from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
-from integrators.compile.lowering.expressions import WHOLE, Value
-from integrators.compile.lowering.vector_expressions import (
-    ALIGNMENT,
-    INDEX,
-    NUMBER,
-    WORD,
-    UnsuitedError,
-    VectorExpressions,
-    constant_vector,
-)
+from integrators.compile.lowering.expressions import WHOLE, Expressions, Value
 
-if TYPE_CHECKING:
-    from integrators.compile.lowering.statements import Statements
-
+WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
+ALIGNMENT = 8
+"""Bytes: a vector may begin at any double."""
+OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+FUNCTIONS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "fma": "llvm.fma"}
 FEWEST, MOST = 8, 64
 """Entries of loops that are written so: shorter ones LLVM unrolls, longer ones it vectorises itself."""
 FEWEST_PERMUTED = 4
@@ -38,6 +33,172 @@ FEWEST_PERMUTED = 4
 LONG = 80
 """Instructions for a vector from which on the vectors are made by a loop, however many they are."""
 LEAST = -(2**63)
+
+
+class UnsuitedError(Exception):
+    """Something in a loop that is not written in vectors."""
+
+
+class VectorExpressions(ast.NodeVisitor):
+    """Writes the values of expressions in the body of a loop, as vectors of doubles or of integers.
+
+    Args:
+        scalars: Writes what does not depend on the counter.
+        node: The loop.
+
+    Attributes:
+        vectors: The local variables of the loop.
+        first, width: The first value of the counter, and how many there are.
+        names: What the loop sets.
+        base: The first value in LLVM, where the loop is one there, too.
+        read, written: The entries so far: the array, the index and the counter.
+        is_permuted: Whether there is an entry that lies apart from the others, or is looked up in a table.
+    """
+
+    def __init__(self, scalars: Expressions, node: Any):
+        self.scalars, self.node, self.counter = scalars, node, node.target.id
+        self.builder: Any = scalars.builder
+        parts = (part for statement in node.body for part in ast.walk(statement))
+        self.names = {part.id for part in parts if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)}
+        self.first, self.width, self.base = 0, 0, None
+        self.vectors: dict[str, Any] = {}
+        self.is_permuted = False
+        self.read: set[tuple[str, int, int]] = set()
+        self.written: set[tuple[str, int, int]] = set()
+
+    def visit_BinOp(self, node: ast.BinOp) -> Any:
+        name = OPERATIONS.get(type(node.op))
+        left, right = self._numbers(node.left, node.right)
+        if name is None:
+            raise UnsuitedError
+        return getattr(self.builder, name)(left, right)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        if not isinstance(node.op, ast.USub):
+            raise UnsuitedError
+        return self.builder.fneg(*self._numbers(node.operand))
+
+    def visit_Call(self, node: ast.Call) -> Any:
+        function = self.scalars.known(ast.unparse(node.func))
+        name = getattr(function, "_name", getattr(function, "__name__", ""))  # intrinsics have the former
+        if name == "bits":
+            return self.builder.bitcast(*self._numbers(*node.args), ir.VectorType(WORD, self.width))
+        if name == "max":
+            values = [self.visit(x) for x in node.args]
+            if any(value.type.element != WORD for value in values):
+                raise UnsuitedError
+            return reduce(self.larger, values)
+        if name not in FUNCTIONS:
+            raise UnsuitedError
+        values = self._numbers(*node.args)
+        return self.intrinsic(FUNCTIONS[name], values[0].type, values)
+
+    def visit_Subscript(self, node: ast.Subscript) -> Any:
+        constants = self._constants(node.value, "f")
+        if constants is not None:
+            self.is_permuted = True  # a loop would have to look them up
+            numbers = [ir.Constant(NUMBER, float(constants[place])) for place in self._indices(node.slice)]
+            return constant_vector(NUMBER, numbers)
+        start, places, are_apart = self.noted(node, self.read)
+        if not are_apart:
+            return self.builder.load(self.vector_at(start, places[0]), align=ALIGNMENT)
+        vector = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
+        for lane, place in enumerate(places):
+            number = self.builder.load(self.builder.gep(start, [ir.Constant(WORD, place)]))
+            vector = self.builder.insert_element(vector, number, ir.Constant(INDEX, lane))
+        return vector
+
+    def visit_Name(self, node: ast.Name) -> Any:
+        if node.id in self.vectors:
+            return self.vectors[node.id]
+        if node.id in self.names or node.id == self.counter:  # the former depends on the entry before
+            raise UnsuitedError
+        value = self.scalars.visit(node)
+        if value.type != types.float64:
+            raise UnsuitedError
+        return self._everywhere(value.llvm)
+
+    def visit_Constant(self, node: ast.Constant) -> Any:
+        kind = {float: NUMBER, int: WORD}.get(type(node.value))
+        if kind is None:  # a truth value, or a text
+            raise UnsuitedError
+        return constant_vector(kind, [ir.Constant(kind, node.value)] * self.width)
+
+    def generic_visit(self, node: ast.AST) -> Any:
+        raise UnsuitedError
+
+    def _numbers(self, *nodes: ast.expr) -> list[Any]:
+        """The values of expressions that are doubles."""
+        values = [self.visit(node) for node in nodes]
+        if any(value.type.element != NUMBER for value in values):
+            raise UnsuitedError
+        return values
+
+    def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int], bool]:
+        """Where an array begins, the places of the entries that are read or written, and whether they lie apart.
+
+        Places that are looked up may lie one behind the other here, and apart for other values of the counter.
+        """
+        if not isinstance(node.value, ast.Name):
+            raise UnsuitedError
+        array = self.scalars.visit(node.value)
+        if array.type != types.CPointer(types.float64):
+            raise UnsuitedError
+        places = self._indices(node.slice)
+        entries.update((node.value.id, place, self.first + lane) for lane, place in enumerate(places))
+        are_consecutive = places == [*range(places[0], places[0] + self.width)]
+        are_apart = not are_consecutive or any(isinstance(part, ast.Subscript) for part in ast.walk(node.slice))
+        self.is_permuted |= are_apart
+        return array.llvm, places, are_apart
+
+    def vector_at(self, start: Any, place: int) -> Any:
+        index = ir.Constant(WORD, place)
+        if self.base is not None:
+            index = self.builder.add(self.base, ir.Constant(WORD, place - self.first))
+        return self.builder.bitcast(self.builder.gep(start, [index]), ir.VectorType(NUMBER, self.width).as_pointer())
+
+    def _indices(self, index: ast.expr) -> list[int]:
+        return [self._index_at(index, self.first + lane) for lane in range(self.width)]
+
+    def _index_at(self, index: ast.expr, counter: int) -> int:
+        """An index, for one value of the counter."""
+        match index:
+            case ast.Name(name) if name == self.counter:
+                return counter
+            case ast.Constant(int(number)):
+                return number
+            case ast.BinOp(left, ast.Add(), right):
+                return self._index_at(left, counter) + self._index_at(right, counter)
+            case ast.BinOp(left, ast.Sub(), right):
+                return self._index_at(left, counter) - self._index_at(right, counter)
+            case ast.BinOp(left, ast.Mult(), right):
+                return self._index_at(left, counter) * self._index_at(right, counter)
+            case ast.Subscript(name, inner):
+                table = self._constants(name, "i")
+                if table is not None:
+                    return int(table[self._index_at(inner, counter)])
+        raise UnsuitedError
+
+    def _constants(self, node: ast.expr, kind: str) -> np.ndarray | None:
+        """The constant array of the module, of doubles (f) or integers (i), if the name is that of one."""
+        if not isinstance(node, ast.Name) or node.id in self.scalars.local:
+            return None
+        found = self.scalars.names.get(node.id)
+        return found if isinstance(found, np.ndarray) and (found.ndim, found.dtype.kind) == (1, kind) else None
+
+    def _everywhere(self, number: Any) -> Any:
+        """A vector of equal numbers."""
+        nothing = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
+        one = self.builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
+        return self.builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(INDEX, self.width), None))
+
+    def larger(self, one: Any, other: Any) -> Any:
+        return self.builder.select(self.builder.icmp_signed(">", other, one), other, one)
+
+    def intrinsic(self, name: str, kind: Any, values: list[Any], result: Any = None) -> Any:
+        made = ir.FunctionType(result or kind, [kind] * len(values))
+        name = f"{name}.v{kind.count}{kind.element.intrinsic_name}"
+        return self.builder.call(cgutils.get_or_insert_function(self.builder.module, made, name), values)
 
 
 class VectorLoop(VectorExpressions):
@@ -51,7 +212,7 @@ class VectorLoop(VectorExpressions):
         node: The loop.
     """
 
-    def __init__(self, scalars: Statements, node: Any):
+    def __init__(self, scalars: Expressions, node: Any):
         super().__init__(scalars, node)
         self.maxima: dict[tuple[str, int], Any] = {}  # places in memory, by the variable and the width
 
@@ -195,3 +356,8 @@ def _is_maximum(node: ast.expr, name: str) -> bool:
         case ast.Call(ast.Name("max"), [ast.Name(first), _]):
             return first == name
     return False
+
+
+def constant_vector(kind: Any, numbers: list[Any]) -> Any:
+    """A vector of constants."""
+    return ir.Constant(ir.VectorType(kind, len(numbers)), numbers)
