@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import sympy
 
     from integrators.scenes.model.system import System
-    from integrators.steppers.source import StepperSource
+    from integrators.steppers.writer import StepWriter
 
 
 DENSITY, RATE, TIME, TIME_CARRY = range(4)
@@ -91,7 +91,7 @@ def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) 
     return np.array([nearest_double(1 / size), 0.0, t0, 0.0])
 
 
-def control_text(formula: sympy.Expr, writer: StepperSource) -> ControlText:
+def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
     """The statements of steps with this function of step sizes."""
     rate = _rate_lines(formula, writer)
     return ControlText(
@@ -113,7 +113,7 @@ def control_text(formula: sympy.Expr, writer: StepperSource) -> ControlText:
     )
 
 
-def _rate_lines(formula: sympy.Expr, writer: StepperSource) -> tuple[str, ...]:
+def _rate_lines(formula: sympy.Expr, writer: StepWriter) -> tuple[str, ...]:
     """Statements for G(y) = −∇σ(y)·f(y)/σ(y)."""
     structure = writer.structure
     scene, whole = structure.scene, len(structure.pieces) - 1

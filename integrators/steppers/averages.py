@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import sympy
 
     from integrators.steppers.plan import Call
-    from integrators.steppers.source import StepperSource
+    from integrators.steppers.writer import StepWriter
 
     Rule = tuple[tuple[sympy.Rational, sympy.Rational], ...]
     """Nodes and weights."""
@@ -29,7 +29,7 @@ A singularity at a distance r from the middle of a path of length L leaves an er
 MOST_NODES = 100
 
 
-def average_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+def average_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     """Statements for ∫₀¹ θ^power F(Σ θ^j path_j) dθ: exact up to rounding, so that energies are preserved as well.
 
     They add up F(θ_1) / (power + 1) + Σ w_i θ_i^power (F(θ_i) − F(θ_1)): rounding errors of the weights, the same in
@@ -48,7 +48,7 @@ def average_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
     return [*lines, *(line for cell in call.cells for line in writer.forms.loop(cell, total))]
 
 
-def _value_lines(call: Call, rule: Rule, writer: StepperSource) -> list[str]:
+def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
     """Statements for the values of the field at the nodes, unless they are known from an average before."""
     forms, path = writer.forms, call.node.points
     lines: list[str] = []
@@ -74,7 +74,7 @@ def _value_lines(call: Call, rule: Rule, writer: StepperSource) -> list[str]:
     return [*lines, f"for node in range({len(rule)}):", *indented(node)]
 
 
-def _count(call: Call, writer: StepperSource) -> int:
+def _count(call: Call, writer: StepWriter) -> int:
     """How many nodes are enough: for polynomials exactly, else as documented above."""
     import sympy
 

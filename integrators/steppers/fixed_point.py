@@ -11,12 +11,12 @@ from integrators.steppers.forms import scaled, tidy
 
 if TYPE_CHECKING:
     from integrators.steppers.plan import Group
-    from integrators.steppers.source import StepperSource
+    from integrators.steppers.writer import StepWriter
 
 MOST_SWEEPS = 100
 
 
-def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
+def fixed_point_lines(group: Group, writer: StepWriter) -> list[str]:
     """Sweeps over a group until the increments stop falling.
 
     A sweep computes all slopes from those of the sweep before. Stopping earlier, at a tolerance, would leave errors
@@ -53,7 +53,7 @@ def fixed_point_lines(group: Group, writer: StepperSource) -> list[str]:
     ]
 
 
-def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepperSource) -> list[str]:
+def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepWriter) -> list[str]:
     """Statements that compute all slopes from those of the sweep before.
 
     Points that depend on nothing else are made in one loop, which reads the slopes once for all of them.
@@ -74,7 +74,7 @@ def _sweep_lines(group: Group, new: Mapping[int, str], writer: StepperSource) ->
     return [*(line for cell, lines in points.items() for line in writer.forms.loop(cell, lines)), *slopes]
 
 
-def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[str]:
+def _ending(group: Group, cells: Sequence[int], writer: StepWriter) -> list[str]:
     """Statements that leave the loop over sweeps."""
     small = [text for cell in cells for text in negligible_changes(cell, group, writer)]
     return [
@@ -95,7 +95,7 @@ def _ending(group: Group, cells: Sequence[int], writer: StepperSource) -> list[s
     ]
 
 
-def negligible_changes(cell: int, group: Group, writer: StepperSource) -> Iterator[str]:
+def negligible_changes(cell: int, group: Group, writer: StepWriter) -> Iterator[str]:
     """The conditions that changes in the variables of a cell are small."""
     for a, b in writer.structure.cells[cell]:
         sizes = [f"largest(k{e}, {a}, {b})" for e, c in group.unknowns if c == cell]
@@ -103,13 +103,13 @@ def negligible_changes(cell: int, group: Group, writer: StepperSource) -> Iterat
         yield f"negligible(change{cell}, {size}, h, y, {a}, {b})"
 
 
-def rounding(cells: Sequence[int], writer: StepperSource) -> str:
+def rounding(cells: Sequence[int], writer: StepWriter) -> str:
     """The condition that all changes are what rounding errors of the state may do."""
     dimension = writer.structure.scene.dimension
     return " and ".join(f"within_rounding(change{cell}, h, y, {dimension})" for cell in cells)
 
 
-def start_values(group: Group, writer: StepperSource) -> list[str]:
+def start_values(group: Group, writer: StepWriter) -> list[str]:
     """The polynomial through the slopes of the last step, at the nodes of this one."""
     lines: list[str] = []
     for cell in sorted({cell for _, cell in group.unknowns}):
@@ -134,7 +134,7 @@ def _basis(nodes: Sequence[Fraction], j: int, x: Fraction) -> Fraction:
     return value
 
 
-def first_values(group: Group, writer: StepperSource) -> list[str]:
+def first_values(group: Group, writer: StepWriter) -> list[str]:
     """Statements for the slopes before the first step: those at y."""
     lines = []
     for e, cell in group.unknowns:

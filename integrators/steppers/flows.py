@@ -1,4 +1,14 @@
-"""Flows of pieces of the field that feel what they move, such as linear ones, with forcing or without."""
+"""Flows of pieces of the field that feel what they move, such as linear ones, with forcing or without.
+
+Those of linear pieces are products with φ-functions of matrices: φ_0(z) = e^z and φ_k(z) = ∫₀¹ e^((1−θ)z)
+θ^(k−1)/(k−1)! dθ solve z' = X z + Σ θ^j g_j exactly, by z(1) = z(0) + φ_1(X) X z(0) + Σ j! φ_(j+1)(X) g_j. They are
+computed in fixed-point arithmetic, with many more digits than doubles have.
+
+References:
+    M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209–286, doi:10.1017/S0962492910000048, section 2.1;
+    K. Ozaki, T. Ogita, S. Oishi, S. M. Rump, Numer. Algorithms 59 (2012) 95–118, doi:10.1007/s11075-011-9478-1 (exact
+    products of matrices from products in doubles).
+"""
 
 from __future__ import annotations
 
@@ -12,12 +22,11 @@ from integrators.exact.entries import round_entry
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import degree
 from integrators.steppers.nodes import fraction
-from integrators.steppers.phi_functions import doubles, fixed_point, phi_functions, product
 
 if TYPE_CHECKING:
     from integrators.steppers.plan import Call
-    from integrators.steppers.source import StepperSource
     from integrators.steppers.structure import Structure
+    from integrators.steppers.writer import StepWriter
 
     FlowKey = tuple[int, tuple[int, ...], Fraction | int, int]
     """The piece, the cells that move, the time, the number of forcing terms."""
@@ -35,7 +44,7 @@ MOST_HALVINGS = 12
 EXTRAPOLATION = "The slopes of the flow of a piece of the field; whether they could be found."
 
 
-def flow_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
+def flow_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     """Statements for (z(1) − z(0))/h, where z′(θ) = time · h F(z(θ)) + Σ_j θ^j forcing_j.
 
     Where F is linear with constant coefficients, these are products with matrices that depend on h only; where each
@@ -46,7 +55,7 @@ def flow_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
     structure = writer.structure
     forced = {cell for point in forcing for cell, form in point if form.terms}
     moving = [cell for cell, _ in start if cell in forced or cell in structure.writes(piece)]
-    linear = None if writer.control is not None else _linear_flow(call, moving, structure)
+    linear = None if writer.varies else _linear_flow(call, moving, structure)
     if linear is not None:
         return _linear_lines(call, target, linear, writer)
     if len(forcing) <= 1 and is_diagonal(structure, piece, moving):
@@ -61,7 +70,7 @@ def _linear_flow(call: Call, moving: list[int], structure: Structure) -> LinearF
     return flow if flow is not None and flow.largest <= MOST_VARIABLES else None
 
 
-def _forcing_lines(call: Call, writer: StepperSource) -> tuple[list[str], list[str]]:
+def _forcing_lines(call: Call, writer: StepWriter) -> tuple[list[str], list[str]]:
     """Statements for forcing terms, and the arrays of these, which lie one behind the other."""
     lines: list[str] = []
     dimension, terms = writer.structure.scene.dimension, call.node.points[1:]
@@ -74,7 +83,7 @@ def _forcing_lines(call: Call, writer: StepperSource) -> tuple[list[str], list[s
     return lines, arrays
 
 
-def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepperSource) -> list[str]:
+def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter) -> list[str]:
     """Statements for products with φ-functions."""
     import sympy
 
@@ -97,7 +106,7 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepperSour
     return lines
 
 
-def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepperSource) -> list[str]:
+def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepWriter) -> list[str]:
     """Statements for (x(1) − x(0))/h = (time · F(x) + forcing/h) φ_1(time · h a); a is F' times ones."""
     forms, functions, dimension = writer.forms, writer.functions, writer.structure.scene.dimension
     start, piece, time = call.node.points[0], call.node.piece, round_entry(call.node.detail)
@@ -115,7 +124,7 @@ def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepperS
     return lines
 
 
-def _numerical_lines(call: Call, target: str, moving: list[int], writer: StepperSource) -> list[str]:
+def _numerical_lines(call: Call, target: str, moving: list[int], writer: StepWriter) -> list[str]:
     """Statements for extrapolation."""
     structure, forms = writer.structure, writer.forms
     dimension, powers = structure.scene.dimension, len(call.node.points) - 1
@@ -136,7 +145,7 @@ def _numerical_lines(call: Call, target: str, moving: list[int], writer: Stepper
     return lines
 
 
-def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepperSource) -> list[str]:
+def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepWriter) -> list[str]:
     """The body of a function for a flow by extrapolation of the explicit midpoint rule.
 
     An interval where it does not settle is halved. Slopes are computed, not ends: their rounding errors are small
@@ -327,3 +336,88 @@ def _blocks(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list[lis
     rows = set(wanted)
     found = (sorted(component) for component in nx.connected_components(graph))
     return sorted(block for block in found if not rows.isdisjoint(block))
+
+
+BITS = 176
+"""Digits behind the point; squaring loses one for each doubling of the argument."""
+SMALL_BITS = 8
+"""The Taylor series is used for arguments below 2^-8."""
+MOST_BITS = BITS + 1100
+"""Beyond, numbers would be no doubles."""
+LIMB = 20
+"""Products of so many bits, and sums of a few thousand of them, are exact in doubles."""
+
+
+def fixed_point(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
+    """A matrix as integers, in units of 2^−BITS."""
+    import numpy as np
+
+    matrix = np.empty((len(rows), len(rows[0])), dtype=object)
+    matrix[:] = [[round(x * 2**BITS) for x in row] for row in rows]
+    return matrix
+
+
+def doubles(values: Iterable[Any]) -> np.ndarray:
+    """Fixed-point numbers as doubles, and the rounding errors of these as doubles: two rows."""
+    import numpy as np
+
+    heads = [x / 2**BITS for x in values]
+    tails = [(x - int(Fraction(head) * 2**BITS)) / 2**BITS for x, head in zip(values, heads, strict=True)]
+    return np.array([heads, tails])
+
+
+def phi_functions(matrix: np.ndarray, count: int) -> list[np.ndarray] | None:
+    """φ_1(X), …, φ_count(X) in fixed-point arithmetic; None if they are no doubles.
+
+    Example:
+        >>> (phi,) = phi_functions(fixed_point([[Fraction(1)]]), 1)
+        >>> print(doubles(phi[0])[0])  # e − 1
+        [1.71828183]
+    """
+    import numpy as np
+
+    one = np.diag([1 << BITS] * len(matrix)).astype(object)
+    largest = max(sum(map(abs, row)) for row in matrix)
+    halvings = max(0, int(largest).bit_length() - BITS + SMALL_BITS)
+    small = matrix >> halvings
+    phi = [_series(small, count, one)]
+    for k in range(count - 1, 0, -1):
+        phi.insert(0, product(small, phi[0]) + one // factorial(k))
+    for doubling in range(halvings):
+        exponential = one + product(matrix >> (halvings - doubling), phi[0])
+        if max(int(x).bit_length() for x in exponential.flat) > MOST_BITS:
+            return None
+        phi = [
+            product(exponential, phi[k - 1]) + sum(phi[j - 1] // factorial(k - j) for j in range(1, k + 1)) >> k
+            for k in range(1, count + 1)
+        ]
+    return phi
+
+
+def _series(matrix: np.ndarray, k: int, one: np.ndarray) -> np.ndarray:
+    """φ_k(X) = Σ X^m / (m + k)! for a small X, by Horner's rule."""
+    terms = 1
+    while SMALL_BITS * terms + factorial(terms).bit_length() < BITS:
+        terms += 1
+    total = one // factorial(terms + k)
+    for m in range(terms - 1, -1, -1):
+        total = product(matrix, total) + one // factorial(m + k)
+    return total
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """A B in fixed-point arithmetic: large integers are cut into limbs whose products are exact in doubles."""
+    left, right = _limbs(A), _limbs(B)
+    total: Any = 0
+    for d in range(len(left) + len(right) - 1):
+        pairs = ((i, d - i) for i in range(max(0, d - len(right) + 1), min(d + 1, len(left))))
+        diagonal: Any = sum(left[i] @ right[j] for i, j in pairs)
+        total = total + (diagonal.astype("int64").astype(object) << (LIMB * d))
+    return total >> BITS
+
+
+def _limbs(matrix: np.ndarray) -> list[np.ndarray]:
+    """Matrices L_i of doubles with Σ L_i 2^(LIMB·i) = the matrix; the last one holds the signs."""
+    count = 1 + max(int(x).bit_length() for x in matrix.flat) // LIMB
+    lower = [((matrix >> (LIMB * i)) & (2**LIMB - 1)).astype(float) for i in range(count - 1)]
+    return [*lower, (matrix >> (LIMB * (count - 1))).astype(float)]

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from integrators.compile.operation_graph import simplest
 from integrators.compile.particle_loops import INDICES
 from integrators.compile.scene_source import ModuleText, field_lines, gathered
 from integrators.core.immutable import remembered
-from integrators.exact.entries import round_entry
-from integrators.exact.number_text import literal
 from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
-from integrators.steppers.forms import grouped
 from integrators.steppers.structure import Structure, entries
 
 if TYPE_CHECKING:
@@ -20,8 +16,6 @@ if TYPE_CHECKING:
 
     from integrators.compile.scene_source import ModuleText
     from integrators.scenes.model.local_terms import LocalTerm, Output
-    from integrators.steppers.plan import Call
-    from integrators.steppers.source import StepperSource
     from integrators.steppers.structure import Structure
 
     Outputs = Callable[[LocalTerm], Iterable[Output]]
@@ -95,15 +89,6 @@ class Diagonal(NamedTuple):
     shift: int
     factors: tuple[sympy.Expr, ...]
 
-    def scaled(self, text: str, writer: StepperSource) -> str:
-        """The entry i, if the text is that of y[i]."""
-        moved = text.replace("[i]", f"[i - {self.shift}]" if self.shift > 0 else f"[i + {-self.shift}]")
-        if self.factors == (1,):
-            return moved
-        if len(self.factors) == 1:
-            return f"{literal(simplest(self.factors[0]))}*{grouped(moved)}"
-        return f"{writer.constants(self.factors)}[i - {self.first}]*{grouped(moved)}"
-
 
 @remembered
 def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
@@ -148,20 +133,6 @@ def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr
         for row in term.sites.rows()
     ]
     return list(zip(entries(output.place, term.sites), source, factors, strict=True))
-
-
-def derivative_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
-    """Statements for the derivative at a point along a vector, which lie one behind the other in one array."""
-    at, along = call.node.points
-    dimension = writer.structure.scene.dimension
-    tangent = writer.array("tangent", 2 * dimension)
-    name = writer.functions.derivative(call.node.piece, call.cells)
-    return [
-        *writer.forms.point(at, tangent, copied=True)[0],
-        f"along = shifted({tangent}, {dimension})",
-        *writer.forms.point(along, "along", copied=True)[0],
-        f"{name}({tangent}, {target})",
-    ]
 
 
 def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) -> Iterator[LocalTerm]:
@@ -237,53 +208,3 @@ def _position(row: Place, column: Place, dimension: int) -> str:
     return " + ".join(
         [str(offset), *(f"{stride}*{INDICES[role]}" for role, stride in sorted(strides.items()) if stride)]
     )
-
-
-def field_call_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
-    """A piece of the field at a point; cells where it only scales are written as loops, or not before they are read."""
-    point, piece, forms = call.node.points[0], call.node.piece, writer.forms
-    scaling = {cell: diagonal(writer.structure, piece, cell) for cell in call.cells}
-    if len(call.cells) == 1 and (call.evaluation, call.cells[0]) in writer.once and forms.in_group:
-        chosen = scaling[call.cells[0]]
-        assert chosen is not None  # read_once has found it
-        text = forms.entry(chosen.source, dict(point)[chosen.source])
-        forms.inlined[call.evaluation, call.cells[0]] = chosen.scaled(text, writer)
-        return []
-    lines, at = forms.point(point, "z")
-    others = []
-    for cell, chosen in scaling.items():
-        if chosen is None:
-            others.append(cell)
-            continue
-        text = chosen.scaled(f"{at}[i]", writer)
-        if (call.evaluation, cell) in writer.once:
-            forms.inlined[call.evaluation, cell] = text
-        else:
-            lines += forms.loop(cell, [f"{target}[i] = {text}"])
-    if others:
-        lines.append(f"{writer.functions.field(piece, others)}({at}, {target})")
-    return lines
-
-
-def resolvent_lines(call: Call, target: str, writer: StepperSource) -> list[str]:
-    """Statements for s = (I − hγ F′)⁻¹ r. Equal matrices are factorized once in a step.
-
-    References:
-        E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, section IV.7.
-    """
-    at, right = call.node.points
-    n, piece, own = writer.structure.scene.dimension, call.node.piece, call.node.detail
-    key = piece, at, own
-    is_new = key not in writer.matrices
-    name = writer.matrices.setdefault(key, str(len(writer.matrices)))
-    matrix, pivots = writer.array(f"matrix{name}", n * n), writer.array(f"pivots{name}", n)
-    lines: list[str] = []
-    if is_new:
-        lines, point = writer.forms.point(at, "z")
-        jacobian = writer.functions.jacobian(piece, writer.structure.writes(piece))
-        lines.append(f"{jacobian}({point}, {matrix})")
-        lines.append(f"subtract_from_identity({matrix}, {n}, h*{round_entry(own)!r})")
-        lines.append(f"factorize({matrix}, {pivots}, {n})")
-    for cell, form in right:
-        lines += writer.forms.loop(cell, [f"{target}[i] = {writer.forms.sum(cell, form.terms) or '0.0'}"])
-    return [*lines, f"solve({matrix}, {pivots}, {n}, {target})"]

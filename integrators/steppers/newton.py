@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import sympy
 
     from integrators.steppers.plan import Call, Group
-    from integrators.steppers.source import StepperSource
+    from integrators.steppers.writer import StepWriter
 
 
 PATIENCE = 50
@@ -28,7 +28,7 @@ STALLED = 2
 """Changes that fall by a smaller factor are rounding errors, if they are small: the last bits may creep for long."""
 
 
-def newton_lines(group: Group, writer: StepperSource) -> list[str]:
+def newton_lines(group: Group, writer: StepWriter) -> list[str]:
     """Sweeps k ← k + (I − G′)⁻¹ (G(k) − k) over a group until the increments stop falling.
 
     The Jacobians are those at the points that the starting values lead to, and the matrix is kept until the iteration
@@ -68,7 +68,7 @@ def newton_lines(group: Group, writer: StepperSource) -> list[str]:
     ]
 
 
-def _ending(group: Group, writer: StepperSource) -> list[str]:
+def _ending(group: Group, writer: StepWriter) -> list[str]:
     """Statements that leave the loop over sweeps, or say how it goes on."""
     cells = sorted({cell for _, cell in group.unknowns})
     lines = [f"small{cell} = {' and '.join(negligible_changes(cell, group, writer))}" for cell in cells]
@@ -145,7 +145,7 @@ class SlopeMatrix:
         size: The number of unknowns.
     """
 
-    def __init__(self, group: Group, writer: StepperSource):
+    def __init__(self, group: Group, writer: StepWriter):
         self.writer, self.structure = writer, writer.structure
         self.stretches: list[Stretch] = []
         self.size = 0

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -57,6 +58,20 @@ class Plan(NamedTuple):
     result: Mapping[int, Form]
     carried: Mapping[Key, Key]
     staggered: Mapping[int, tuple[tuple[int, Fraction], ...]]
+
+    @property
+    def groups(self) -> list[Group]:
+        """The groups, which are solved by iteration."""
+        return [work for work in self.work if isinstance(work, Group)]
+
+    def is_carried(self, work: Call | Group) -> bool:
+        """Whether a call is made by the step before."""
+        return isinstance(work, Call) and (work.evaluation, work.cells[0]) in self.carried
+
+    def points(self) -> Counter[int]:
+        """How often a step makes a point in each cell."""
+        calls = [work for work in self.work if isinstance(work, Call) and not self.is_carried(work)]
+        return Counter(cell for call in calls for point in call.node.points for cell, _ in point)
 
 
 def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:

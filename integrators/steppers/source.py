@@ -14,85 +14,24 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.compile.particle_loops import indented
-from integrators.compile.scene_source import ModuleText
 from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.averages import average_lines
 from integrators.steppers.fixed_point import first_values, fixed_point_lines
 from integrators.steppers.flows import flow_lines
-from integrators.steppers.forms import FormWriter
-from integrators.steppers.functions import Functions, derivative_lines, diagonal, field_call_lines, resolvent_lines
+from integrators.steppers.functions import diagonal
 from integrators.steppers.newton import newton_lines
-from integrators.steppers.nodes import Form, Key
-from integrators.steppers.plan import Call, Group, Plan, allocate, plan
+from integrators.steppers.nodes import Form
+from integrators.steppers.plan import Call, Group, allocate, plan
+from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from integrators.compile.scene_source import ModuleText
+    from integrators.steppers.forms import FormWriter
     from integrators.steppers.nodes import Key, Nodes
     from integrators.steppers.plan import Plan
     from integrators.steppers.structure import Structure
-
-
-MOST_STACK = 32_768
-"""Doubles of work arrays on the stack: a small thread has twice the room. Beyond, the caller brings an array."""
-
-
-class WorkArrays:
-    """Work arrays, constants, and numbers that depend on the step size.
-
-    Args:
-        dimension: The number of variables.
-        module: The module that they are for.
-
-    Attributes:
-        module: The same.
-        numbers: Functions of h that give, one after the other, the numbers that depend on it.
-    """
-
-    def __init__(self, dimension: int, module: ModuleText):
-        self.module = module
-        self.numbers: list[Callable[[float], np.ndarray]] = []
-        self._dimension, self._number_count = dimension, 0
-        self._sizes: dict[str, int] = {}
-        self._constants: dict[str, str] = {}
-
-    def array(self, name: str, size: int | None = None) -> str:
-        """The name of a work array; by default it has the size of the state."""
-        self._sizes[name] = max(self._sizes.get(name, 0), size or self._dimension)
-        return name
-
-    def constants(self, values: Sequence[sympy.Expr]) -> str:
-        """A pointer to constants: unlike an array it is not asked whether indices are negative."""
-        name = self.module.numbers(values)
-        return self._constants.setdefault(name, name.lower())
-
-    def number_array(self, count: int, values: Callable[[float], np.ndarray]) -> str:
-        """The beginning of an array of numbers that depend on the step size only, as a pointer.
-
-        Args:
-            count: How many there are.
-            values: Computes them from h.
-        """
-        self.numbers.append(values)
-        self._number_count += count
-        return f"shifted(constants, {self._number_count - count})"
-
-    def array_lines(self) -> tuple[list[str], int]:
-        """Statements that make the arrays, and how many doubles the caller must bring.
-
-        LLVM knows of arrays on the stack that they do not overlap, and puts short ones into registers.
-        """
-        lines = [f"{name} = pointer({array})" for array, name in self._constants.items()]
-        total = sum(self._sizes.values())
-        if total <= MOST_STACK:
-            return [*lines, *(f"{name} = stack({size})" for name, size in self._sizes.items())], 0
-        offset = 0
-        for name, size in self._sizes.items():
-            lines.append(f"{name} = shifted(w, {offset})")
-            offset += size
-        return lines, total
 
 
 def kick_lines(plan: Plan, forms: FormWriter) -> list[str]:
@@ -158,12 +97,27 @@ KERNELS = {
         "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_settled",
         "midpoint_step", "next_interval",
     ),
-    "integrators.steppers.kernels.iteration": ("BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding"),
-    "integrators.steppers.kernels.linear_algebra": ("add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity"),
+    "integrators.steppers.kernels.iteration": (
+        "BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding",
+    ),
+    "integrators.steppers.kernels.linear_algebra": (
+        "add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity",
+    ),
     "integrators.compile.machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip
 """What generated steppers call, by the module where it is; they import what they need."""
 SIGNATURE = "source, lost, m, controls, constants, w, h, steps, fresh"
+
+
+CALLS = {
+    "field": field_call_lines,
+    "derivative": derivative_lines,
+    "average": average_lines,
+    "flow": flow_lines,
+    "resolvent": resolvent_lines,
+}
+GROUPS = {"fixed-point": fixed_point_lines, "newton": newton_lines}
+"""What writes a step: its calls by the kind of their nodes, and its groups by the solver."""
 
 
 class Text(NamedTuple):
@@ -209,61 +163,37 @@ def stepper_text(
         compensation, iteration until stagnation).
     """
     steps = plan(nodes, stagger=control is None)
-    arguments = nodes, steps, compensated, split, solver, average_nodes, control
-    once = StepperSource(*arguments).read_once()
-    return StepperSource(*arguments, once).text()
 
-
-class StepperSource(WorkArrays):
-    """Collects the parts of a stepper's module.
-
-    Attributes:
-        nodes: The nodes.
-        structure: What the pieces of the field are like.
-        functions: The pieces of the field as functions.
-        forms: Writes points and sums.
-        averaged: What the values of the field along a path are of, if they are known.
-        known: Arrays of numbers and functions for flows that have been asked for.
-        matrices: The names of factorized matrices of this step.
-    """
-
-    def __init__(
-        self,
-        nodes: Nodes,
-        steps: Plan,
-        compensated: bool,
-        split: bool,
-        solver: str,
-        average_nodes: int | None,
-        control: sympy.Expr | None,
-        once: frozenset[Key] = frozenset(),
-    ):
-        self.once = once
-        self._log: list[tuple[Call, list[str]]] = []
-        self.solver, self.split, self.average_nodes, self.control = solver, split, average_nodes, control
-        self.averaged: object = None
-        self.known: dict[object, str] = {}
-        self.matrices: dict[object, str] = {}
-        super().__init__(nodes.structure.scene.dimension, ModuleText(precise=False, lanes=True, plain=True))
-        self.nodes, self.structure, self.plan = nodes, nodes.structure, steps
-        self.functions = Functions(self.structure, self.module)
-        self.forms = FormWriter(
-            self.structure,
-            self.plan.result,
-            None if self._iterated else self._points(),
-            compensated,
-            split and bool(self._iterated),
+    def step(once: frozenset[Key]) -> _Step:
+        writer = StepWriter(
+            nodes,
+            steps,
+            CALLS,
+            compensated=compensated,
+            split=split,
+            average_nodes=average_nodes,
+            varies=control is not None,
+            once=once,
         )
-        self.compensated = compensated
-        for name in ("y", "z", "d", *(["e"] * compensated)):
-            self.array(name)
+        return _Step(writer, solver, control)
+
+    # the first writing shows which slopes are read once, and these are then written where they are read
+    return step(once=step(once=frozenset()).read_once()).text()
+
+
+class _Step:
+    """A planned step while it is written as a module."""
+
+    def __init__(self, writer: StepWriter, solver: str, control: sympy.Expr | None):
+        self.writer, self.plan, self.structure, self.forms = writer, writer.plan, writer.structure, writer.forms
+        self.solver, self.control = solver, control
 
     def read_once(self) -> frozenset[Key]:
         """Slopes of diagonal pieces that only the next call reads, so that they can be written as part of its point."""
-        pieces = self._pieces([work for work in self.plan.work if not self._is_carried(work)])
+        pieces = self._pieces([work for work in self.plan.work if not self.plan.is_carried(work)])
         uses = Counter(int(e) for lines in pieces for line in lines for e in SLOPE.findall(line))
         found: set[Key] = set()
-        for (call, lines), (following, later) in pairwise(self._log):
+        for (call, lines), (following, later) in pairwise(self.writer.written):
             e, (cell, *others) = call.evaluation, call.cells
             chosen = diagonal(self.structure, call.node.piece, cell) if call.node.kind == "field" else None
             if chosen is None or others or (e, cell) in self.plan.carried.values():
@@ -284,78 +214,50 @@ class StepperSource(WorkArrays):
 
     def text(self) -> Text:
         """The whole module."""
-        planned = [work for work in self.plan.work if not self._is_carried(work)]
+        writer, module = self.writer, self.writer.module
+        planned = [work for work in self.plan.work if not self.plan.is_carried(work)]
         pieces = self._pieces(planned)
         first = self._first_lines()
         registers = self._registers(planned, pieces)
         for register in sorted(set(registers.values())):
-            self.array(f"k{register}")
-        unknowns = [key for group in self._iterated for key in group.unknowns]
+            writer.array(f"k{register}")
+        unknowns = [key for group in self.plan.groups for key in group.unknowns]
         load, store, memory = memory_lines(self.plan, self.structure, unknowns)
         body = [*(line for lines in pieces for line in lines), *carrying_lines(self.plan, self.forms, registers)]
-        control = ControlText() if self.control is None else control_text(self.control, self)
+        control = ControlText() if self.control is None else control_text(self.control, writer)
         first += kick_lines(self.plan, self.forms)
         slopes = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         slopes += ["else:", *indented(load)] if memory else []
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
         steps = [*control.load, *slopes, *loop, *store, *control.store]
-        arrays, work = self.array_lines()
+        arrays, work = writer.array_lines()
         lines = [*arrays, *self._state_lines("y[i] = source[i]", "e[i] = lost[i]"), *_renamed(steps, registers)]
         lines += [
             *self._state_lines("source[i] = y[i]", "lost[i] = e[i]"),
             *_renamed(end_lines(self.plan, self.forms), registers),
         ]
         lines.append("return done")
-        self.functions.write()
-        self.module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@lowered(STEPS)")
-        self.module.function(f"in_c({SIGNATURE})", "The same in C.", [f"return advance({SIGNATURE})"], "@steps_in_c")
-        template = TEMPLATE.replace("{kernels}", _kernel_imports(self.module.bodies))
-        source = self.module.source(self.structure.scene, template)
-        return Text(source, memory, work, tuple(self.numbers), bool(self._iterated))
-
-    def call_lines(self, call: Call, target: str | None = None) -> list[str]:
-        """The points of a call, and the call.
-
-        Args:
-            call: The call.
-            target: Where the slopes go; by default where everything else finds them.
-        """
-        lines = CALLS[call.node.kind](call, target or f"k{call.evaluation}", self)
-        self._log.append((call, lines))
-        return lines
-
-    def is_inlined(self, call: Call) -> bool:
-        """Whether the slope of a call is written as part of the point that needs it."""
-        return (call.evaluation, call.cells[0]) in self.once
+        writer.functions.write()
+        module.function(f"advance({SIGNATURE})", "Make steps; how many could be made.", lines, "@lowered(STEPS)")
+        module.function(f"in_c({SIGNATURE})", "The same in C.", [f"return advance({SIGNATURE})"], "@steps_in_c")
+        template = TEMPLATE.replace("{kernels}", _kernel_imports(module.bodies))
+        source = module.source(self.structure.scene, template)
+        return Text(source, memory, work, tuple(writer.numbers), bool(self.plan.groups))
 
     def _work_lines(self, work: Call | Group) -> list[str]:
         if isinstance(work, Call):
-            return self.call_lines(work)
-        return GROUPS[self.solver](work, self)
-
-    @property
-    def _iterated(self) -> list[Group]:
-        """The groups, which are solved by iteration."""
-        return [work for work in self.plan.work if isinstance(work, Group)]
-
-    def _points(self) -> Counter[int]:
-        """How often a step makes a point in each cell."""
-        calls = [work for work in self.plan.work if isinstance(work, Call) and not self._is_carried(work)]
-        return Counter(cell for call in calls for point in call.node.points for cell, _ in point)
-
-    def _is_carried(self, work: Call | Group) -> bool:
-        """Whether a call is made by the step before."""
-        return isinstance(work, Call) and (work.evaluation, work.cells[0]) in self.plan.carried
+            return self.writer.call_lines(work)
+        return GROUPS[self.solver](work, self.writer)
 
     def _first_lines(self) -> list[str]:
         """Slopes at y for those that are kept from step to step."""
-        carried = [work for work in self.plan.work if isinstance(work, Call) and self._is_carried(work)]
-        lines = [line for work in carried for line in self.call_lines(work)]
-        return [*lines, *(line for group in self._iterated for line in first_values(group, self))]
+        carried = [work for work in self.plan.work if isinstance(work, Call) and self.plan.is_carried(work)]
+        lines = [line for work in carried for line in self.writer.call_lines(work)]
+        return [*lines, *(line for group in self.plan.groups for line in first_values(group, self.writer))]
 
     def _registers(self, planned: Sequence[Call | Group], pieces: Sequence[Sequence[str]]) -> dict[int, int]:
         """The register of each slope, from the lines that use it."""
-        kept = [*(e for e, _ in self.plan.carried), *(e for group in self._iterated for e, _ in group.unknowns)]
+        kept = [*(e for e, _ in self.plan.carried), *(e for group in self.plan.groups for e, _ in group.unknowns)]
         reads: list[set[int]] = []
         writes: list[set[int]] = []
         for work, lines in zip([*planned, None], pieces, strict=True):
@@ -371,18 +273,8 @@ class StepperSource(WorkArrays):
 
     def _state_lines(self, line: str, compensating: str) -> list[str]:
         """Loops over the whole state: cell by cell, so that entries which steps compute apart are not put together."""
-        lines = [line, *([compensating] * self.compensated)]
+        lines = [line, *([compensating] * self.writer.compensated)]
         return [text for cell in range(len(self.structure.cells)) for text in self.forms.loop(cell, lines)]
-
-
-CALLS = {
-    "field": field_call_lines,
-    "derivative": derivative_lines,
-    "average": average_lines,
-    "flow": flow_lines,
-    "resolvent": resolvent_lines,
-}
-GROUPS = {"fixed-point": fixed_point_lines, "newton": newton_lines}
 
 
 def _kernel_imports(text: str) -> str:

@@ -15,7 +15,7 @@ from integrators.reference.plain_steps import plain_step
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.parts import pieces_of
 from integrators.steppers.averages import gauss_legendre
-from integrators.steppers.phi_functions import BITS, doubles, fixed_point, phi_functions
+from integrators.steppers.flows import BITS, doubles, fixed_point, phi_functions
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
