@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from foundation.extras import how_to_install
 from trees.errors import TreeError
 from trees.names import check_names, default_names
-from trees.notation import TreeLike, parents_of
+from trees.notation import TreeLike, parents_of, tree_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -67,13 +67,14 @@ def arrange(
         TreeError: If there is no tree, too much to draw, or not one label per tree.
     """
     members = _members(trees)
+    levels, colors = [tree.levels for tree in members], [tree.colors for tree in members]
     if names is None:
-        names = default_names(1 + max(max(tree.colors) for tree in members))  # the same for the whole picture
+        names = default_names(1 + max(map(max, colors)))  # the same for the whole picture
     names = check_names(names)
-    titles = [tree.text(names) for tree in members]
+    titles = [tree_text(*tree, names) for tree in zip(levels, colors, strict=True)]
     captions = _captions(labels, titles)
     columns = _columns(columns, len(members))
-    shapes = [_tidy(tree) for tree in members]
+    shapes = [*map(_tidy, levels)]
     widths, heights = [], []
     for (xs, ys), caption in zip(shapes, captions, strict=True):
         widths.append(max(max(xs) - min(xs) + 2 * RADIUS, _LETTER * len(caption)) + _GAP)
@@ -89,8 +90,8 @@ def arrange(
         left = middle - (max(xs) + min(xs)) / 2
         bottom = bottoms[k // columns]
         root = bottom - margin - RADIUS
-        nodes = [(left + x, root - y, color) for x, y, color in zip(xs, ys, members[k].colors, strict=True)]
-        edges = [(*nodes[child][:2], *nodes[parent][:2]) for child, parent in _edges(members[k].levels)]
+        nodes = [(left + x, root - y, color) for x, y, color in zip(xs, ys, colors[k], strict=True)]
+        edges = [(*nodes[child][:2], *nodes[parent][:2]) for child, parent in _edges(levels[k])]
         drawn.append(Drawn(titles[k], nodes, edges, captions[k], (middle, bottom - _GAP / 2)))
     return Picture(borders[-1], bottoms[-1], drawn)
 
@@ -137,13 +138,12 @@ def _edges(levels: Sequence[int]) -> list[tuple[int, int]]:
     return list(enumerate(parents_of(levels)))[1:]
 
 
-def _tidy(tree: TreeLike) -> tuple[list[float], list[float]]:
+def _tidy(levels: Sequence[int]) -> tuple[list[float], list[float]]:
     """Places of the nodes in preorder, to the right of the root and above it.
 
     Subtrees stand side by side as close as their outlines allow, and parents in the middle of their children (Reingold
     and Tilford 1981, doi:10.1109/TSE.1981.234519). An outline is the extreme place on each level, seen from its root.
     """
-    levels = tree.levels
     places = [0.0] * len(levels)  # relative to the parent, in steps
     waiting: list[list[tuple[int, list[float], list[float]]]] = [[] for _ in range(max(levels) + 2)]
     for node in reversed(range(len(levels))):

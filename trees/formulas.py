@@ -47,10 +47,11 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
     """
     latex = _is_latex(format)
     labels = []
-    for children, name in zip(_children(tree), node_names(tree.colors, names), strict=True):
+    levels = tree.levels
+    for children, name in zip(_children(parents_of(levels)), node_names(tree.colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
         labels.append("f" + part + _derivative(len(children), latex))
-    return nest(tree.levels, labels, "(", ")")
+    return nest(levels, labels, "(", ")")
 
 
 def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
@@ -79,13 +80,15 @@ def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str]
     """
     latex = _is_latex(format)
     name_of = node_names(tree.colors, names)
-    parents, children = parents_of(tree.levels), _children(tree)
+    parents = parents_of(tree.levels)
+    children = _children(parents)
     inner = [node for node, above in enumerate(children) if node == 0 or above]
     indices = index_letters(len(inner), latex)
     index_of = dict(zip(inner, indices, strict=True))
     factors = []
     for node, own in index_of.items():
-        subscript = ("," if len(own) > 1 and not latex else "").join([index_of[parents[node]], own] if node else [own])
+        separator = "," if len(own) > 1 and not latex else ""
+        subscript = f"{index_of[parents[node]]}{separator}{own}" if node else own
         factors.append(factor_text("a" if node else "b", name_of[node], subscript, 1, latex))
         for name, equal in groupby(name_of[child] for child in children[node] if not children[child]):
             factors.append(factor_text("c", name, own, len(list(equal)), latex))
@@ -122,12 +125,11 @@ def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] |
     return f"{elementary_weight(tree, format, names)} = {quotient if density > 1 else 1}"
 
 
-def _children(tree: TreeLike) -> list[list[int]]:
-    """The children of each node, as numbers in preorder."""
-    children: list[list[int]] = [[] for _ in tree.levels]
-    for node, parent in enumerate(parents_of(tree.levels)):
-        if node:
-            children[parent].append(node)
+def _children(parents: list[int]) -> list[list[int]]:
+    """The children of each node, from the parent of each."""
+    children: list[list[int]] = [[] for _ in parents]
+    for node in range(1, len(parents)):
+        children[parents[node]].append(node)
     return children
 
 

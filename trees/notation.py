@@ -42,10 +42,6 @@ class TreeLike(Protocol):
         """The product of the orders of all subtrees."""
         ...
 
-    def text(self, names: Iterable[str] | None = None) -> str:
-        """The tree in brackets."""
-        ...
-
 
 def parents_of(levels: Sequence[int]) -> list[int]:
     """The parent of each node, as numbers in preorder; −1 for the root.

@@ -140,7 +140,10 @@ def check_method(method: object) -> Method:
     """The argument, if it is a method."""
     if isinstance(method, Method):
         return method
-    raise SeriesError(f"method must be a Method such as method('rk4'), or a series, but was {method!r:.60}")
+    raise SeriesError(
+        "method must be a method such as method('rk4') or a series, or inherit `Method` and have a property `program`, "
+        f"but was {method!r:.60}"
+    )
 
 
 def auxiliary_colors(method: Method) -> frozenset[int]:

@@ -199,7 +199,7 @@ W = bs.PartitionedRungeKutta(
         (lambda: bs.substitute(bs.exact_flow(3), bs.exact_flow(3)), "b must be a field, .* but has 1 there"),
         (lambda: bs.substitute(identity_field(3), bs.exact_flow(4)), "both series must have the same trees"),
         (lambda: bs.substitute(identity_field(3), bs.method("stormer-verlet")), "b must have the colours .* p, q"),
-        (lambda: bs.substitute(identity_field(3), "rk4"), "method must be a Method such as"),
+        (lambda: bs.substitute(identity_field(3), "rk4"), "method must be a method .* a property `program`"),
         (lambda: bs.modifying_integrator(identity_field(3)), "method must be a flow"),
         (lambda: bs.modifying_integrator(bs.method("rk4")), "order must be given for a method"),
         (lambda: bs.modifying_integrator(bs.exact_flow(3), 4), "order must be at most 3"),

@@ -9,7 +9,7 @@ import pytest
 import integrators as bi
 from integrators.compile.scene_source import compiled_scene
 from integrators.reference.plain_steps import plain_steps
-from integrators.steppers import source as work_arrays
+from integrators.steppers import writer
 
 PENDULUM = bi.scene("pendulum")
 ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]
@@ -103,7 +103,7 @@ def test_no_call_is_given_an_array_twice(scene, method):
 
 
 def test_large_scenes_need_no_stack(monkeypatch):
-    monkeypatch.setattr(work_arrays, "MOST_STACK", 64)
+    monkeypatch.setattr(writer, "MOST_STACK", 64)
     scene = bi.scene("fermi-pasta-ulam", m=20)
     stepper = bi.stepper(scene, "stormer-verlet")
     state = stepper.start(np.zeros(scene.dimension), h=1e-3)
