@@ -3,8 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 # Exact results do not depend on whether numba is loaded: these tests run in both kinds of processes.
-EXACT := tests/trees $(patsubst %,tests/bseries/test_%.py,brackets conjugation laws method_kinds \
-	order_conditions programs series structure substitution truth)
+EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
+	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
 .PHONY: demo test bench lint notebooks clean
 

@@ -1,32 +1,85 @@
-"""The shape of the house: which package may know which, what is public, and what starting costs."""
+"""The shape of the code base: rooms and the order of imports, public names, and what starting costs."""
 
 import ast
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("trees", "integrators", "bseries")
-SOURCES = [path for package in ("foundation", *PACKAGES) for path in sorted((ROOT / package).rglob("*.py"))]
+BELOW = "foundation"
 HEAVY = {"numpy", "sympy", "numba", "networkx", "matplotlib", "scipy", "rich", "click"}
+MOST_LINES = 600
 
 
-def name_of(path):
-    return str(path.relative_to(ROOT))
+def module_name(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imported_packages(tree):
-    """Names of the packages that a module imports, anywhere in it."""
+SOURCES = {
+    module_name(path): ast.parse(path.read_text(encoding="utf-8"))
+    for package in (BELOW, *PACKAGES)
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+
+
+def read_rooms(page):
+    """The rooms in the table of docs/architecture.md, from the lowest to the highest."""
+    return re.findall(r"^\| `([a-z_.]+)` \|", page, re.MULTILINE)
+
+
+ROOMS = read_rooms((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"))
+
+
+def room_of(module, sources=SOURCES):
+    """The folder of a module; a package's own file belongs to it."""
+    return module if any(other.startswith(f"{module}.") for other in sources) else module.rpartition(".")[0]
+
+
+def for_types(tree):
+    """The nodes under TYPE_CHECKING."""
+    tests = (node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+    return {id(node) for test in tests for node in ast.walk(test)}
+
+
+def imports(tree, sources=SOURCES, *, types=True):
+    """The modules of this project that a module imports, anywhere in it."""
+    skipped = set() if types else for_types(tree)
     for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
         if isinstance(node, ast.Import):
-            yield from (alias.name.split(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            yield node.module.split(".")[0]
+            yield from (alias.name for alias in node.names if alias.name in sources)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, "imports are absolute"
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            yield from names & set(sources)
+            if not names <= set(sources) and node.module in sources:
+                yield node.module
+
+
+def wrong_ways(rooms, sources=SOURCES):
+    """Imports of a module in a room that is not below."""
+    height = {room: k for k, room in enumerate(rooms)}
+    for name, tree in sources.items():
+        for used in set(imports(tree, sources)) - {*PACKAGES, BELOW}:
+            here, there = room_of(name, sources), room_of(used, sources)
+            if height[there] > height[here]:
+                yield name, used
+
+
+def circles(sources=SOURCES, *, types):
+    graph = nx.DiGraph((name, used) for name, tree in sources.items() for used in imports(tree, sources, types=types))
+    graph.remove_edges_from(list(nx.selfloop_edges(graph)))
+    return [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
 
 
 def evaluations(tree):
@@ -48,68 +101,78 @@ def public_names(package):
             yield node.target.id
 
 
-PUBLIC = [(package, name) for package in PACKAGES for name in public_names(package)]
-PUBLIC_OBJECTS = [pair for pair in PUBLIC if pair != ("bseries", "errors")]
+def public_objects():
+    for package in PACKAGES:
+        for name in public_names(package):
+            yield package, name, getattr(importlib.import_module(package), name)
 
 
-@pytest.mark.parametrize(
-    ("package", "others"),
-    [("foundation", PACKAGES), ("trees", PACKAGES[1:]), ("integrators", ("trees", "bseries"))],
-)
-def test_arrows_between_packages_go_one_way(package, others):
-    for path in (ROOT / package).rglob("*.py*"):
-        if path.suffix in (".py", ".pyi"):
-            found = set(imported_packages(ast.parse(path.read_text(encoding="utf-8"))))
-            assert not found & set(others), name_of(path)
+def test_every_folder_is_a_room_of_the_table():
+    folders = {room_of(module) for module in SOURCES}
+    assert folders == set(ROOMS)
+    assert len(ROOMS) == len(set(ROOMS))
 
 
-def test_forbidden_imports_and_calls_would_be_found():
-    module = ast.parse(
-        "def f(text):\n    from bseries.algebra.modified import series\n    return sympy.sympify(text), eval(text)"
-    )
-    assert list(imported_packages(module)) == ["bseries"]
+def test_imports_go_from_higher_rooms_to_lower_ones():
+    assert list(wrong_ways(ROOMS)) == []
+    for package, others in ((BELOW, PACKAGES), ("trees", PACKAGES[1:]), ("integrators", ("trees", "bseries"))):
+        for name, tree in SOURCES.items():
+            if name.split(".")[0] == package:
+                assert not {used.split(".")[0] for used in imports(tree)} & set(others), name
+
+
+def test_there_are_no_circles_of_imports():
+    assert circles(types=True) == []
+
+
+def test_wrong_imports_would_be_found():
+    low, high = "from trees.high.b import f", "def g():\n    from trees.low.a import f"
+    sources = {name: ast.parse(text) for name, text in {"trees.low.a": low, "trees.high.b": high}.items()}
+    sources |= {"trees.low": ast.parse(""), "trees.high": ast.parse("")}
+    assert list(wrong_ways(["trees.low", "trees.high"], sources)) == [("trees.low.a", "trees.high.b")]
+    assert circles(sources, types=False) == [["trees.high.b", "trees.low.a"]]
+    assert room_of("trees.low", sources) == room_of("trees.low.a", sources) == "trees.low"
+    module = ast.parse("def f(text):\n    return sympy.sympify(text), eval(text), sympy.sympify(1, strict=True)")
     assert sorted(evaluations(module)) == ["eval", "sympify"]
-    assert not list(evaluations(ast.parse("sympy.sympify(number, strict=True)")))
+    assert read_rooms("| room |\n| `trees` | a |\n| `trees.hopf` | b |\n") == ["trees", "trees.hopf"]
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_no_text_is_evaluated_and_files_stay_short(path):
-    text = path.read_text(encoding="utf-8")
-    assert not list(evaluations(ast.parse(text)))
-    assert len(text.splitlines()) < 400
+def test_no_text_is_evaluated_and_files_are_whole_but_not_long():
+    for name, tree in SOURCES.items():
+        assert not list(evaluations(tree)), name
+        lines = max((node.end_lineno for node in tree.body), default=0)
+        assert lines <= MOST_LINES, name
 
 
 def test_machine_code_is_kept_in_one_way():
     """Numba's own cache needs a place to write, and trusts what it finds there."""
-    assert [name_of(path) for path in SOURCES if "cache=True" in path.read_text(encoding="utf-8")] == []
+    for package in (BELOW, *PACKAGES):
+        for path in (ROOT / package).rglob("*.py"):
+            assert "cache=True" not in path.read_text(encoding="utf-8"), path
 
 
-@pytest.mark.parametrize(("package", "name"), PUBLIC)
-def test_public_names_resolve(package, name):
-    assert getattr(importlib.import_module(package), name) is not None
+def test_public_names_resolve_and_are_documented_with_an_example():
+    for package, name, thing in public_objects():
+        if (package, name) == ("bseries", "errors"):
+            continue
+        doc = inspect.getdoc(thing)
+        assert doc, name
+        assert ">>> " in doc or (isinstance(thing, type) and issubclass(thing, Exception)), name
 
 
-@pytest.mark.parametrize(("package", "name"), PUBLIC_OBJECTS)
-def test_public_names_are_documented_with_an_example(package, name):
-    thing = getattr(importlib.import_module(package), name)
-    doc = inspect.getdoc(thing)
-    assert doc
-    assert ">>> " in doc or (isinstance(thing, type) and issubclass(thing, Exception))
+def test_stub_and_runtime_list_the_same_names():
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        own = sorted(public_names(package))
+        assert own == sorted(module.__all__)
+        assert set(module.__all__) <= set(dir(module))
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_stub_and_runtime_list_the_same_names(package):
-    module = importlib.import_module(package)
-    assert sorted(public_names(package)) == sorted(module.__all__)
-    assert set(module.__all__) <= set(dir(module))
-
-
-def test_no_module_bears_the_name_of_a_public_function():
-    things = {name: getattr(importlib.import_module(package), name) for package, name in PUBLIC}
-    functions = {name for name, thing in things.items() if inspect.isfunction(thing)}
-    modules = {path.parent.name if path.name == "__init__.py" else path.stem for path in SOURCES}
+def test_no_room_hides_a_public_function():
+    """Importing `bseries.series.x` would put the module `series` where the function `bseries.series` is looked up."""
+    functions = {name for _, name, thing in public_objects() if inspect.isfunction(thing)}
     assert "modified_equation" in functions
-    assert not functions & modules
+    assert not functions & {name.split(".")[1] for name in SOURCES if "." in name}
 
 
 @pytest.mark.parametrize(
@@ -136,8 +199,9 @@ def test_lower_bounds_are_those_that_are_tested():
     assert bounds == {line for line in lines if not line.startswith("#")}
 
 
-def test_every_package_is_distributed():
-    packages = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
-    assert sorted(packages) == sorted(
-        ".".join(path.parent.relative_to(ROOT).parts) for path in SOURCES if path.name == "__init__.py"
-    )
+def test_every_room_is_distributed():
+    find = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]["find"]
+    assert find["include"] == [f"{package}*" for package in (BELOW, *PACKAGES)]
+    for package in (BELOW, *PACKAGES):
+        for path in (ROOT / package).rglob("*.py"):
+            assert (path.parent / "__init__.py").is_file(), path

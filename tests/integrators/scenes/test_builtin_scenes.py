@@ -39,7 +39,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "lorenz": ("x y z", ()),
 }
 CASES = [(name, effect) for name, (_, effects) in SCENES.items() for effect in (None, *effects)]
-LECTURE = json.loads((Path(__file__).parents[1] / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 ZERO = 1e-25
 
 

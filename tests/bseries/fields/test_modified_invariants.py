@@ -13,7 +13,7 @@ from bseries.fields.symbolic.integration import potential
 
 pytestmark = pytest.mark.usefixtures("backend")
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXERCISE2 = LECTURE["example2_lotka_volterra_and_exercise2"]
 EXERCISE5 = LECTURE["exercise5_field_nijhoff"]
 EXERCISE6 = LECTURE["exercise6_volume_preserving"]

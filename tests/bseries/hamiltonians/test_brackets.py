@@ -19,7 +19,7 @@ from integrators.scenes.model.terms import Term
 from integrators.scenes.particles.expansion import hamiltonian_field
 from trees.table import tree_table
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXAMPLE6 = LECTURE["example6_stoermer_verlet"]
 METHODS = {"UTU": "stormer-verlet", "TUT": "position-verlet"}
 P, Q, T = sympy.symbols("p q t")

@@ -16,7 +16,7 @@ from bseries.hamiltonians.hamilton_jacobi import generating_hamiltonian
 from bseries.hamiltonians.symplectic_stages import canonical_pairs
 from bseries.hamiltonians.variational import variational_generating_function
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXAMPLE6 = LECTURE["example6_stoermer_verlet"]
 P, Q, H_STEP = sympy.symbols("p q h")
 PENDULUM = bs.scene("pendulum")

@@ -12,7 +12,7 @@ from series_oracles import weight
 import bseries as bs
 from trees import Tree
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 CATALOGUE = {
     "explicit_euler": "explicit-euler",
     "implicit_euler": "implicit-euler",

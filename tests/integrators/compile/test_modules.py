@@ -15,7 +15,7 @@ import pytest
 from integrators.compile import modules
 from integrators.compile.modules import load_module
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SOURCE = "def answer():\n    return {}\n"
 
 COMPILED = '''

@@ -22,7 +22,7 @@ from bseries.hamiltonians.drift.statistics import rate_statistics
 from bseries.hamiltonians.drift.takahashi_imada import takahashi_imada_integral
 from integrators.methods.kinds.takahashi_imada import TakahashiImada
 
-REFERENCE = Path(__file__).parent.parent / "reference"
+REFERENCE = Path(__file__).parents[2] / "reference"
 LECTURE = json.loads((REFERENCE / "lecture_values.json").read_text())["section4_takahashi_imada"]
 PENDULUM = bs.scene("pendulum")
 ASYMMETRIC = bs.scene("pendulum", effects=["asymmetry"])

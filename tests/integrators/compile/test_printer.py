@@ -24,7 +24,7 @@ from integrators.exact.number_text import exact_text, literal, nearest_double
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
 NAMES = {symbol: symbol.name for symbol in SYMBOLS}
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 HALF, THIRD = sympy.Rational(1, 2), sympy.Rational(1, 3)
 
 

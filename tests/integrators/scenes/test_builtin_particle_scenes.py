@@ -17,7 +17,7 @@ from integrators import Effect, IntegratorError, Scene, method, scene, scene_cat
 from integrators.scenes.catalogue import particles
 from integrators.scenes.catalogue.lennard_jones import cluster, thermal_momenta
 
-REFERENCE = Path(__file__).parents[1] / "reference"
+REFERENCE = Path(__file__).parents[2] / "reference"
 SOLAR_SYSTEM = json.loads((REFERENCE / "outer_solar_system.json").read_text())
 TODA = json.loads((REFERENCE / "lecture_values.json").read_text())["figure9_toda"]
 PLANETS = ("jupiter", "saturn", "uranus", "neptune", "pluto")

@@ -35,7 +35,7 @@ from bseries.plotting import FORMATS, PrintFigure, new_figure, picture, picture_
 
 pytest.importorskip("matplotlib")
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[3]
 LECTURE = json.loads((ROOT / "tests" / "reference" / "lecture_values.json").read_text())
 OPTIONS = {"optimal-truncation": {"terms": 9}}
 """Less work for tests that only look at pictures."""

@@ -16,7 +16,7 @@ import sympy
 
 from integrators.exact.expressions import parse_expression
 
-REFERENCE = Path(__file__).parent.parent / "reference" / "lecture_values.json"
+REFERENCE = Path(__file__).parents[2] / "reference" / "lecture_values.json"
 LECTURE = json.loads(REFERENCE.read_text(encoding="utf-8"))
 RICCATI = LECTURE["example1_and_fig1"]["coefficients"]
 LOTKA_VOLTERRA = LECTURE["example2_lotka_volterra_and_exercise2"]

@@ -18,7 +18,7 @@ from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.oscillator_steps import OscillatorStep
 from bseries.hamiltonians.symplectic_stages import symplectic_stages
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXERCISE5 = LECTURE["exercise5_field_nijhoff"]
 H_STEP = sympy.Symbol("h")
 RUNGE_KUTTA = ["implicit-midpoint", "gauss2", "gauss3", "qin-zhang", "lobatto-iiie3"]

@@ -12,7 +12,7 @@ import sympy
 
 import bseries as bs
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 LINEAR = LECTURE["example3_linear"]
 CATALOGUE = {
     "rk4": "rk4",

@@ -22,7 +22,7 @@ from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DISTANCE = "((qx_i - qx_j)^2 + (qy_i - qy_j)^2)"
 KINETIC = Term(over="each", hamiltonian="p_i^2/(2*m_i)")
 PLANAR = Term(over="each", hamiltonian="(px_i^2 + py_i^2)/(2*m_i)")

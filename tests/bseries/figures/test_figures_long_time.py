@@ -25,7 +25,7 @@ from bseries.figures.registry import compute, drawn, figure_file, figure_names, 
 
 pytest.importorskip("matplotlib")
 
-GIVEN = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())["figures_2_to_7"]
+GIVEN = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())["figures_2_to_7"]
 ATOMS = {"h": 0.02, "members": 36, "span": 2500.0}
 """Figure 8 in a reduced form, of 4.5 million steps in place of 800 million."""
 

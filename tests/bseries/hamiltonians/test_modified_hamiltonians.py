@@ -22,7 +22,7 @@ from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
 from integrators.reference.plain_steps import plain_steps
 from integrators.scenes.particles.parts import pieces_of
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 P, Q, H_ = sympy.symbols("p q h")
 PENDULUM = bs.scene("pendulum")
 ASYMMETRIC = bs.scene("pendulum", effects=["asymmetry"])

@@ -29,7 +29,7 @@ from trees import Tree, TreeTable
 
 pytestmark = pytest.mark.usefixtures("backend")
 
-LECTURE = json.loads((Path(__file__).parent.parent / "reference" / "lecture_values.json").read_text())
+LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 p, q, x, y, z, gamma = sympy.symbols("p q x y z gamma")
 sin, cos, sqrt = sympy.sin, sympy.cos, sympy.sqrt
 

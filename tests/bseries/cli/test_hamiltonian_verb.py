@@ -14,7 +14,7 @@ import sympy
 import bseries as bs
 from integrators.exact.expressions import parse_expression
 
-REFERENCE = Path(__file__).parent.parent / "reference" / "lecture_values.json"
+REFERENCE = Path(__file__).parents[2] / "reference" / "lecture_values.json"
 LECTURE = json.loads(REFERENCE.read_text(encoding="utf-8"))
 VERLET = LECTURE["example6_stoermer_verlet"]
 MIDPOINT = {k: term["fourier"] for k, term in LECTURE["example5_midpoint_pendulum"]["H_h^k"].items()}
