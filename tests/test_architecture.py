@@ -200,8 +200,8 @@ def test_lower_bounds_are_those_that_are_tested():
 
 
 def test_every_room_is_distributed():
-    find = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]["find"]
-    assert find["include"] == [f"{package}*" for package in (BELOW, *PACKAGES)]
+    setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    assert setuptools["packages"]["find"]["include"] == [f"{package}*" for package in (BELOW, *PACKAGES)]
     for package in (BELOW, *PACKAGES):
         for path in (ROOT / package).rglob("*.py"):
             assert (path.parent / "__init__.py").is_file(), path

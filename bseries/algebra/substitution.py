@@ -1,8 +1,8 @@
 """Substitution: another field in place of f, in a method or in a series; its inverse; the modifying integrator.
 
 For a method the work goes stage by stage, as compositions of the substituted field with the series of the stages (see
-`bseries.exact.substitution_kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series without
-stages needs the sum over all partitions of a tree, 2^(n−1) of them; no polynomial way is known.
+`bseries.exact.substitution_kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series
+without stages needs the sum over all partitions of a tree, 2^(n−1) of them; no polynomial way is known.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The numbers that the recursions run on: exact ones, floats, residues, and bounds.
 
-A recursion (`bseries.exact.recursions`) is written once; an arithmetic says how its vectors are stored, how numbers get in,
-and which execution of the kernels runs. Values of a flow carry a factor `flow_scale` per node and values of a field
+A recursion (`bseries.exact.recursions`) is written once; an arithmetic says how its vectors are stored, how numbers get
+in, and which execution of the kernels runs. Values of a flow carry a factor `flow_scale` per node and values of a field
 half of one factor less (see `Wrapped`); everywhere else both are 1.
 """
 

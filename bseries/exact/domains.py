@@ -2,8 +2,8 @@
 
 Three kinds of values, from the narrowest to the widest:
 
-- `RationalValues` (``QQ``, in `bseries.exact.rationals`): integers over common denominators, on the fast path. The docstring
-  of `bseries.exact.operations` says why the integers are proved.
+- `RationalValues` (``QQ``, in `bseries.exact.rationals`): integers over common denominators, on the fast path. The
+  docstring of `bseries.exact.operations` says why the integers are proved.
 - `RingValues`: algebraic numbers and expressions in symbols, as elements of a SymPy domain that carries the recursions.
   A common denominator L of the method's entries is kept apart (coefficient = element / L^n), so that no greatest
   common divisor is taken before a coefficient is read.

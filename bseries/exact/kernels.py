@@ -100,8 +100,8 @@ def elementary_weights(
     is flat, colour by colour. `stage` and `applied` keep g and A g for the ids below `top`. The product of stage
     vectors is componentwise, or, where `blocks` holds the ends of blocks (from 0), in each block of length s the
     product of polynomials modulo z^s + q_{s−1} z^{s−1} + … + q₀, whose q are the block's entries of `relation` (see
-    `bseries.exact.recursions.Stages`). Ids below `colors` are single nodes; `stages`, `blocks`, `start`, `column` and the
-    columns of the table are unsigned, see `lie_series`.
+    `bseries.exact.recursions.Stages`). Ids below `colors` are single nodes; `stages`, `blocks`, `start`, `column` and
+    the columns of the table are unsigned, see `lie_series`.
     """
     inverse = 1.0 / modulus if modulus else 0.0
     for tree in range(first, last):

@@ -2,8 +2,8 @@
 
 Why the integers are proved and not guessed: an operation comes with three facts. (1) A *claim*: denominators D_n such
 that D_n · result(τ) is an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)|, computed by the same
-recursion in the arithmetic of bounds (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without any
-rounding. Once M > 2 · bound · D_n, only one integer fits. The claims, for a flow a with a(τ) L^n integral:
+recursion in the arithmetic of bounds (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without
+any rounding. Once M > 2 · bound · D_n, only one integer fits. The claims, for a flow a with a(τ) L^n integral:
 
 - weights of a method whose entries have the common denominator L: a(τ) L^n (n entries are multiplied);
 - log a = Σ (−1)^{j+1} (a−ε)^j / j, j ≤ n: lcm(1, …, n) L^n, which is minimal for n ≤ 12;

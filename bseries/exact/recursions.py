@@ -1,6 +1,7 @@
 """The recursions on whole tables of trees, in any arithmetic: weights of a method, log, and Lie series.
 
-Each takes and gives raw vectors of an arithmetic, one number per tree. `bseries.exact.domains` turns them into coefficients.
+Each takes and gives raw vectors of an arithmetic, one number per tree. `bseries.exact.domains` turns them into
+coefficients.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Compiled recursions of substitution: another field in place of f, in a method's stages or in any series.
 
-As in `bseries.exact.kernels`, each kernel is one source for all kinds of numbers. (Callees live there: whoever changes one
-must touch this file too, or the machine code kept on disk grows stale.)
+As in `bseries.exact.kernels`, each kernel is one source for all kinds of numbers. (Callees live there: whoever changes
+one must touch this file too, or the machine code kept on disk grows stale.)
 """
 
 from __future__ import annotations

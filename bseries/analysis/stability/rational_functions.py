@@ -73,7 +73,7 @@ class StabilityFunction(Frozen):
 
     @classmethod
     def from_elements(cls, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> Self:
-        """The function with these coefficients, elements of one field (see `bseries.analysis.stability.field_elements`)."""
+        """The function with these coefficients, elements of one field (see `field_elements`)."""
         function = cls.__new__(cls)
         function._set(p, q, floating=floating, digits=digits)
         return function

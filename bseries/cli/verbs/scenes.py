@@ -212,7 +212,6 @@ def _details(scene: Scene, effects: Sequence[str], output: Output) -> Iterable[s
     from integrators.core.errors import shorten
 
     if output.format == "json":
-
         return [table.json({"schema": 1, "kind": "scene", "dimension": scene.dimension, **scene.to_dict()})]
     if output.format == "latex":
         return [table.latex(FACTS, latex_rows(scene))]

@@ -142,7 +142,7 @@ class DifferentialRing:
         return value
 
     def load(self, element: Element) -> Element:
-        """An element as this ring's arithmetic takes it; see `bseries.fields.symbolic.flint_rings` for another arithmetic."""
+        """An element as this ring's arithmetic takes it; see `flint_rings` for another arithmetic."""
         return element
 
     unload = load

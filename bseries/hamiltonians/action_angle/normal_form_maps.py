@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Rows: TypeAlias = dict[Mode, list[tuple[float, tuple[tuple[int, int], ...]]]]
 
 MODULE = '''\
-"""A change of variables by a generating function S(b, theta); see bseries.hamiltonians.action_angle.normal_form_kernels."""
+"""A change of variables by a generating function S(b, theta); see `normal_form_kernels`."""
 
 from math import *
 
