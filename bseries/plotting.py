@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from functools import cache
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
-
-from matplotlib.figure import Figure
 
 from bseries.exceptions import SeriesError
 from trees.drawing import PALETTE
@@ -77,23 +76,30 @@ PIXELS = 96
 """Pixels of a page to an inch, by the definition of CSS; files have more dots."""
 
 
-class PrintFigure(Figure):
-    """A figure of matplotlib; IPython asks for its picture, and notebooks show it with its caption."""
+@cache
+def _print_figure() -> type[Figure]:
+    """The class of figures, made when the first figure is drawn: matplotlib takes half a second to load."""
+    from matplotlib.figure import Figure
 
-    caption: str = ""
-    """What there is to see."""
+    class PrintFigure(Figure):
+        """A figure of matplotlib; IPython asks for its picture, and notebooks show it with its caption."""
 
-    def _repr_png_(self) -> bytes:
-        return picture(self, "png")
+        caption: str = ""
+        """What there is to see."""
 
-    def _repr_html_(self) -> str:
-        from base64 import b64encode
-        from html import escape
+        def _repr_png_(self) -> bytes:
+            return picture(self, "png")
 
-        data, width = b64encode(self._repr_png_()).decode(), round(self.get_figwidth() * PIXELS)
-        image = f'<img alt="" width="{width}" src="data:image/png;base64,{data}"/>'
-        caption = f"<figcaption>{escape(self.caption, quote=False)}</figcaption>" if self.caption else ""
-        return f'<figure style="max-width: {width}px">{image}{caption}</figure>'
+        def _repr_html_(self) -> str:
+            from base64 import b64encode
+            from html import escape
+
+            data, width = b64encode(self._repr_png_()).decode(), round(self.get_figwidth() * PIXELS)
+            image = f'<img alt="" width="{width}" src="data:image/png;base64,{data}"/>'
+            caption = f"<figcaption>{escape(self.caption, quote=False)}</figcaption>" if self.caption else ""
+            return f'<figure style="max-width: {width}px">{image}{caption}</figure>'
+
+    return PrintFigure
 
 
 BLACK, WHITE, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = PALETTE
@@ -139,7 +145,6 @@ def print_style() -> AbstractContextManager[None]:
 
 def new_figure(size: tuple[float, float], caption: str = "") -> Figure:
     """An empty figure, its size in centimetres, with what notebooks write below it."""
-
-    figure = PrintFigure(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
+    figure: Any = _print_figure()(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
     figure.caption = caption
     return figure

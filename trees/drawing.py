@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import accumulate, islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,8 +13,6 @@ from trees.names import check_names, default_names
 from trees.notation import TreeLike, parents_of, tree_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from matplotlib.axes import Axes
 
 

@@ -8,15 +8,12 @@ part carry its name as superscript: b^ν_i, a^ν_ij, c^ν_i = Σ_j a^ν_ij.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from trees.errors import TreeError
 from trees.names import node_names
 from trees.notation import TreeLike, nest, parents_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _INDICES = "ijklmnrsuvwxyz"  # without the names of blocks, of the node and of zero
 

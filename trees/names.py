@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 from trees.errors import TreeError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
 _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are the two blocks of a partitioned system
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from trees.errors import TreeError
 from trees.notation import parents_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import networkx as nx
 
 

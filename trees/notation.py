@@ -6,13 +6,11 @@ as tall as it likes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol, runtime_checkable
 
 from trees.errors import TreeError
 from trees.names import check_names, default_color, is_name, is_number, node_names
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
 
 MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""

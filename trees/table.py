@@ -18,6 +18,7 @@ from trees.counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
+from trees.drawing import svg
 from trees.errors import TreeError
 from trees.tree import Tree
 
@@ -228,7 +229,6 @@ class TreeTable(Sequence[Tree]):
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def _repr_svg_(self) -> str:
-        from trees.drawing import svg
 
         return svg(self)
 

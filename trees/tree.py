@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from math import factorial, prod
 from operator import index
 from typing import TYPE_CHECKING, Any
 
+from trees.drawing import svg
 from trees.errors import TreeError
+from trees.formulas import elementary_differential, elementary_weight, order_condition
+from trees.networks import from_networkx, to_networkx
 from trees.notation import MAX_ORDER, parse, tree_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
     import networkx as nx
 
 
@@ -147,13 +149,11 @@ class Tree:
             >>> Tree.from_networkx(nx.path_graph(3), root=1)
             Tree('[τ,τ]')
         """
-        from trees.networks import from_networkx
 
         return Tree.from_levels(*from_networkx(graph, root))
 
     def to_networkx(self) -> nx.DiGraph:
         """The tree as a directed graph; see `trees.networks.to_networkx`."""
-        from trees.networks import to_networkx
 
         return to_networkx(self.levels, self.colors)
 
@@ -271,19 +271,16 @@ class Tree:
 
     def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
-        from trees.formulas import elementary_differential
 
         return elementary_differential(self, format, names)
 
     def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
-        from trees.formulas import elementary_weight
 
         return elementary_weight(self, format, names)
 
     def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
-        from trees.formulas import order_condition
 
         return order_condition(self, format, names)
 
@@ -294,7 +291,6 @@ class Tree:
         return f"Tree('{self.text()}')"
 
     def _repr_svg_(self) -> str:
-        from trees.drawing import svg
 
         return svg(self)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
 
 if TYPE_CHECKING:
@@ -76,8 +77,6 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
         [0.5000000000000001, 1.0]
     """
     import numpy as np
-
-    from integrators.runs.observers import observers
 
     energy = observers(scene, "energy")
     start = float(energy(0.0, y0)[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil
 from typing import Any
 
-from integrators.core.errors import IntegratorError
+from integrators.core.errors import IntegratorError, shorten
 
 SOLUTION, ENERGY, MODIFIED_ENERGY = "solution", "energy", "modified-energy"
 MEASURES = (SOLUTION, ENERGY, MODIFIED_ENERGY)
@@ -28,7 +28,6 @@ def check_measure(measure: Any, known: tuple[str, ...]) -> str:
         >>> check_measure("modified_energy", MEASURES)
         'modified-energy'
     """
-    from integrators.core.errors import shorten
 
     name = measure.replace("_", "-") if isinstance(measure, str) else ""
     if name not in known:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.growth import goes_on
 from bseries.analysis.structure import symmetry, symplecticity
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_series import modified_field
+from integrators.methods.program.evaluations import Flow
+from integrators.methods.program.transformations import mapped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     import numpy as np
 
     from bseries.fields.scene_series import SceneSeries
@@ -173,8 +174,6 @@ def numeric_inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray
 def in_floats(method: Method) -> Program:
     """A method with all its numbers rounded to doubles: series of decimals are slow, since their digits are counted."""
     from integrators import Program
-    from integrators.methods.program.evaluations import Flow
-    from integrators.methods.program.transformations import mapped
 
     program = method.program
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,8 +21,6 @@ from integrators.methods.program.evaluations import LinearForm
 from integrators.methods.program.program import Flow
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from bseries.exact.arithmetic import Exact
     from integrators.methods.program.program import Program
     from trees.table import TreeTable

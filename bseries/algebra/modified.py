@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,6 @@ from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from bseries.algebra.stages import MethodStages
     from bseries.exact.domains import Values
     from integrators.methods.program.program import Method

@@ -9,6 +9,8 @@ from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from trees.drawing import svg
+
 if TYPE_CHECKING:
     from trees.tree import Tree
 
@@ -118,7 +120,6 @@ def to_text(terms: Iterable[Term], names: Sequence[str] | None) -> str:
 
 def to_html(terms: Iterable[Term], names: Sequence[str] | None, *, title: str, count: int) -> str:
     """The first of `count` terms as an HTML table with pictures of the trees."""
-    from trees.drawing import svg
 
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"

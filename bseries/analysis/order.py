@@ -11,7 +11,7 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.exact.domains import RingValues, alike, to_float
+from bseries.exact.domains import RingValues, alike, exact_number, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -202,7 +202,5 @@ def _simple(value: Any) -> Any:
     if isinstance(value, Fraction | float):
         return value
     import sympy
-
-    from bseries.exact.domains import exact_number
 
     return exact_number(sympy.cancel(sympy.expand(value)))

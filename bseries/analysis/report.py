@@ -11,6 +11,7 @@ from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis import conjugation, structure
 from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
+from bseries.analysis.stability.tableau_facts import tableau_properties
 from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -209,7 +210,6 @@ def _assumptions(method: Method) -> Assumptions | None:
 def _stability(method: Method) -> dict[str, Any]:
     if not isinstance(method, RungeKutta):
         return {}
-    from bseries.analysis.stability.tableau_facts import tableau_properties
 
     return tableau_properties(method)
 

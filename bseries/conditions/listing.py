@@ -6,8 +6,11 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
+from bseries.algebra.modified import series
+from bseries.conditions.compiling import CompiledConditions
 from bseries.conditions.condition import OrderCondition, equation_of
 from bseries.conditions.kinds import KINDS, NODES
+from bseries.conditions.languages import source
 from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.program import Program, System
 from bseries.conditions.reductions import Simplifying, class_weights
@@ -167,7 +170,6 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
 
     def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
         """The residuals by way of the method's series, which are exact and simple for irrational tableaux, too."""
-        from bseries.algebra.modified import series
 
         if self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
             raise SeriesError(f"method must be one of the {len(self.names)}-part {self.kind} kind, but was {method!r}")
@@ -238,7 +240,6 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
             end
             <BLANKLINE>
         """
-        from bseries.conditions.languages import source
 
         title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
         names = self.names if len(self.names) > 1 else None
@@ -254,7 +255,6 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         Raises:
             SeriesError: The number of stages is missing or not 1 or more.
         """
-        from bseries.conditions.compiling import CompiledConditions
 
         return CompiledConditions(self.system, self.known_stages(stages))
 

@@ -13,17 +13,14 @@ colours, from the root, spell a Lyndon word give a minimal set of conditions; Wi
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import groupby, product
 from math import factorial, prod
-from typing import TYPE_CHECKING
 
 from bseries.conditions.kernels import ONE
 from bseries.conditions.program import Program, Summand
 from trees.tree import Tree
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
 
 STRICT, WEAK = 0, 1
 """Operators: the sum over all earlier sweeps, and with the same sweep."""

@@ -6,13 +6,12 @@ however many conditions there are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bseries.conditions.kinds import DIAGONALLY_IMPLICIT, EXPLICIT
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from bseries.conditions.program import Program, System
 
 LOOPS = '''

@@ -21,16 +21,15 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache, partial
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
 from bseries.exact.operations import Operation, evaluate
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
+from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
-    from typing import TypeAlias
-
     import sympy
 
     from trees.table import TreeTable
@@ -256,7 +255,6 @@ def to_float(number: Any) -> float:
     Raises:
         SeriesError: It holds symbols without a value.
     """
-    from integrators.exact.number_text import nearest_double
 
     try:
         return nearest_double(number)

@@ -8,12 +8,10 @@ numbers. `modulus` is 0 where nothing is to be reduced.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from trees.compiled import Kernel, kernel
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def inlined(function: Callable[..., Any]) -> Kernel:

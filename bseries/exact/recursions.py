@@ -7,6 +7,7 @@ coefficients.
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,6 @@ from bseries.exact.arithmetic import Exact, factorial_weights
 from trees.counting import memory_estimate, refuse_table_beyond_memory
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from trees.table import TreeTable
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from bseries.fields.inputs import in_threads
+from integrators.compile.lowering import SOURCES
+from integrators.compile.modules import load_module
+from integrators.compile.printer import operation_cost, source_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from types import ModuleType
-
     import numpy as np
     import sympy
 
@@ -91,8 +93,6 @@ class CompiledFormulas:
         """The lines of code that compute the sums, f0, f1, …, from y0, y1, … and h."""
         import sympy
 
-        from integrators.compile.printer import source_lines
-
         h = sympy.Dummy("h")
         sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
         names = {symbol: f"y{i}" for i, symbol in enumerate(self.symbols)}
@@ -100,7 +100,6 @@ class CompiledFormulas:
 
     def is_faster(self, contractions: int) -> bool:
         """Whether the formulas cost less than so many contractions of towers."""
-        from integrators.compile.printer import operation_cost
 
         return NANOSECONDS_OF_OPERATION * operation_cost(self.lines) < NANOSECONDS_OF_CONTRACTION * contractions
 
@@ -129,8 +128,6 @@ class CompiledFormulas:
     @cached_property
     def module(self) -> ModuleType:
         """The compiled functions."""
-        from integrators.compile.lowering import SOURCES
-        from integrators.compile.modules import load_module
 
         return load_module(self.source, helpers=SOURCES)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +18,9 @@ from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
 from bseries.fields.towers import PlanBuilder, find_needs
 from integrators import IntegratorError
+from integrators.compile.modules import load_module
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from types import ModuleType
-
     from bseries.fields.scene_trees import SeriesOnScene
 
 CHUNK_ROWS = 64
@@ -138,7 +138,6 @@ class CompiledSeries:
     @cached_property
     def module(self) -> ModuleType:
         """The compiled functions."""
-        from integrators.compile.modules import load_module
 
         return load_module(self.source, keep=self.route == "symbolic")  # no code that calls pointers is kept on disk
 

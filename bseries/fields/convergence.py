@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from bseries.analysis.stability.functions import stability_function
+from bseries.analysis.stability.rational_functions import StabilityFunction
 
+if TYPE_CHECKING:
     from integrators import RungeKutta
 
 COMMON = 1e-6
@@ -65,8 +67,6 @@ def convergence_radius(method: RungeKutta) -> ConvergenceRadius:
     References:
         HLW, section IX.1; E. Hairer, lecture on long-time behaviour, example 3.
     """
-    from bseries.analysis.stability.functions import stability_function
-    from bseries.analysis.stability.rational_functions import StabilityFunction
 
     R = stability_function(method)
     inverse = StabilityFunction.from_elements(R.q, R.p, floating=R.floating, digits=R.digits)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing, Element
@@ -17,8 +17,6 @@ from trees.counting import check_order
 from trees.tree import Tree
 
 if TYPE_CHECKING:
-    from typing import TypeAlias
-
     from trees.tree import Tree
 
     Key: TypeAlias = tuple[int, tuple[int, ...]]

@@ -10,6 +10,8 @@ from bseries.fields.inputs import check_power, read_symbolic_step
 from bseries.fields.optimal_truncation import check_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.integration import potential
+from integrators.scenes.model.blocks import poisson_matrix
+from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
     import sympy
@@ -184,8 +186,6 @@ def inverse_structure(f: SceneSeries) -> list[list[Element]]:
 
 def structure_matrix(scene: Scene) -> list[list[Any]]:
     """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
-    from integrators.scenes.model.blocks import poisson_matrix
-    from integrators.scenes.particles.expansion import filled
 
     if scene.poisson is not None and len(scene.poisson) == scene.dimension:
         return [[filled(entry, scene) for entry in row] for row in scene.poisson]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_series import modifying_field
+from integrators.reference.plain_arithmetic import Arithmetic
+from integrators.reference.plain_steps import block_parts, plain_steps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
     from bseries.fields.scene_series import SceneSeries
@@ -60,7 +60,6 @@ def modifying_steps(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    from integrators.reference.plain_steps import block_parts, plain_steps
 
     f = modifying_field(method, scene, order, parts=parts)
     field = _bound(f, h, digits)
@@ -71,7 +70,6 @@ def modifying_steps(
 
 def _bound(f: SceneSeries, h: Any, digits: int | None) -> Callable[[Any], Any]:
     """The field for one step size, as a function of the state."""
-    from integrators.reference.plain_arithmetic import Arithmetic
 
     arithmetic = Arithmetic(digits)
     with arithmetic.working():

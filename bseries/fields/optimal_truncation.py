@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.fields.convergence import convergence_radius
 from bseries.fields.inputs import read_states, read_step
+from bseries.fields.scene_series import SceneSeries, modified_field
 from integrators.core.errors import shown
+from integrators.scenes.particles.degrees import Piece, degrees
 
 if TYPE_CHECKING:
     import numpy as np
@@ -227,7 +229,6 @@ def check_field(f: Any) -> SceneSeries:
     Raises:
         SeriesError: `f` is none.
     """
-    from bseries.fields.scene_series import SceneSeries
 
     if not isinstance(f, SceneSeries):
         raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
@@ -296,9 +297,6 @@ def _lengths(vectors: np.ndarray) -> np.ndarray:
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:
     """The spectral radius of A if the scene is y' = Ay + b, for the modified equation of the method; else None."""
     import numpy as np
-
-    from bseries.fields.scene_series import modified_field
-    from integrators.scenes.particles.degrees import Piece, degrees
 
     degree = degrees(f.scene, [Piece()])[0][0]
     if degree is None or degree > 1:

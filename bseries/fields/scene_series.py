@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,12 @@ from bseries.algebra.stages import check_method
 from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
+from bseries.fields.differentials import FLOAT_DIGITS
 from bseries.fields.inputs import check_power
 from bseries.fields.scene_trees import SceneTrees, SeriesOnScene, shapes, trees_of_method, trees_of_series
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     import sympy
 
@@ -124,7 +124,6 @@ class SceneSeries(SeriesOnScene):
             IntegratorError: An argument is not of its kind.
         """
         from bseries.fields.any_precision import PreciseSeries
-        from bseries.fields.differentials import FLOAT_DIGITS
 
         known = self.series.digits if self.series.is_exact else FLOAT_DIGITS
         if known is not None and isinstance(digits, int) and digits > known:

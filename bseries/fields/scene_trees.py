@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import auxiliary_colors, check_method, own_trees
 from bseries.exceptions import SeriesError
+from bseries.fields.differentials import SymbolicSeries
 from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_field
 from integrators.scenes.particles.parts import check_kind, pieces_of
@@ -152,7 +153,6 @@ class SeriesOnScene:
 
     def written(self, **limits: int) -> SymbolicSeries:
         """The series written out anew, given up where formulas grow beyond a limit."""
-        from bseries.fields.differentials import SymbolicSeries
 
         fields = flat_fields(self.scene, self.trees.pieces)
         return SymbolicSeries(self.series, fields, self.scene.symbols, **limits)

@@ -10,6 +10,7 @@ these grow; what the formulas let vanish is left out.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,8 +22,6 @@ from integrators.scenes.model.local_terms import VALUE
 from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
     from integrators.scenes.model.local_terms import LocalTerm, Output, Place
     from integrators.scenes.model.system import System
     from trees.table import TreeTable

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
+from bseries.plotting import BLUE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -130,8 +131,6 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
     """To the left starts from the point at rest on, to the right those near the saddle point."""
     import numpy as np
 
-    from bseries.plotting import VERMILION
-
     left, right = figure.subplots(1, 2)
     _draw_map(left, numbers.h, numbers.bottom, numbers.chaotic_bottom)
     separatrix = 2 / np.sqrt(1 - numbers.h**2 / 12)  # where H + h²H₃ is what it is at the saddle point
@@ -149,8 +148,6 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
 
 def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
     from matplotlib.colors import ListedColormap
-
-    from bseries.plotting import BLUE, WHITE
 
     axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, BLUE]), shading="nearest", rasterized=True)
     axes.fill([], [], color=BLUE, label="chaotic")

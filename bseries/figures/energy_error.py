@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_number
+from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -93,7 +94,6 @@ def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
 
 def draw(numbers: EnergyError, figure: Figure) -> None:
     """Above both errors, below the smaller one from nearby."""
-    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     above, below = figure.subplots(2)
     thin = slice(None, None, max(1, len(numbers.t) // MOST_DRAWN))

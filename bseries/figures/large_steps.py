@@ -7,6 +7,7 @@ from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
+from bseries.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -115,8 +116,6 @@ def draw(numbers: LargeSteps, figure: Figure) -> None:
 
 def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
     import numpy as np
-
-    from bseries.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
 
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")

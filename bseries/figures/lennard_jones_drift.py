@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_count, check_number
+from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -146,7 +146,6 @@ def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
 
 
 def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
-    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     t, law = numbers.t, numbers.coefficient * numbers.t**0.5
     label = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
@@ -163,8 +162,6 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
 
 def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
     import numpy as np
-
-    from bseries.plotting import BLACK, BLUE, VERMILION
 
     rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
     t, deviation, mean, error = (

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_number
+from bseries.plotting import BLUE, GREEN, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -172,8 +173,6 @@ def _draw_curves(
     axes: Axes, numbers: LinearErrorGrowth, other: np.ndarray, symplectic: np.ndarray, series: np.ndarray, what: str
 ) -> None:
     import numpy as np
-
-    from bseries.plotting import BLUE, GREEN, PURPLE, VERMILION
 
     rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
     names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))

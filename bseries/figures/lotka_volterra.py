@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import bseries as bs
 from bseries.figures.options import check_number
 from bseries.figures.truncated_scenes import truncated_scene
+from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -117,7 +118,6 @@ def draw(numbers: LotkaVolterra, figure: Figure) -> None:
 
 
 def _draw_panel(axes: Axes, curves: np.ndarray, runs: np.ndarray) -> None:
-    from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
     for curve in curves[len(runs) :]:
         axes.plot(*curve, color=GREY, linewidth=0.7)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import bseries as bs
 from bseries.figures.options import check_count
+from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -156,8 +157,6 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     """From left to right: errors by N, the least ones by 1/h, the N that they are for."""
     import numpy as np
 
-    from bseries.plotting import BLACK, BLUE, VERMILION
-
     left, middle, right = figure.subplots(1, 3)
     _draw_errors(left, numbers.pendulum)
     looks = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
@@ -177,7 +176,6 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
 
 def _draw_errors(axes: Axes, found: Truncations) -> None:
     """Errors by the number of terms, the least of them marked."""
-    from bseries.plotting import BLUE, GREEN, VERMILION
 
     for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
         axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")

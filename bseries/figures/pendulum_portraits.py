@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
+from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -128,8 +129,6 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder from outside, with q = 0 in front."""
     import numpy as np
 
-    from bseries.plotting import BLACK, GREY, WHITE
-
     for p, q in levels:
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
@@ -164,8 +163,6 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder cut open."""
     import numpy as np
 
-    from bseries.plotting import GREY
-
     for p, q in levels:
         axes.plot(q, p, color=GREY, linewidth=0.8)
     for (p, q), look in zip(runs, _looks(), strict=False):
@@ -176,7 +173,6 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
 
 def _looks() -> list[dict[str, Any]]:
     """How runs are drawn, by their number."""
-    from bseries.plotting import BLUE, GREEN, VERMILION
 
     common = {"linestyle": "none", "markersize": 2.2}
     return [

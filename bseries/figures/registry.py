@@ -8,6 +8,8 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from bseries.exceptions import SeriesError
+from bseries.plotting import new_figure, print_style
+from integrators.core.optional_modules import optional_module
 
 if TYPE_CHECKING:
     import numpy as np
@@ -111,8 +113,6 @@ def drawn(file: FigureFile, numbers: Any) -> Figure:
     Raises:
         IntegratorError: matplotlib is not installed.
     """
-    from bseries.plotting import new_figure, print_style
-    from integrators.core.optional_modules import optional_module
 
     optional_module("matplotlib", "figures")
     with print_style():

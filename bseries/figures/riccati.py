@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import bseries as bs
 from bseries.figures.options import check_number
 from bseries.figures.truncated_scenes import truncated_scene
+from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -82,7 +83,6 @@ def columns(numbers: Riccati) -> dict[str, np.ndarray]:
 
 def draw(numbers: Riccati, figure: Figure) -> None:
     """Curves through, and away from, the dots of the numerical solution."""
-    from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
     axes, h = figure.add_subplot(), numbers.h
     looks = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_count
+from bseries.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -141,7 +142,6 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
 
 
 def _draw_divisors(axes: Axes, found: Divisors) -> None:
-    from bseries.plotting import BLACK, BLUE
 
     axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
     law = found.gamma * found.norm ** -float(found.nu)
@@ -153,8 +153,6 @@ def _draw_divisors(axes: Axes, found: Divisors) -> None:
 def _draw_known(axes: Axes, omega: np.ndarray) -> None:
     """The divisors that have a name, if all of their planets are there."""
     import numpy as np
-
-    from bseries.plotting import VERMILION
 
     for k in KNOWN:
         if not any(k[len(omega) :]):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_number
+from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -112,7 +113,6 @@ def columns(numbers: TakahashiImadaDrift) -> dict[str, np.ndarray]:
 
 def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
     """Above the pendulum whose energy drifts, below the one whose energy does not."""
-    from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
     (above, below), (h, t) = figure.subplots(2, height_ratios=(1.7, 1), sharex=True), numbers[:2]
     predicted = numbers.perturbed.slope

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.options import check_count
+from bseries.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,7 +105,6 @@ def draw(numbers: Conservation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservation) -> None:
-    from bseries.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
     colours = (BLACK, ORANGE, BLUE, VERMILION, GREEN, PURPLE, SKY)
     is_short = len(x) < SHOWN // 2

@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
+from bseries.plotting import BLUE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,7 +108,6 @@ def columns(numbers: Toda) -> dict[str, np.ndarray]:
 
 def draw(numbers: Toda, figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
-    from bseries.plotting import BLUE, VERMILION
 
     above, below = figure.subplots(2, sharex=True)
     looks = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)

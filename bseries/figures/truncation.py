@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.options import check_count, check_number
 from bseries.figures.truncated_scenes import truncated_scene
+from bseries.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,7 +104,6 @@ def draw(numbers: Truncation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
-    from bseries.plotting import BLACK
 
     for curve, look in zip(numbers.curves[method], _looks(numbers), strict=True):
         axes.plot(*curve, **look)
@@ -114,7 +114,6 @@ def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
 
 def _looks(numbers: Truncation) -> list[dict[str, Any]]:
     """How the curves are drawn, by the number of terms."""
-    from bseries.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 
     terms = len(next(iter(numbers.curves.values())))
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
+from bseries.hamiltonians.linear_hamiltonians import LinearHamiltonian, quadratic_form
 from bseries.hamiltonians.symplectic_stages import canonical_pairs, entry, symplectic_stages
 
 if TYPE_CHECKING:
@@ -253,7 +254,6 @@ def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> Cl
 
 
 def _closed(method: Method, scene: Scene, parts: Any) -> ClosedHamiltonian:
-    from bseries.hamiltonians.linear_hamiltonians import LinearHamiltonian, quadratic_form
 
     check_method(method)
     canonical_pairs(scene)

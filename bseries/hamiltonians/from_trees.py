@@ -12,7 +12,7 @@ its *twin*: the same tree with its root in the colour of the piece that comes fr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -35,8 +35,6 @@ from trees.kernels import OUTSIDE
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from bseries.analysis.verdicts import Verdict
     from integrators import Scene
     from integrators.methods.program.program import Method

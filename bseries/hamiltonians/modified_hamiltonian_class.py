@@ -12,6 +12,7 @@ from bseries.fields.inputs import check_power, read_states, read_step, read_symb
 from bseries.fields.scene_series import modified_field
 from bseries.hamiltonians.evaluation import EnergyFormulas
 from bseries.hamiltonians.verdicts import HamiltonianVerdict, name_of, verdict_beyond
+from integrators.reference.plain_arithmetic import Arithmetic
 
 if TYPE_CHECKING:
     import numpy as np
@@ -163,7 +164,6 @@ class ModifiedHamiltonian:
             SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
             IntegratorError: An argument is not of its kind.
         """
-        from integrators.reference.plain_arithmetic import Arithmetic
 
         arithmetic = Arithmetic(digits)
         with arithmetic.working():

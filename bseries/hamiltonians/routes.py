@@ -10,8 +10,10 @@ from bseries.exceptions import SeriesError
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.scene_series import modified_field
 from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.brackets.on_scenes import bracket_terms
 from bseries.hamiltonians.evaluation import EnergyFormulas
 from bseries.hamiltonians.from_trees import energy_series, energy_trees
+from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
 from bseries.hamiltonians.verdicts import hamiltonian_verdict
 from integrators.core.errors import IntegratorError
@@ -101,16 +103,12 @@ def _found(
             raise SeriesError(f"method must be symplectic for the route 'trees', but {verdict}")
     is_method = not isinstance(method, BSeries)
     if is_method and (route == "brackets" or (route == "auto" and scene.poisson is not None)):
-        from bseries.hamiltonians.brackets.on_scenes import bracket_terms
-
         try:
             return "brackets", EnergyFormulas(scene.symbols, bracket_terms(method, scene, order, parts))
         except SeriesError:
             if route == "brackets":
                 raise
     if is_method and route == "generating-function":
-        from bseries.hamiltonians.generating_functions import generating_terms
-
         return route, EnergyFormulas(scene.symbols, generating_terms(method, scene, order, parts))
     _check_hamiltonian(method, scene, order, parts)
     terms = modified_invariant(modified_field(method, scene, order, parts=parts)).terms

@@ -12,10 +12,12 @@ from typing import IO, TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.roundings import Rounding, written
+from bseries.shadow.scene_forces import SceneForces
 from bseries.shadow.sources import ALIASES, VECTORS, Source, array_source, check_roles, choose, settled
 from integrators.core.stored_arrays import StoredArrays
 from integrators.core.text_files import read_lines
 from integrators.runs.trajectory import PART, RUN
+from integrators.scenes.files import scene_from_table
 
 if TYPE_CHECKING:
     from bseries.shadow.scene_forces import SceneForces
@@ -294,8 +296,6 @@ def _stored_forces(table: Any, label: str) -> SceneForces:
     """The forces of the scene that a trajectory was made with."""
     if not isinstance(table, Mapping) or "variables" not in table:
         raise SeriesError(f"scene must be given, since {label} does not tell what the forces are, but was not")
-    from bseries.shadow.scene_forces import SceneForces
-    from integrators.scenes.files import scene_from_table
 
     without = {key: x for key, x in table.items() if key != "invariants"}  # which would be checked again
     effects = table.get("effects")

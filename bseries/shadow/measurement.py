@@ -7,7 +7,12 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from bseries.exceptions import SeriesError
+from bseries.shadow import kernels
+from bseries.shadow.checks import check_finite
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, shadow_formula
+from bseries.shadow.report import ShadowReport
+from bseries.shadow.states import States
+from bseries.shadow.statistics import Statistics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +38,6 @@ class Measurement:
     """
 
     def __init__(self, pieces: Iterator[States], order: int | None, h: float, source: Source, keep: bool):
-        from bseries.shadow.statistics import Statistics
 
         self._pieces, self._h, self._source, self._kept = pieces, h, source, [] if keep else None
         self._head = next(pieces)
@@ -44,10 +48,6 @@ class Measurement:
     def advance(self, check: Callable[[States, int], None]) -> Iterator[int]:
         """Go through the states; after each piece, how many there have been."""
         import numpy as np
-
-        from bseries.shadow import kernels
-        from bseries.shadow.checks import check_finite
-        from bseries.shadow.states import States
 
         weights, works, products = formula_arrays([shadow_formula(order) for order in self.orders])
         halo = 2 * (weights.shape[1] - 1)
@@ -76,8 +76,6 @@ class Measurement:
     def report(self, start: float, rounding: float) -> ShadowReport:
         """What has been found, where the first state has this time, and energies may be off so far."""
         import numpy as np
-
-        from bseries.shadow.report import ShadowReport
 
         values = None
         if self._kept is not None:

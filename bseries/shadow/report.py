@@ -9,9 +9,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.plotting import BLACK, BLUE, VERMILION
+from bseries.plotting import BLACK, BLUE, VERMILION, check_place, new_figure, picture, picture_format, print_style
 from bseries.shadow.arguments import finite_number
 from bseries.shadow.statistics import OrderStatistics, Statistics
+from integrators.core.optional_modules import optional_module
+from integrators.core.text_files import atomic_write, check_path
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,9 +104,6 @@ def check_picture(path: Any) -> str:
         SeriesError: It is none that can be drawn, or there is no such folder.
         IntegratorError: It is no path, or matplotlib is not installed.
     """
-    from bseries.plotting import check_place, picture_format
-    from integrators.core.optional_modules import optional_module
-    from integrators.core.text_files import check_path
 
     name = check_path(path, "plot")
     kind = picture_format(name, "plot")
@@ -124,8 +123,6 @@ def save_picture(report: ShadowReport, path: str | os.PathLike[str]) -> None:
         SeriesError: The format is none of PNG, SVG and PDF, or there is no such folder.
         IntegratorError: The file cannot be written, or matplotlib is not installed.
     """
-    from bseries.plotting import new_figure, picture, print_style
-    from integrators.core.text_files import atomic_write
 
     kind = check_picture(path)
     with print_style():

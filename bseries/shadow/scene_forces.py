@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from integrators import Scene
+from integrators.compile.modules import load_module
+from integrators.compile.scene_source import ModuleText, energy_lines, field_lines
+from integrators.scenes.particles.degrees import Piece, degrees
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import numpy as np
 
     from integrators.scenes.model.blocks import Block
@@ -80,7 +82,6 @@ class SceneForces:
 
 def _blocks(scene: Any) -> tuple[Block, Block]:
     """The blocks of momenta and positions of a scene with a quadratic kinetic energy."""
-    from integrators.scenes.particles.degrees import Piece, degrees
 
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
@@ -100,8 +101,6 @@ def _blocks(scene: Any) -> tuple[Block, Block]:
 def _module(scene: Scene) -> ModuleType:
     """The compiled functions of a scene, and a loop over positions, at momenta zero."""
     from integrators.compile import machine
-    from integrators.compile.modules import load_module
-    from integrators.compile.scene_source import ModuleText, energy_lines, field_lines
 
     writer = ModuleText(precise=False)
     lines = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)

@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.arguments import box_edges, finite_number
+from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
+from bseries.shadow.files import open_source
 from bseries.shadow.formulas import check_order
 from bseries.shadow.measurement import LEAST_VALUES, Measurement
 from bseries.shadow.roundings import DOUBLE, Roundings
+from bseries.shadow.scene_forces import SceneForces
+from bseries.shadow.sources import inverse_masses
+from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader
 
 if TYPE_CHECKING:
     import numpy as np
@@ -80,9 +85,6 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
-    from bseries.shadow.checks import check_potential, check_steps
-    from bseries.shadow.files import open_source
-    from bseries.shadow.scene_forces import SceneForces
 
     if order is not None:
         check_order(order)
@@ -109,8 +111,6 @@ def shadow_energy(
 
 def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Reader:
     """What makes states of the columns of a source, as users say."""
-    from bseries.shadow.sources import inverse_masses
-    from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader
 
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
@@ -142,8 +142,6 @@ def _tolerance(value: Any) -> float:
 def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, float, float]:
     """The columns of a source, looked at on the way, the step size, how far it may be off, and the first time."""
     import numpy as np
-
-    from bseries.shadow.checks import check_columns, check_finite, refuse_thinned
 
     blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
     head = next(blocks, None)

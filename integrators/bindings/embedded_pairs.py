@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import round_entry, sum_entries
+from integrators.methods.catalogue.registry import catalogue
 from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_difference, order_of_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy as np
 
     from integrators.exact.entries import Entry
@@ -86,8 +86,6 @@ def _check(method: RungeKutta) -> None:
     if not method.is_explicit:
         raise IntegratorError(f"method must be explicit, but {name} is implicit: SciPy has Radau and BDF of its own")
     if not method.embedded:
-        from integrators.methods.catalogue.registry import catalogue
-
         known = ", ".join(entry.name for entry in catalogue() if entry.kind == "embedded pair")
         raise IntegratorError(
             f"method must have embedded weights to estimate errors, but {name} has none; of the catalogue have {known}"

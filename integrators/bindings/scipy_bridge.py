@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from foundation.extras import how_to_install
+from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
     from integrators.bindings.scipy_pairs import PairSolver
@@ -83,9 +84,6 @@ def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.
         True
     """
     import numpy as np
-
-    from integrators.compile.scene_source import compiled_scene
-    from integrators.scenes.scene import Scene
 
     if not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from math import isfinite
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten
@@ -19,8 +20,6 @@ from integrators.methods.tableaux.elementary_weights import order_of_difference,
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     Row = list[float]
 
 LARGEST_DENOMINATOR = 10**6

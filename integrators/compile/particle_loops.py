@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
 from integrators.compile.printer import count_operations, source_lines
+from integrators.scenes.model.local_terms import Argument, Place
+from integrators.scenes.model.terms import Sites
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import sympy
 
     from integrators.scenes.model.local_terms import Argument, Data, LocalTerm, Place
@@ -58,8 +58,6 @@ class SiteSum:
     @classmethod
     def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
         """Formulas in the variables of a scene, summed over nothing."""
-        from integrators.scenes.model.local_terms import Argument, Place
-        from integrators.scenes.model.terms import Sites
 
         total = cls(Sites("single"))
         names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from textwrap import wrap
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from integrators.compile.modules import load_module
@@ -17,10 +18,11 @@ from integrators.compile.operation_graph import simplest
 from integrators.compile.particle_loops import INDICES, SiteSum, entry, indented, zeros
 from integrators.compile.printer import FUNCTIONS
 from integrators.exact.number_text import exact_text, literal
+from integrators.scenes.model.local_terms import output_formula
+from integrators.scenes.particles.expansion import filled, written_out
+from integrators.scenes.particles.local_form import independent_pieces
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import sympy
 
     from integrators.scenes.model.local_terms import LocalTerm, Output
@@ -227,7 +229,6 @@ def field_lines(
         entries: The entries of ``out`` that the piece is responsible for.
         writer: The module that the lines are for.
     """
-    from integrators.scenes.model.local_terms import output_formula
 
     lines: list[str] = []
     assigned: set[int] = set()
@@ -258,7 +259,6 @@ def energy_lines(scene: System, writer: ModuleText) -> list[str]:
 
 def _invariants(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the first integrals."""
-    from integrators.scenes.particles.expansion import filled
 
     total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
     return total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
@@ -267,9 +267,6 @@ def _invariants(scene: System, writer: ModuleText) -> list[str]:
 def _constant(scene: System) -> sympy.Expr:
     """What the Hamiltonian has besides its local terms, which make up its field."""
     import sympy
-
-    from integrators.scenes.particles.expansion import filled, written_out
-    from integrators.scenes.particles.local_form import independent_pieces
 
     of_sites = {name for name, value in scene.parameters.items() if isinstance(value, tuple)}
     constants: list[sympy.Expr] = []

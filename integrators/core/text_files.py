@@ -6,12 +6,9 @@ import os
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from typing import TYPE_CHECKING, Any
+from typing import IO, Any
 
 from integrators.core.errors import IntegratorError, shorten
-
-if TYPE_CHECKING:
-    from typing import IO
 
 MAX_BYTES = 10_000_000
 

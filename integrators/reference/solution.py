@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
+from integrators.reference import taylor
+from integrators.reference.taylor import Stuck, TooManySteps, solve
 from integrators.scenes.model.blocks import TIME
+from integrators.scenes.model.formulas import read_formula
 
 if TYPE_CHECKING:
     import numpy as np
@@ -131,7 +134,6 @@ def reference_solution(
     import numpy as np
 
     from integrators.reference.double_double import split
-    from integrators.reference.taylor import Stuck, TooManySteps, solve
     from integrators.reference.taylor_program import taylor_program
 
     program = taylor_program(scene)
@@ -175,7 +177,6 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     """
     import numpy as np
 
-    from integrators.reference import taylor
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
@@ -186,7 +187,6 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
 def _read_number(value: Any, argument: str) -> Fraction:
     """An exact number, or one with all digits that count; a double is the number that it is."""
     from integrators.reference.taylor_program import fraction_of
-    from integrators.scenes.model.formulas import read_formula
 
     if isinstance(value, str) or is_sympy(value):  # as scenes have them: pi/2, cos(11/10)
         names = () if isinstance(value, str) else symbol_names([value])

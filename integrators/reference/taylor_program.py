@@ -15,6 +15,7 @@ from integrators.compile.operation_graph import OperationGraph, Reader, reachabl
 from integrators.core.errors import IntegratorError, shorten
 from integrators.reference.double_double import split
 from integrators.reference.taylor_operations import LINEAR, Operations
+from integrators.scenes.model.local_terms import VALUE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,8 +104,6 @@ def fraction_of(value: Any) -> Fraction:
 def _add(term: LocalTerm, operations: Operations, slopes: list[list[Term]]) -> None:
     """Add what a term gives at every row of its sites to the slopes."""
     import sympy
-
-    from integrators.scenes.model.local_terms import VALUE
 
     locals_ = [*(f"x{k}" for k in range(len(term.arguments))), *(f"d{k}" for k in range(len(term.data)))]
     graph = OperationGraph()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import CancelledError
 from functools import cached_property, lru_cache
 from time import monotonic
@@ -15,8 +16,6 @@ from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
     import numpy as np
 
     from integrators.methods.program.program import Method

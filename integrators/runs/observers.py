@@ -12,6 +12,7 @@ from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import SiteSum
 from integrators.compile.scene_source import ModuleText, energy_lines
 from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
     import numpy as np
@@ -225,7 +226,6 @@ def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...
 def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
     """The module with the functions ``formulas`` and ``observe``, which write quantities of a scene to their places."""
     from integrators.compile import machine
-    from integrators.scenes.particles.expansion import filled
 
     writer, lines, base = ModuleText(precise=False, lanes=True, plain=True), [], _base(scene)
     integrals = {}

@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import IO, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
@@ -24,10 +24,6 @@ from integrators.scenes.first_integrals import can_be_checked, defects
 from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    from typing import IO
-
 
 LABELS = ("name", "summary", "reference")
 FORMULAS = ("hamiltonian", "field", "terms")

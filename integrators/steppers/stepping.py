@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
+from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import remembered
+from integrators.methods.catalogue.registry import method as named
 from integrators.methods.program.program import Method
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
@@ -325,8 +327,6 @@ class Stepper:
         """Whether the field is finite at a state."""
         import numpy as np
 
-        from integrators.compile.scene_source import compiled_scene
-
         slope = np.empty_like(y)
         compiled_scene(self.scene).field(y, slope)
         return bool(np.isfinite(slope).all())
@@ -376,8 +376,6 @@ def stepper(
     if not isinstance(scene, Scene):
         raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
     if isinstance(method, str):
-        from integrators.methods.catalogue.registry import method as named
-
         method = named(method)
     if not isinstance(method, Method):
         raise IntegratorError(f"method must be a method or its name, but was {shorten(repr(method))}")

@@ -5,6 +5,7 @@ Each coproduct maps products of forests to products, and sums to sums; what it d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,6 @@ from trees.hopf.sums import FormalSum, as_sum
 from trees.hopf.terms import KEPT, check_work, fold, multiply_terms, work_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from trees.hopf.sums import Summand
     from trees.hopf.terms import Terms
     from trees.tree import Tree

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 from bisect import insort
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache, total_ordering
 from itertools import groupby
 from math import factorial, prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.errors import TreeError
 from trees.formulas import latex_name
 from trees.names import check_names, default_names, is_name, is_number, node_names
 from trees.notation import MAX_ORDER, nest
 from trees.tree import Tree
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
 
 EMPTY = "∅"
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.errors import TreeError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 
 def exact_coefficient(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import chain
 from math import prod
@@ -16,8 +17,6 @@ from trees.hopf.terms import add_terms, check_work, multiply_terms
 from trees.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
     Factors: TypeAlias = tuple[Forest, ...]
     Element: TypeAlias = Tree | Forest | str | tuple[Tree | Forest | str, ...]
     Summand: TypeAlias = "FormalSum | Tree | Forest | str"

@@ -5,14 +5,13 @@ Terms that cancel may stay, with coefficient 0; the factors multiply, and the co
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from operator import mul
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from trees.errors import TreeError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from trees.tree import Tree
 
     Terms: TypeAlias = Mapping[Any, Any]

@@ -9,6 +9,7 @@ from bseries.advice.effects.variants import effect_variants
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.fields.scene_trees import trees_of_method
 from integrators.core.immutable import Frozen
 from integrators.methods.catalogue.registry import method as named
 from integrators.steppers.run_input import read_number
@@ -188,7 +189,6 @@ def _trees(
     variants: EffectVariants, names: Names, method: Method, parts: Any, order: int
 ) -> tuple[int | None, int | None]:
     """How many trees the modified equation has on the scene, and on any; of methods with a matrix it is unknown."""
-    from bseries.fields.scene_trees import trees_of_method
 
     scene = variants.build(names)
     if auxiliary_colors(method):

@@ -14,7 +14,10 @@ from bseries.advice.measures import EFFECT_MEASURES, ENERGY, SOLUTION, check_mea
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import method as named
+from integrators.runs.loop import integrate
+from integrators.runs.observers import observers
 from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number
+from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -84,7 +87,6 @@ class EffectRuns:
 
     def run(self, names: Names) -> np.ndarray | None:
         """The states of a run; None if a step failed, as without a potential that keeps bodies apart."""
-        from integrators.steppers.states import StepError
 
         if names not in self._known:
             try:
@@ -95,7 +97,6 @@ class EffectRuns:
 
     def _states(self, names: Names, pieces: int = 1) -> np.ndarray:
         """The states at the times of comparison, (variables, times), by steps that are cut into pieces."""
-        from integrators.runs.loop import integrate
 
         scene, every = self.variants.build(names), -(-self.steps // LOOKS)  # rounded up
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
@@ -139,8 +140,6 @@ def _infinite_unless_finite(value: float) -> float:
 def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
     """The Hamiltonian of a scene, whose variables come first in any state, at many states."""
     import numpy as np
-
-    from integrators.runs.observers import observers
 
     energy = observers(scene, "energy")
     return np.array([energy(0.0, state)[0] for state in y.T])

@@ -21,8 +21,11 @@ from bseries.advice.growth import (
     size_after,
     size_of_states_after,
 )
+from bseries.advice.modified_terms import modified_terms
+from bseries.advice.prediction.perturbation_run import RESOLUTION, pilot
 from bseries.exceptions import SeriesError
 from integrators import IntegratorError, StepError
+from integrators.runs.observers import observers
 
 if TYPE_CHECKING:
     import numpy as np
@@ -127,8 +130,6 @@ def _followed(scene: Scene, found: Pilot) -> int:
 def _changes_linearly(scene: Scene, found: Pilot, changes: np.ndarray, size: float) -> bool:
     """Whether the energy of that solution changes as it does to first order."""
     import numpy as np
-
-    from integrators.runs.observers import observers
 
     energy, at = observers(scene, "energy"), np.linspace(0, _followed(scene, found) - 1, SAMPLES).astype(int)
     there, here = (
@@ -236,9 +237,6 @@ def expected_errors(
 ) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
     """The errors of energy and solution, the powers of h, and the part of the time that was gone through."""
     import numpy as np
-
-    from bseries.advice.modified_terms import modified_terms
-    from bseries.advice.prediction.perturbation_run import RESOLUTION, pilot
 
     def unknown(reason: str) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
         return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0

@@ -21,6 +21,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.optimal_truncation import Reach
 from bseries.fields.scene_series import modified_field
 from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
@@ -84,8 +85,6 @@ class Walk:
         self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, reach: Reach, size: float
     ):
         import numpy as np
-
-        from integrators.steppers.stepping import stepper
 
         self.spacing, self.done = spacing, 0
         self._terms, self._h, self._t0, self._last = terms, h, t0, y0

@@ -10,6 +10,7 @@ from bseries.advice.prediction.calibration import seconds_per_step as calibrated
 from bseries.advice.prediction.expected_errors import ExpectedError, expected_errors
 from integrators.core.errors import IntegratorError
 from integrators.steppers.run_input import check_end, read_positive, read_steps
+from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -145,7 +146,6 @@ def predict_run(
 
     from integrators import integrate
     from integrators import method as named
-    from integrators.steppers.stepping import stepper
 
     run = {"h": h, "y0": y0, "t0": t0, "parts": parts, **options}
     for name in LEFT_OUT:

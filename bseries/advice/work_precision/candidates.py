@@ -12,6 +12,7 @@ from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.recommendations import RECOMMENDED
 from integrators.methods.catalogue.registry import catalogue, method
 from integrators.scenes.scene import Scene
+from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
@@ -126,7 +127,6 @@ class Candidate(NamedTuple):
 
     def stepper(self) -> Stepper:
         """The compiled steps."""
-        from integrators.steppers.stepping import stepper
 
         return stepper(self.scene, self.method, solver=self.solver)
 
@@ -229,7 +229,6 @@ def _usual(scene: Scene) -> Iterator[str]:
 
 
 def _fits(scene: Scene, name: str) -> bool:
-    from integrators.steppers.stepping import stepper
 
     try:
         stepper(scene, name)

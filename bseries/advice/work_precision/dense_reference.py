@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from bseries.advice.distances import largest_size, without_time
 from integrators.core.errors import IntegratorError
+from integrators.reference.solution import reference_solution
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,7 +56,6 @@ def affordable_span(scene: Scene, span: float, seconds: float) -> float:
         >>> affordable_span(bs.scene("pendulum"), 10.0, 60.0)
         10.0
     """
-    from integrators.reference.solution import reference_solution
 
     def trial() -> float:
         began = thread_time()
@@ -107,8 +107,6 @@ class DenseReference:
     def _sample(self, intervals: int) -> None:
         """Take the solution at the points of intervals, and at a time between for the error."""
         import numpy as np
-
-        from integrators.reference.solution import reference_solution
 
         self._intervals = intervals
         self._points = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2

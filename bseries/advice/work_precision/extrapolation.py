@@ -13,6 +13,7 @@ from bseries.advice.prediction.prediction import predict_run
 from bseries.advice.work_precision.outlooks import Outlook
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
+from integrators.runs.loop import integrate
 
 if TYPE_CHECKING:
     import numpy as np
@@ -195,7 +196,6 @@ def outlook(judge: Judge, curve: Curve, times: float) -> Outlook:
 
 def _states(judge: Judge, candidate: Candidate, steps: int) -> np.ndarray:
     """The states (variables, n) of a run at equidistant times, without the time."""
-    from integrators.runs.loop import integrate
 
     work = judge.work(candidate, steps)
     every = max(1, steps // LOOKS)

@@ -16,9 +16,12 @@ from bseries.advice.measures import MEASURES
 from bseries.advice.modified_terms import modified_terms
 from bseries.advice.work_precision.dense_reference import DenseReference
 from bseries.advice.work_precision.step_costs import Work
+from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.routes import modified_hamiltonian
 from integrators.core.errors import IntegratorError
+from integrators.methods.catalogue.registry import catalogue
+from integrators.methods.catalogue.registry import method as named
 from integrators.runs.loop import integrate
 from integrators.steppers.states import StepError
 
@@ -240,9 +243,6 @@ def _modified_energy(candidate: Candidate) -> ModifiedHamiltonian | None:
 
 def _order(method: Method) -> int:
     """The order as far as it matters; that of the catalogue if there is one, for decimals are slow to check."""
-    from bseries.analysis.order import order_of
-    from integrators.methods.catalogue.registry import catalogue
-    from integrators.methods.catalogue.registry import method as named
 
     claims = {entry.name: entry.order for entry in catalogue() if isinstance(entry.order, int)}
     claim = claims.get(method.name)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.timing import Timing, time_in_turn
 from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
@@ -70,7 +71,6 @@ class _Run:
     """Steps from a start, always the same number of them."""
 
     def __init__(self, work: Work, sample: float):
-        from integrators.steppers.stepping import stepper
 
         self._stepper = stepper(work.scene, work.method, **work.options)
         self._start = self._stepper.start(work.y0, h=work.h)
@@ -116,7 +116,6 @@ class _Run:
             work: The steps.
             last: The solver at the end of the run.
         """
-        from integrators.steppers.stepping import stepper
 
         if last == self._start.solver:
             return [(self._start, self.steps)]

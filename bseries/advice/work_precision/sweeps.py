@@ -12,6 +12,7 @@ from bseries.advice.work_precision.candidates import Candidate
 from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.run_errors import UNSOLVED, Judge, RunErrors
 from bseries.advice.work_precision.step_costs import step_costs
+from integrators.bindings.scipy_bridge import right_hand_side
 
 if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
@@ -141,8 +142,6 @@ def time_scale(scene: Scene) -> float:
         (1.0, 10.0)
     """
     import numpy as np
-
-    from integrators.bindings.scipy_bridge import right_hand_side
 
     f, y = right_hand_side(scene), scene.y0
     here, size = f(0.0, y), float(np.linalg.norm(y)) or 1.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from bseries.analysis.stability import sturm
 from bseries.analysis.stability.field_elements import from_element, has_sign, midpoint, tells_zero, to_elements
@@ -19,8 +19,6 @@ from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, rou
 from integrators.exact.expressions import format_number
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from integrators.exact.entries import Entry
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,10 +14,7 @@ from bseries.cli.options.scene_argument import takes_scene
 from bseries.cli.output import takes_output
 from bseries.cli.scene_latex import latex_formula, latex_words
 from bseries.cli.table import Column
-from integrators import scene_catalogue
 from integrators.core.errors import shorten
-from integrators.exact.expressions import decimal_text
-from integrators.scenes.model.formulas import formula_text
 
 if TYPE_CHECKING:
     import sympy
@@ -44,6 +40,8 @@ def fact_rows(scene: Scene) -> list[tuple[str, str]]:
     """The facts as text."""
 
     def text(value: Value) -> str:
+        from integrators.scenes.model.formulas import formula_text
+
         return value if isinstance(value, str) else ", ".join(_decimal(x) or formula_text(x) for x in value)
 
     return [(what, text(value)) for what, value in _facts(scene)]
@@ -62,6 +60,10 @@ def latex_rows(scene: Scene) -> list[tuple[str, str]]:
 
 def _decimal(number: Any) -> str | None:
     """The decimal of a rational number, if that is shorter than the fraction; else None."""
+    from fractions import Fraction
+
+    from integrators.exact.expressions import decimal_text
+
     if not number.is_Rational:
         return None
     decimal = decimal_text(Fraction(int(number.p), int(number.q)))
@@ -97,6 +99,8 @@ def _facts(scene: Scene) -> Iterator[tuple[str, Value]]:
 
 def _entry_of(scene: Scene) -> SceneEntry | None:
     """What the catalogue says about scenes of this name; None if it has none."""
+    from integrators import scene_catalogue
+
     return next((entry for entry in scene_catalogue() if entry.name == scene.name), None)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
+from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
 from bseries.hamiltonians.action_angle.variable_pairs import (
     MOST_MONOMIALS,
@@ -23,6 +24,8 @@ from bseries.hamiltonians.action_angle.variable_pairs import (
 from integrators.core.arguments import items
 from integrators.core.immutable import Frozen
 from integrators.scenes.model.blocks import Block, check_symbols, poisson_matrix
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -135,7 +138,6 @@ class CoordinateChange(Frozen):
         parameters: Iterable[str] = (),
         positive: Iterable[str] = (),
     ):
-        from integrators.scenes.model.formulas import read_formula
 
         before, after = read_pair(old, "old"), read_pair(new, "new")
         if len(names_of(before)) != len(names_of(after)):
@@ -177,7 +179,6 @@ class CoordinateChange(Frozen):
         Raises:
             SeriesError: There is no such parameter.
         """
-        from integrators.scenes.model.formulas import read_formula
 
         unknown = [name for name in values if name not in self.parameters]
         if unknown:
@@ -227,7 +228,6 @@ class CoordinateChange(Frozen):
             ) from None
 
     def _find_defect(self) -> tuple[str, sympy.Expr, int] | None:
-        from bseries.fields.symbolic.differential_rings import DifferentialRing
 
         ring = DifferentialRing.of(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
         slopes = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
@@ -284,7 +284,6 @@ class CoordinateChange(Frozen):
         References:
             HLW, theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
         """
-        from integrators.scenes.particles.expansion import filled
 
         self.check()
         if not isinstance(scene, Scene) or read_pair(scene, "scene") != self.old:

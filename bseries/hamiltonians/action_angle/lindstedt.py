@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
+from bseries.hamiltonians.action_angle.elimination import Elimination
+from bseries.hamiltonians.action_angle.fourier import FourierRing
 from bseries.hamiltonians.action_angle.normal_form import NormalForm
 from bseries.hamiltonians.action_angle.variable_pairs import read_pair
 from integrators.core.arguments import items
 from integrators.scenes.model.blocks import check_symbols
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -77,8 +81,6 @@ def lindstedt_poincare(
     layout = _layout(scene)
     given = None if perturbations is None else items(perturbations, "perturbations")
     energies = _powers(scene, parameter, order, given)
-    from bseries.hamiltonians.action_angle.elimination import Elimination
-    from bseries.hamiltonians.action_angle.fourier import FourierRing
 
     actions, angles = (scene.symbols[block.offset : block.end] for block in layout)
     try:
@@ -103,9 +105,6 @@ def _layout(scene: Any) -> tuple[Block, Block]:
 def _powers(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
     """H_0 = K, H_1, …, the Taylor coefficients of the Hamiltonian in the parameter."""
     import sympy
-
-    from integrators.scenes.model.formulas import read_formula
-    from integrators.scenes.particles.expansion import filled
 
     known = isinstance(parameter, str) and parameter in scene.parameters
     if not known and perturbations is None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_power, read_symbolic_step
+from bseries.fields.inputs import check_power, in_threads, read_states, read_step, read_symbolic_step
+from integrators.core.arguments import items
+from integrators.scenes.model.formulas import read_numbers
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import numpy as np
     import sympy
 
@@ -128,8 +128,6 @@ class NormalForm:
         Raises:
             SeriesError: `actions` are not as many numbers, or lie outside the domain of ω; `count` is no number.
         """
-        from integrators.core.arguments import items
-        from integrators.scenes.model.formulas import read_numbers
 
         if isinstance(count, bool) or not isinstance(count, int) or count < 0:
             raise SeriesError(f"count must be a whole number, 0 or more, but was {count!r:.60}")
@@ -180,7 +178,6 @@ class NormalForm:
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
         import numpy as np
 
-        from bseries.fields.inputs import in_threads, read_states, read_step
         from bseries.hamiltonians.action_angle.normal_form_maps import map_states
 
         states, shape = read_states(y, self.scene.dimension)

@@ -6,8 +6,10 @@ The equation that is implicit, for b or for θ, is solved by Newton's method.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate, chain
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, TypeAlias
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.sparse_polynomials import exponents
@@ -17,10 +19,6 @@ from integrators.compile.particle_loops import indented
 from integrators.compile.printer import source_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-    from types import ModuleType
-    from typing import TypeAlias
-
     import numpy as np
 
     from bseries.hamiltonians.action_angle.elimination import Elimination

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.action_angle.canonical import CoordinateChange, canonical_transformation
 from bseries.hamiltonians.action_angle.variable_pairs import check_mapping, names_of, read_pair, simplified
+from integrators.scenes.model.formulas import read_formula
 
 if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
@@ -53,8 +54,6 @@ def point_transformation(
         E. Hairer, lecture on long-time behaviour, exercise 3 and (26); HLW, section VI.5.
     """
     import sympy
-
-    from integrators.scenes.model.formulas import read_formula
 
     before, after = read_pair(old, "old"), read_pair(new, "new")
     check_mapping(positions, before[1].variables, "positions")
@@ -107,8 +106,6 @@ def generating_transformation(
         HLW, section VI.5.1; E. Hairer, lecture on long-time behaviour, section 5 and exercise 3.
     """
     import sympy
-
-    from integrators.scenes.model.formulas import read_formula
 
     before, after = read_pair(old, "old"), read_pair(new, "new")
     shared = sorted(set(names_of(before)) & set(names_of(after)))
@@ -165,8 +162,6 @@ def harmonic_action_angle(
         q = sqrt(a)*sin(theta)
     """
     import sympy
-
-    from integrators.scenes.model.formulas import read_formula
 
     before, after, parameters = read_pair(old, "old"), read_pair(new, "new"), tuple(parameters)
     size = before[0].dimension

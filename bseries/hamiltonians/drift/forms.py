@@ -9,6 +9,7 @@ a function on the space of states is wanted, and with it the energy, changes by 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,8 +19,6 @@ from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_sa
 from bseries.hamiltonians.verdicts import hamiltonian_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     import sympy
 
     from bseries.hamiltonians.drift.perturbations import Perturbation

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
+from integrators.reference.solution import first_step, reference_solution
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     import numpy as np
     import sympy
 
@@ -139,8 +138,6 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
     import mpmath
     import numpy as np
 
-    from integrators.reference.solution import reference_solution
-
     start = np.array(y0)
     field, window = _first_window(scene, start)
     with mpmath.workdps(WORKING_DIGITS):
@@ -164,7 +161,6 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
 
 def _states(scene: Scene, y0: Any, times: Sequence[Any]) -> np.ndarray:
     """The solution at some times as numbers of mpmath, a row for each time."""
-    from integrators.reference.solution import reference_solution
 
     return reference_solution(scene, times, y0=y0, full=True).numbers().T
 
@@ -173,8 +169,6 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     """The field at the start (0 if it is but rounding errors), and where to look first for a return."""
     import numpy as np
     import sympy
-
-    from integrators.reference.solution import first_step
 
     at_start = dict(zip(scene.symbols, start.tolist(), strict=True))
     formulas = sympy.Matrix(scene.field)
@@ -231,8 +225,6 @@ def _displacement(
 ) -> tuple[list[Any], dict[int, int], np.ndarray]:
     """How far the solution is from its start after a time but for turns, these turns, and the error."""
     import mpmath
-
-    from integrators.reference.solution import reference_solution
 
     solution, turns = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
     away = list(solution.numbers()[:, 0] - start)

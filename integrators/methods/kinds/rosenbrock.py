@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.methods.program.program_method import ProgramMethod, read_parts
@@ -13,8 +13,6 @@ from integrators.methods.tableaux.tableau_input import check_triangular, read_ma
 from integrators.methods.tableaux.tableau_programs import combination
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from integrators.exact.entries import Entry
     from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm

@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable, Iterable
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
@@ -28,8 +28,6 @@ from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 if TYPE_CHECKING:
-    from typing import IO
-
     Method = RungeKutta | PartitionedRungeKutta
 
 LABELS = ("name", "reference")

@@ -6,19 +6,18 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from integrators.core.arguments import check_label
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
 from integrators.methods.program.program import Method
+from integrators.methods.tableaux.stage_algebra import StageAlgebra
 from integrators.methods.tableaux.tableau_input import read_tableau
 from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from integrators.exact.entries import Entry
     from integrators.methods.program.program import Program
     from integrators.methods.tableaux.stage_algebra import StageAlgebra
@@ -107,7 +106,6 @@ class RungeKutta(Method):
         Raises:
             IntegratorError: `algebra` is no `StageAlgebra`.
         """
-        from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
         if not isinstance(algebra, StageAlgebra):
             raise IntegratorError(f"algebra must be a StageAlgebra, but was {shorten(repr(algebra))}")

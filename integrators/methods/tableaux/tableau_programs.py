@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from integrators.methods.program.evaluations import LinearForm
 from integrators.methods.program.program import ProgramBuilder
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from integrators.exact.entries import Entry
     from integrators.methods.program.program import Program
     from integrators.methods.tableaux.tableau_input import Matrix, Row

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 from math import ceil, gamma, pi
 from typing import TYPE_CHECKING, Any
@@ -21,8 +22,6 @@ from integrators.scenes.particles.expansion import as_float
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     import numpy as np
 
 SUMMARY = "atoms with the Lennard-Jones potential, a cluster at a given temperature"

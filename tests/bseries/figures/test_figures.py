@@ -31,7 +31,7 @@ from bseries.figures import (
 )
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
 from bseries.figures.truncated_scenes import truncated_scene
-from bseries.plotting import FORMATS, PrintFigure, new_figure, picture, picture_format
+from bseries.plotting import FORMATS, new_figure, picture, picture_format
 
 pytest.importorskip("matplotlib")
 
@@ -344,7 +344,7 @@ def is_whole(figure):
 
 def test_notebooks_show_figures_with_captions():
     figure = bs.figure("riccati")
-    assert isinstance(figure, PrintFigure)
+    assert isinstance(figure, type(new_figure((1, 1))))
     assert figure._repr_png_().startswith(b"\x89PNG")
     image, caption = ElementTree.fromstring(figure._repr_html_())
     assert b64decode(image.attrib["src"].removeprefix("data:image/png;base64,")) == figure._repr_png_()
@@ -353,7 +353,7 @@ def test_notebooks_show_figures_with_captions():
 
 def test_captions_are_text_and_not_html():
     figure = new_figure((8, 5), "a < b & c")
-    assert isinstance(figure, PrintFigure)
+    assert isinstance(figure, type(new_figure((1, 1))))
     assert "<figcaption>a &lt; b &amp; c</figcaption>" in figure._repr_html_()
     figure.caption = ""
     assert "figcaption" not in figure._repr_html_()
