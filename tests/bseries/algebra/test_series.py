@@ -73,14 +73,14 @@ def test_any_coefficient_of_the_empty_tree():
 
 def test_colours_of_two_series_must_have_the_same_names():
     first, second = bs.method("explicit-euler"), bs.method("implicit-euler")
-    x = bs.series(bs.PartitionedRungeKutta({"p": first, "q": second}), 2)
-    y = bs.series(bs.PartitionedRungeKutta({"q": second, "p": first}), 2)
+    x = bs.series(bs.PartitionedRungeKutta({"u": first, "v": second}), 2)
+    y = bs.series(bs.PartitionedRungeKutta({"v": second, "u": first}), 2)
     assert x != y
-    assert (x["p[q]"], y["p[q]"]) == (1, 1)
+    assert (x["u[v]"], y["u[v]"]) == (1, 1)
     for call in (lambda: x - y, lambda: bs.compose(x, y)):
-        with pytest.raises(bs.SeriesError, match=r"must name their colours alike, but have \('p', 'q'\) and"):
+        with pytest.raises(bs.SeriesError, match=r"must name their colours alike, but have \('u', 'v'\) and"):
             call()
-    assert (y - bs.exact_flow(2, colors=2, names=("q", "p")))["p[q]"] == Fraction(1, 2)
+    assert (y - bs.exact_flow(2, colors=2, names=("v", "u")))["u[v]"] == Fraction(1, 2)
 
 
 def test_roots_of_a_symbol_are_not_independent_of_it():
