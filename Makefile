@@ -6,19 +6,26 @@ STAMP := .venv/.installed
 EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
 	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
-.PHONY: demo test bench lint notebooks clean
+.PHONY: demo test test-all hard-cases bench lint notebooks clean
 
 demo: $(STAMP)
 	$(BIN)/bseries modified rk4 --order 5
 	$(BIN)/bseries modified stormer-verlet-kdk --order 3
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
-	$(BIN)/python -m pytest -n 2 --dist loadfile --numba first $(EXACT)
-	$(BIN)/python -m pytest -n 2 --dist loadfile --numba never $(EXACT)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+test-all: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal --numba first $(EXACT)
+	$(BIN)/python -m pytest -n 2 --dist worksteal --numba never $(EXACT)
+
+hard-cases: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist worksteal tests/hard_cases --hard-cases-page build/hard-cases.md
 
 bench: $(STAMP)
-	$(BIN)/python -m benchmarks --keep --output docs/benchmarks.md
+	mkdir -p build
+	$(BIN)/python -m benchmarks --keep --output build/benchmarks.md
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

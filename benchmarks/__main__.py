@@ -12,12 +12,16 @@ import click
 from click.core import ParameterSource
 
 from . import comparison
-from .report import pictures, show, to_markdown
-from .results import KEPT, file_name, kept_results, to_json
+from .report import pictures, show, to_markdown, to_summary
+from .results import KEPT, ROOT, file_name, kept_results, to_json
 from .rivals import DEFAULT
 from .running import is_empty, run
 
 FILE = click.Path(path_type=Path, dir_okay=False)
+PAGE = Path("build", "benchmarks.md")
+"""All rows of a result, made when wanted."""
+SUMMARY_PAGE = ROOT / "docs" / "benchmarks.md"
+"""The summary of the last result that was kept."""
 
 
 @click.group(invoke_without_command=True)
@@ -67,6 +71,7 @@ def main(
         earlier = kept_results()
         KEPT.mkdir(exist_ok=True)
         atomic_write(KEPT / file_name(result), to_json(result))
+        atomic_write(SUMMARY_PAGE, to_summary(json.loads(to_json(result))))
         if earlier:
             comparison.show(comparison.compare(_loaded(earlier[-1], "the result kept last"), result), console)
     if page:
@@ -96,12 +101,12 @@ def compare(old: Path | None, new: Path | None) -> None:
 
 @main.command("page")
 @click.argument("file", metavar="RESULT", required=False, type=FILE)
-@click.option(
-    "--output", "output", type=FILE, default=Path("docs", "benchmarks.md"), show_default=True, help="The page."
-)
+@click.option("--output", "output", type=FILE, default=PAGE, show_default=True, help="The page.")
 def page_command(file: Path | None, output: Path) -> None:
     """Write the page of a result, by default of the last that was kept, with pictures beside it."""
     kept = kept_results()
+    if output == PAGE:
+        PAGE.parent.mkdir(exist_ok=True)
     if file is None and not kept:
         raise click.UsageError("RESULT must be given where none is kept")
     write_page(_loaded(file or kept[-1], "RESULT"), check_folder(output))

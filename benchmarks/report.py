@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 MEASURED = ("work", "bar", "measured", "of the bar")
 COMPARED = ("package", "work", "takes", "ours", "times ours")
 ABOUT = """\
-Written by `make bench`: everything in one run, other packages included; `python -m benchmarks --help` says how to run
-less, or more. [How it is measured](../benchmarks/README.md). Earlier runs are kept in
-[`benchmarks/results`](../benchmarks/results); `python -m benchmarks compare` tells what has changed since."""
+Written by `make bench`: everything in one run, other packages included."""
+SUMMARY = """\
+The last run of `make bench`: for each section the number of bars, and the work closest to its bar. All rows and
+pictures: `python -m benchmarks page`, which writes `build/benchmarks.md`. How it is measured, and how to run less or
+more: [benchmarks/README.md](../benchmarks/README.md). Earlier runs are in
+[`benchmarks/results`](../benchmarks/results); `python -m benchmarks compare` shows what has changed since."""
 
 
 class Section(NamedTuple):
@@ -182,6 +185,31 @@ def to_markdown(result: Mapping[str, Any]) -> str:
                 page += ["", *map(_line, [table.headings, ["---"] * len(table.headings), *table.rows])]
     page += ["", *(f"- {line}" for line in sources(result))] if result["published"] else []
     return "\n".join(page) + "\n"
+
+
+def to_summary(result: Mapping[str, Any]) -> str:
+    """The committed page: a row for each section, and the comparison with other packages."""
+    found: dict[str, list[list[str]]] = {}
+    title = ""
+    for section in sections(result):
+        title = section.title or title
+        rows = [row for table in section.tables if table.headings == MEASURED for row in table.rows if row[1] != "–"]
+        if rows:
+            found.setdefault(title, []).extend(rows)
+    page = ["# Benchmarks", "", SUMMARY, "", *(f"- {line}" for line in heading(result)), ""]
+    page += [_line(("section", "bars", "closest to its bar", "bar", "measured")), _line(["---"] * 5)]
+    for name, rows in found.items():
+        closest = max(rows, key=_part_of_bar)
+        page.append(_line((name, str(len(rows)), *closest[:3])))
+    others = _others(result)
+    page += ["", "## Other packages in the same run", "", *map(_line, [others.headings, ["---"] * 6, *others.rows])]
+    return "\n".join(page) + "\n"
+
+
+def _part_of_bar(row: Sequence[str]) -> float:
+    """The measured value as a part of an upper bar, or the inverse for a lower bar."""
+    part = float(row[3])
+    return 1 / part if row[1].startswith("≥") and part else part
 
 
 def _line(cells: Sequence[str]) -> str:

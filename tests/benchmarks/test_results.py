@@ -275,6 +275,7 @@ def test_the_command_compares_the_last_two_by_default(kept):
 
 def test_a_run_that_is_kept_is_compared_with_the_last_one(kept, tmp_path, monkeypatch):
     folder = tmp_path / "results"
+    monkeypatch.setattr(__main__, "SUMMARY_PAGE", tmp_path / "summary.md")
     for name, value in {"KEPT": folder, "kept_results": lambda: results.kept_results(folder)}.items():
         monkeypatch.setattr(__main__, name, value)
     run = {**json.loads(kept[0].read_text()), "failed": {}}
@@ -286,6 +287,7 @@ def test_a_run_that_is_kept_is_compared_with_the_last_one(kept, tmp_path, monkey
     assert page.read_text(encoding="utf-8") == report.to_markdown(
         json.loads((folder / "2026-01-02-0304-abc.json").read_text())
     )
+    assert (tmp_path / "summary.md").read_text(encoding="utf-8") == report.to_summary(run)
     assert "New over old" not in first.output
     run["environment"]["date"] = "2026-01-03 00:00 UTC"
     run["failed"] = {"stepping-c": "CFailure: gone"}
@@ -365,9 +367,17 @@ def test_there_must_be_results(monkeypatch):
     assert "RESULT must be given where none is kept" in invoke("page").output
 
 
-def test_the_page_is_that_of_the_last_result_that_was_kept(monkeypatch):
+def test_the_summary_has_a_row_for_each_section_and_the_work_closest_to_its_bar(result):
+    page = report.to_summary(result)
+    assert "| Time and peak memory | 4 | explicit-midpoint, order 9, integers out | ≤ 200 µs | 100 µs |\n" in page
+    assert "| Growth | 1 | order 2 | ≤ 3 | 4 |\n" in page
+    assert "| speed-up | ≥ 1.9 | 1.85 |\n" in page  # a lower bar that is missed, closer than one that is met
+    assert "| pybs 0.3 | modified equation, order 9, exact, memoised | 3 s | 1 ms | 3,000 | ≥ 1,000 |\n" in page
+
+
+def test_the_summary_is_that_of_the_last_result_that_was_kept(monkeypatch):
     if not (kept := results.kept_results()):
         pytest.skip("no result is kept")
     monkeypatch.setattr(report, "PARTS", parts.PARTS)
     result = comparison.load_result(kept[-1], "RESULT")
-    assert (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8") == report.to_markdown(result)
+    assert (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8") == report.to_summary(result)

@@ -1,12 +1,12 @@
-"""What the hard cases promise and what was measured: asserted, kept row by row, and written to the page on request.
+"""What the hard cases promise and what was measured: asserted, and written to a page on request.
 
-`pytest tests/hard_cases --hard-cases-page docs/hard-cases.md` replaces the tables of the test files that ran. Each
-stands on the page between `<!-- measured by test_….py -->` and `<!-- end -->`; the text around is written by hand.
-Without the option, cases and promises that the page does not have in these words fail.
+`pytest tests/hard_cases --hard-cases-page build/hard-cases.md` writes the page: for each test file its docstring and a
+table of what its tests measured.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -15,12 +15,11 @@ import pytest
 
 from bseries.advice.timing import machine
 
-PAGE = Path(__file__).parents[2] / "docs" / "hard-cases.md"
 HEAD = "| case | promised | measured | test |\n|---|---|---|---|\n"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--hard-cases-page", metavar="PAGE", help="rewrite the tables of measured figures on this page")
+    parser.addoption("--hard-cases-page", metavar="PAGE", help="write what was measured to this page")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -76,12 +75,9 @@ def _short(text: str) -> str:
 def measured(request: pytest.FixtureRequest, record_property: Callable[[str, object], None]) -> Measured:
     """Promises of this test; see `Measured`."""
     place = request.session.items.index(request.node)
-    page = None if request.config.getoption("--hard-cases-page", None) else PAGE.read_text(encoding="utf-8")
 
     def keep(*cells: str) -> None:
         case, promise, found = (text.replace("|", r"\|") for text in cells)
-        row = f"| {case} | {promise} |"
-        assert page is None or row in page, f"the page lacks the row {row}: see --hard-cases-page in {__file__}"
         name = getattr(request.node, "originalname", request.node.name)
         record_property("hard case", [place, f"| {case} | {promise} | {found} | `{name}` |\n"])
 
@@ -89,36 +85,30 @@ def measured(request: pytest.FixtureRequest, record_property: Callable[[str, obj
 
 
 class PageWriter:
-    """Collects the rows (the reports bring them here from the workers of pytest-xdist too) and writes the page."""
+    """Collects rows from the reports, which also bring them from the workers of pytest-xdist, and writes the page."""
 
     def __init__(self, page: Path) -> None:
         self.page = page
-        self.rows: dict[str, list[tuple[int, str]]] = {}
+        self.rows: dict[Path, list[tuple[int, str]]] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call":
             rows = [row for name, row in report.user_properties if name == "hard case"]
-            self.rows.setdefault(Path(report.fspath).name, []).extend((int(row[0]), str(row[1])) for row in rows)  # pyright: ignore
+            self.rows.setdefault(Path(report.fspath), []).extend((int(row[0]), str(row[1])) for row in rows)  # pyright: ignore
 
-    def table(self, file: str) -> str:
-        """The rows of a file in the order of its tests, whichever ended first."""
-        return HEAD + "".join(row for _, row in sorted(self.rows[file], key=lambda found: found[0]))
+    def section(self, file: Path) -> str:
+        """The docstring of a file, and its rows in the order of its tests, whichever ended first."""
+        title, _, text = (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or file.stem).partition("\n\n")
+        rows = "".join(row for _, row in sorted(self.rows[file], key=lambda found: found[0]))
+        return f"## {file.stem.removeprefix('test_').replace('_', ' ').capitalize()}\n\n" + "\n\n".join(
+            filter(None, (title, text, HEAD + rows))
+        )
 
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
         if exitstatus != pytest.ExitCode.OK or hasattr(session.config, "workerinput"):
             return
-        text = self.page.read_text(encoding="utf-8")
-        for file in (file for file, rows in self.rows.items() if rows):
-            text = _with_section(text, f"measured by {file}", self.table(file))
         found = machine()
-        text = _with_section(text, "measured on", f"{found['date']}, {found['processor']}, {found['versions']}.\n")
-        self.page.write_text(text, encoding="utf-8")
-
-
-def _with_section(page: str, name: str, content: str) -> str:
-    """The page with the content between <!-- name --> and <!-- end -->."""
-    begin = f"<!-- {name} -->\n"
-    section = re.compile(re.escape(begin) + r".*?(?=<!-- end -->)", re.DOTALL)
-    if not section.search(page):
-        raise pytest.UsageError(f"the page of hard cases must have `{begin.strip()}` and `<!-- end -->`, but has not")
-    return section.sub(lambda _: f"{begin}\n{content}\n", page, count=1)
+        sections = [self.section(file) for file in sorted(file for file, rows in self.rows.items() if rows)]
+        head = f"# Hard cases\n\n{found['date']}, {found['processor']}, {found['versions']}."
+        self.page.parent.mkdir(parents=True, exist_ok=True)
+        self.page.write_text("\n\n".join([head, *sections]), encoding="utf-8")
