@@ -13,7 +13,7 @@ demo: $(STAMP)
 	$(BIN)/bseries modified stormer-verlet-kdk --order 3
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --ignore docs
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal

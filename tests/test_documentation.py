@@ -32,6 +32,7 @@ def pattern(shown):
     return "".join(r"(?:.*\n)*?" if line == "…\n" else re.escape(line).replace("…", ".*") for line in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [name for name, session in SESSIONS.items() if session])
 def test_commands_print_what_pages_show(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

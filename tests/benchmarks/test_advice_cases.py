@@ -105,6 +105,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_recommendations_against_a_search(scene, monkeypatch):
     """With what steps cost fixed, so that only the choice is tested."""

@@ -22,6 +22,7 @@ from benchmarks.timing import Sample  # noqa: E402
 EULER = bs.RungeKutta([[0.0]], [1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "prepare",
     [

@@ -61,6 +61,7 @@ def algebra():
     return algebra_growth.measure(limit=0.0)
 
 
+@pytest.mark.slow
 def test_the_algebra_is_measured_in_a_process_of_its_own(algebra):
     assert [(row["domain"], row["order"], row["trees"]) for row in algebra] == [
         (domain, 1, 1) for domain in ("float", "exact", "algebraic", "symbolic")

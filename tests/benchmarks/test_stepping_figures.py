@@ -98,6 +98,7 @@ def test_memory_of_a_child():
     assert 30e6 < growth.imported <= growth.short <= growth.long < 1e9
 
 
+@pytest.mark.slow
 def test_compile_times_of_each_pair():
     (found,) = costs.compile_times(["pendulum"], ["rk4"], loaded=True)
     assert found[:2] == ("pendulum", "rk4")

@@ -341,6 +341,7 @@ bs.modified_equation(bs.method("rk4"), 7)
 """
 
 
+@pytest.mark.slow
 def test_the_library_runs_where_nothing_is_writable(tmp_path):
     """Installed where `__pycache__` cannot be made, with neither a home nor a cache."""
     for name in ("foundation", "trees", "integrators", "bseries"):

@@ -77,6 +77,7 @@ def test_without_limits_the_machine_counts(tmp_path, monkeypatch):
     assert memory.available_memory() > 10**8
 
 
+@pytest.mark.slow
 def test_limits_of_the_process_count():
     pytest.importorskip("resource")
     found = subprocess.run([sys.executable, "-c", LIMITED], capture_output=True, text=True, check=True).stdout

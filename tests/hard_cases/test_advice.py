@@ -12,6 +12,8 @@ import pytest
 import bseries as bs
 from bseries.advice.prediction import perturbation_run as pilots
 
+pytestmark = pytest.mark.slow
+
 COMET = bs.scene("kepler", eccentricity="0.999")
 PENDULUM, RICCATI, STIFF = bs.scene("pendulum"), bs.scene("riccati"), bs.scene("van-der-pol")
 PREDATORS, LORENZ, ATOMS = bs.scene("lotka-volterra"), bs.scene("lorenz"), bs.scene("lennard-jones")

@@ -11,6 +11,8 @@ from click.testing import CliRunner
 import bseries as bs
 from bseries.cli.application import application
 
+pytestmark = pytest.mark.slow
+
 
 def simulate(*arguments):
     return CliRunner().invoke(application, ["simulate", *arguments], prog_name="bseries")

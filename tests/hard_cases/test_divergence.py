@@ -17,6 +17,8 @@ import pytest
 
 import bseries as bs
 
+pytestmark = pytest.mark.slow
+
 TERMS = 35
 
 

@@ -20,6 +20,8 @@ from bseries.algebra.stages import stages_of
 from bseries.exact import recursions, substitution_recursions
 from bseries.exact.arithmetic import Exact, Float, floats
 
+pytestmark = pytest.mark.slow
+
 METHODS = [
     "implicit-euler", "explicit-midpoint", "implicit-midpoint", "heun3", "rk4", "ssprk33", "rkf45",
     "dormand-prince54", "gauss2", "gauss3", "lobatto-iiia3", "radau-iia3",

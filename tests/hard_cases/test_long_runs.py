@@ -12,6 +12,8 @@ import bseries as bs
 from integrators.steppers import fixed_point, newton
 from integrators.steppers.adaptive import DENSITY, RATE, TIME_CARRY
 
+pytestmark = pytest.mark.slow
+
 MANY = 10**8
 OSCILLATOR = bs.parse_hamiltonian("(p^2 + q^2)/2", start="p=0;q=1")
 KEPLER = bs.scene("kepler")

@@ -8,6 +8,8 @@ import pytest
 
 import bseries as bs
 
+pytestmark = pytest.mark.slow
+
 # Kepler's problem, e = 0.9, 0.99, 0.999
 
 ECCENTRICITIES = ("0.9", "0.99", "0.999")

@@ -11,6 +11,8 @@ import pytest
 
 import bseries as bs
 
+pytestmark = pytest.mark.slow
+
 PENDULUM = bs.scene("pendulum")
 OSCILLATOR = bs.scene("harmonic-oscillator")
 PREDATORS = bs.scene("lotka-volterra")

@@ -9,6 +9,8 @@ import pytest
 
 import bseries as bs
 
+pytestmark = pytest.mark.slow
+
 RATES = [Fraction(10) ** k for k in range(-8, 9, 2)]
 """λ of y' = −λy; with h = 1 they are −λh."""
 DAMPED = bs.scene("linear", matrix=[[-rate * (i == j) for j in range(len(RATES))] for i, rate in enumerate(RATES)])

@@ -20,6 +20,8 @@ import series_oracles as oracle  # pyright: ignore[reportMissingImports]
 
 import bseries as bs
 
+pytestmark = pytest.mark.slow
+
 F = Fraction
 HUGE, BIG = 10**300, F(10**12, 7)
 TREES = list(bs.TreeTable(5))

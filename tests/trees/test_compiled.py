@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 KERNELS = """
 from trees.compiled import float_kernel
@@ -21,6 +23,7 @@ keyed = float_kernel(_keyed, sources=[constants])
 """
 
 
+@pytest.mark.slow
 def test_edits_of_sources_are_noticed(tmp_path):
     tmp_path.joinpath("kernels.py").write_text(KERNELS)
     found = []

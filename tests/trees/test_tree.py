@@ -173,6 +173,7 @@ def test_numpy_integers_are_integers() -> None:
     assert all(type(color) is int for color in tree.colors)
 
 
+@pytest.mark.slow
 def test_tall_trees_do_not_run_out_of_stack() -> None:
     tall = Tree.from_levels(range(TALL))
     assert Tree(str(tall)) == tall == eval(repr(tall))

@@ -70,6 +70,7 @@ def test_every_scene_with_effects_is_here():
     assert sorted(ADVISED) == sorted(WITH_EFFECTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ADVISED)
 def test_recommendations_hold(name):
     report = advised(name)
@@ -273,6 +274,7 @@ def test_text_and_data_of_a_report():
         assert text in str(left._replace(full=full, kept=kept))
 
 
+@pytest.mark.slow
 def test_costs_against_the_number_of_effects():
     rows = bs.effect_costs("pendulum", "stormer-verlet", h=0.01, effects=["damping", "asymmetry"])
     assert [row.effects for row in rows] == [(), ("asymmetry",), ("asymmetry", "damping")]

@@ -278,6 +278,7 @@ def laws(monkeypatch):
     monkeypatch.setattr("bseries.advice.work_precision.extrapolation.foreseen", lambda *_: None)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("laws")
 @pytest.mark.parametrize("errors", [(1e-2, 1e-6), (1e-2, 1e-10), (1e-3, 1e-9)])
 def test_the_law_does_not_hang_on_the_range_of_errors(errors):
@@ -311,6 +312,7 @@ LONGER = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @LONGER
 @pytest.mark.usefixtures("laws")
 def test_solutions_of_longer_spans_by_laws(scene, method, span, finest, longer, error, law):
@@ -321,6 +323,7 @@ def test_solutions_of_longer_spans_by_laws(scene, method, span, finest, longer, 
     assert chosen.error == pytest.approx(real_error(scene, method, chosen.h, chosen.steps, 8), rel=0.2)
 
 
+@pytest.mark.slow
 @LONGER
 def test_solutions_of_longer_spans_by_the_modified_equation(scene, method, span, finest, longer, error, law):
     """From a part of the span that the laws need."""
@@ -332,6 +335,7 @@ def test_solutions_of_longer_spans_by_the_modified_equation(scene, method, span,
     assert chosen.error == pytest.approx(real_error(scene, method, chosen.h, chosen.steps, 8), rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "methods", "span", "longer", "best"),
     [

@@ -123,6 +123,7 @@ def test_the_sum_that_others_measure(execution):
     assert sum(bs.modifying_integrator(bs.method("explicit-midpoint"), 9).values()) == Fraction(5460293, 241920)
 
 
+@pytest.mark.slow
 def test_many_digits_take_many_primes():
     method = bs.RungeKutta([[0, 0], [Fraction(123456789, 987654321), 0]], [Fraction(1, 3**20), 1 - Fraction(1, 3**20)])
     b = bs.modifying_integrator(method, 7)

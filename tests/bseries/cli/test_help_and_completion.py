@@ -27,6 +27,7 @@ LESS = {"cost": ("--methods", "rk4", "--span", "5", "--errors", "1e-2:1e-3")}
 """What makes examples short that measure for a minute: of an option that is given twice, the second counts."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", examples())
 def test_examples_run(answer, tmp_path, monkeypatch, example):
     monkeypatch.chdir(tmp_path)

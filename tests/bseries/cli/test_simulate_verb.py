@@ -148,6 +148,7 @@ def test_a_failed_step_leaves_the_file(run, tmp_path):
     assert 100 < len(load_trajectory(path).t) < 110
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_interrupt_and_resume(tmp_path):
     def command(name, check):

@@ -515,6 +515,7 @@ def test_generated_python(kind, order, stages, options):
     assert len(executed(conditions.code("numpy", jacobian=False))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "order", "stages", "options"), [CASES[4]])
 def test_generated_numba(kind, order, stages, options):
     conditions = bs.order_conditions(kind, order, **options)

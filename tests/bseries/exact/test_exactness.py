@@ -294,6 +294,7 @@ def results():
     return [json.loads(job.communicate()[0]) for job in jobs]
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_numba(results):
     (interpreted, unloaded), (compiled, loaded) = results
     assert (unloaded, loaded) == (False, True)
@@ -301,6 +302,7 @@ def test_results_do_not_depend_on_numba(results):
     assert [name for name in compiled if compiled[name] != interpreted[name]] == []
 
 
+@pytest.mark.slow
 def test_few_methods_are_refused(results):
     """The comparison compares numbers: hardly a method has sums of weights that vanish, or an extra part."""
     refused = {name: r for name, r in results[0][0].items() if isinstance(r, str) or any(isinstance(x, str) for x in r)}

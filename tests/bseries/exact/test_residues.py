@@ -51,6 +51,7 @@ def test_long_sums_over_stages_are_reduced(stages):
     alike_in_all_arithmetics(run, run(Exact()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [3, 62])
 def test_long_blocks_are_reduced(length):
     """A path of many halves: products of polynomials with more terms than residues can add up."""

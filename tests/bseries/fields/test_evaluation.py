@@ -85,6 +85,7 @@ def test_many_points(route):
     assert f.terms(points).shape == (6, 2, 37)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("route", ["towers", "symbolic"])
 def test_compiled_in_other_compiled_code(route):
     compiled = field(route=route).compiled

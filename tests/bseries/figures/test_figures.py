@@ -366,6 +366,7 @@ def test_what_is_cut_off_would_be_noticed():
     assert not is_whole(figure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", figures())
 def test_pictures_are_complete(name):
     """Axes have labels, and no text is cut off or tiny."""
@@ -381,6 +382,7 @@ def test_pictures_are_complete(name):
         assert any(other.get_ylabel() for other in figure.axes if other.get_subplotspec().rowspan == place.rowspan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", figures())
 def test_columns_survive_csv(name):
     columns = figure_file(name).columns(numbers_of(name))
@@ -393,6 +395,7 @@ def test_columns_survive_csv(name):
         np.testing.assert_array_equal(np.array(cells[: len(column)], float), column)
 
 
+@pytest.mark.slow
 def test_the_same_bytes_each_time():
     """Also from another process, with other hashes and whatever settings the user has."""
     code = (

@@ -23,6 +23,8 @@ from bseries.figures import (
 )
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, takes_progress
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("matplotlib")
 
 GIVEN = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())["figures_2_to_7"]

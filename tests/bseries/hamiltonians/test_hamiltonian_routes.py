@@ -121,6 +121,7 @@ def constant_gap(one, other):
     return max(gaps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIFTED)
 @pytest.mark.parametrize("method", ["stormer-verlet", "symplectic-euler-q"])
 def test_constants_are_the_same_in_all_routes_and_for_a_step_of_length_zero_it_is_the_hamiltonian(name, method):

@@ -273,6 +273,7 @@ def test_formulas_too_long_to_compile_can_still_be_written():
     assert float(H.expression(0.2).subs(numbers)) == pytest.approx(value, rel=1e-11)
 
 
+@pytest.mark.slow
 def test_other_compiled_code_can_call_it_and_runs_observe_it():
     H = found("stormer-verlet", bs.scene("toda"), 5)
     energy = H.compiled

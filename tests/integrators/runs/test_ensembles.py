@@ -91,10 +91,12 @@ def test_threads_do_not_change_a_bit(workers, reference):
     assert content(run(workers=workers)) == reference
 
 
+@pytest.mark.slow
 def test_processes_do_not_change_a_bit(reference):
     assert content(run(workers=2, executor="processes")) == reference
 
 
+@pytest.mark.slow
 def test_a_cluster_does_not_change_a_bit(reference):
     pytest.importorskip("distributed")
     with cluster_executor(workers=2) as executor:
@@ -257,6 +259,7 @@ def test_a_function_that_fails_now_and_then_fails_single_members():
     assert (result.count == 20 - len(unlucky)).all()
 
 
+@pytest.mark.slow
 def test_members_of_a_lost_worker_run_again(tmp_path):
     mark, start = tmp_path / "killed", perturbed_start(PENDULUM, 0.1)
 

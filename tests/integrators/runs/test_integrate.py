@@ -242,6 +242,7 @@ def test_an_interrupt_without_checkpoint_leaves_a_readable_file(tmp_path):
     assert os.listdir(tmp_path) == ["run.npz"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path):
     script = (

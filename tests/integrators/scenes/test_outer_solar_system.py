@@ -26,6 +26,7 @@ def relative_errors(method, h, exact):
     return gaps / sizes.max(axis=(2, 3), keepdims=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "h"), [("gauss6", 100), ("sofroniou-spaletta10", 100), ("blanes-casas-rkn8", 25)])
 def test_centuries_to_twelve_digits(method, h, exact):
     assert relative_errors(method, h, exact).max() < 1e-12

@@ -142,6 +142,7 @@ def test_implicit_methods_keep_their_order():
     assert 3.9 < np.log2(errors[0] / errors[1]) < 4.1
 
 
+@pytest.mark.slow
 def test_linear_flows_do_without_matrices():
     """Their elements would depend on the step size; extrapolation gives the same step."""
     system = Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", start={"p": [0], "q": [1]})
