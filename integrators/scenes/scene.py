@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_label
-from integrators.core.errors import IntegratorError
 from integrators.scenes.domain import check_domain
 from integrators.scenes.first_integrals import defects
 from integrators.scenes.model.assembly import Declaration, assemble, read_declaration, with_start_values, with_values
@@ -22,7 +21,6 @@ from integrators.scenes.particles import expansion
 from integrators.scenes.particles.local_form import lower
 
 if TYPE_CHECKING:
-    import numpy as np
     import sympy
 
 UNNAMED = "scene"
@@ -201,23 +199,6 @@ class Scene(System):
         """
         return defects(self)
 
-    @property
-    def y0(self) -> np.ndarray:
-        """The start values as doubles.
-
-        Raises:
-            IntegratorError: The scene has no start values.
-        """
-        return self._y0.copy()
-
-    @cached_property
-    def _y0(self) -> np.ndarray:
-        if self.start is None:
-            raise IntegratorError(f"start must be given for {self.name}, but was not")
-        import numpy as np
-
-        return np.array([expansion.as_float(value) for value in self.start])
-
     def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
         """The same scene with exactly these effects on.
 
@@ -283,3 +264,12 @@ def _restored(*content: Any) -> Scene:
     scene = Scene.__new__(Scene)
     scene._settle(*content)
     return scene
+
+
+def labelled(scene: Scene, *, name: str, summary: str, reference: str) -> Scene:
+    """The scene with these labels wherever it has none."""
+    copy = Scene.__new__(Scene)
+    name = name if scene.name == UNNAMED else scene.name
+    labels = {"name": name, "summary": scene.summary or summary, "reference": scene.reference or reference}
+    copy.__dict__.update(scene.__dict__ | labels)
+    return copy

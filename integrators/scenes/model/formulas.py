@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
+from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
     import sympy
@@ -106,6 +107,19 @@ def as_sympy(value: Fraction) -> sympy.Expr:
     import sympy
 
     return sympy.Rational(value.numerator, value.denominator)
+
+
+def as_float(value: sympy.Expr) -> float:
+    """The double nearest to an exact number.
+
+    Raises:
+        IntegratorError: The number exceeds the range of doubles, or cannot be distinguished from zero.
+    """
+    try:
+        return nearest_double(value)
+    except ArithmeticError as error:
+        what = "in the range of doubles" if isinstance(error, OverflowError) else "told from zero"
+        raise IntegratorError(f"numbers must be {what}, but one was {shorten(str(value))}") from None
 
 
 def stable_form(formula: sympy.Expr, argument: str) -> sympy.Expr:

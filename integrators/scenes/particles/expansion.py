@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.number_text import nearest_double
 from integrators.scenes.model.blocks import ROLES, canonical_blocks, component_places
 from integrators.scenes.model.terms import Summand
 
@@ -102,16 +101,3 @@ def hamiltonian_field(energy: sympy.Expr, scene: System) -> list[sympy.Expr]:
         for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
             field[p], field[q] = -gradient[q], gradient[p]
     return field
-
-
-def as_float(value: sympy.Expr) -> float:
-    """The double nearest to an exact number.
-
-    Raises:
-        IntegratorError: It is beyond all doubles, or cannot be told from zero.
-    """
-    try:
-        return nearest_double(value)
-    except ArithmeticError as error:
-        what = "in the range of doubles" if isinstance(error, OverflowError) else "told from zero"
-        raise IntegratorError(f"numbers must be {what}, but one was {shorten(str(value))}") from None
