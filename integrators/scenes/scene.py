@@ -28,7 +28,7 @@ TIME_NOTE = "the field depends on the time t: made autonomous by the variable t 
 
 
 class Scene(System):
-    """An autonomous or Hamiltonian problem y' = f(y) with parameters, start values and effects.
+    """An initial value problem y' = f(y), possibly Hamiltonian, with parameters, start values and effects.
 
     Formulas are text or SymPy expressions and are kept exact; a float denotes the decimal that it prints as. The same
     formulas as text, in a file or in SymPy give equal scenes.

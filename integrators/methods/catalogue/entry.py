@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from integrators.methods.program.program import Method
 
@@ -57,3 +57,8 @@ class MethodEntry(NamedTuple):
     def is_family(self) -> bool:
         """Whether the number of stages follows the name, as in ``gauss3``."""
         return self.stages is None
+
+
+def lower_rows(rows: Sequence[str], columns: int) -> list[list[str]]:
+    """The rows of a lower triangular matrix, padded with zeros; entries are separated by spaces."""
+    return [[*row.split(), *["0"] * (columns - len(row.split()))] for row in rows]
