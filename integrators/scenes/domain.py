@@ -84,11 +84,7 @@ def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:
 
 
 def check_domain(scene: System) -> None:
-    """Refuse parameters or start values outside the domain of the field.
-
-    Raises:
-        IntegratorError: A formula divides by zero, or has a root or logarithm of a negative number.
-    """
+    """Refuse parameters or start values outside the domain of the field."""
     for formula in scene.positive:
         _check_flat(Guard(formula, ">"), scene)
     for guard in (

@@ -74,11 +74,7 @@ def loads_scene(text: str, *, source: str = "text") -> Scene:
 
 
 def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
-    """The scene in the table of a scene file, without the check of first integrals.
-
-    Raises:
-        IntegratorError: The table describes no scene.
-    """
+    """The scene in the table of a scene file, without the check of first integrals."""
     with _errors_from(source):
         return _read_scene(table)
 

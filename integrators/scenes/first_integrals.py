@@ -27,11 +27,7 @@ def can_be_checked(scene: System) -> bool:
 
 
 def defects(scene: System) -> dict[str, float]:
-    """The largest |Σ ∂I/∂y_k f_k| / Σ |∂I/∂y_k f_k| near the start, for each declared I that is not a first integral.
-
-    Raises:
-        IntegratorError: The field has too many terms, or a parameter is a symbol.
-    """
+    """The largest |Σ ∂I/∂y_k f_k| / Σ |∂I/∂y_k f_k| near the start, for each I that is not a first integral."""
     import mpmath
 
     if not can_be_checked(scene):

@@ -207,7 +207,7 @@ class Scene(System):
             parameters: New values of parameters, of the base system or of these effects.
 
         Raises:
-            IntegratorError: There is no such effect or parameter.
+            IntegratorError: An effect or parameter is unknown.
 
         Example:
             >>> drag = Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.catalogues import declared_entries
+from integrators.core.catalogues import declared_entries, index_by_name, spelling
 from integrators.core.errors import IntegratorError
 from integrators.methods.catalogue.entry import KINDS, MethodEntry
 
@@ -17,9 +17,7 @@ ENTRIES: tuple[MethodEntry, ...] = tuple(
 )
 MAX_STAGES = 50
 """The cost grows with the cube of the number of stages, and exact numbers have hundreds of digits."""
-
 _DIGITS = "0123456789"
-_SPELLING = str.maketrans({"-": None, "–": None, "_": None, " ": None, "ö": "o"})
 
 
 def catalogue() -> tuple[MethodEntry, ...]:
@@ -48,7 +46,7 @@ def method(name: str, /, **parameters: Any) -> Method:
         The method, with its source in ``reference``.
 
     Raises:
-        IntegratorError: There is no such method, number of stages or parameter.
+        IntegratorError: The method, the number of stages or a parameter is unknown.
 
     Example:
         >>> method("rk4").b
@@ -79,22 +77,16 @@ def _build(entry: MethodEntry, stages: int | None) -> Method:
     return entry.build(name=f"{entry.name}{stages}", reference=entry.reference, stages=stages)
 
 
-def _key(name: str) -> str:
-    """The normalised spelling of a name."""
-    return name.lower().translate(_SPELLING)
-
-
 @cache
 def _index() -> dict[str, tuple[MethodEntry, str]]:
-    """The entry and the customary spelling of each normalised name."""
-    return {_key(name): (entry, name) for entry in ENTRIES for name in (entry.name, *entry.aliases)}
+    return index_by_name(ENTRIES)
 
 
 def _find(name: str) -> tuple[MethodEntry, int | None]:
     """The entry of a name, and the number of stages after a family's name."""
     if not isinstance(name, str):
         raise IntegratorError(f"name must be the name of a method, but was {name!r:.60}")
-    key = _key(name)
+    key = spelling(name)
     entry, _ = _index().get(key, (None, ""))
     if entry is not None:
         if entry.is_family:
@@ -123,7 +115,7 @@ def _miss(name: str, key: str) -> str:
         found = [filed for filed in _index() if key in filed]
         found += get_close_matches(key, _index(), n=3, cutoff=0.6)
         found += get_close_matches(key.rstrip(_DIGITS), _index(), n=2, cutoff=0.75)
-        for entry, spelling in map(_index().__getitem__, found):
-            near.setdefault(entry.name, spelling + "{s}" * entry.is_family)
+        for entry, alias in map(_index().__getitem__, found):
+            near.setdefault(entry.name, alias + "{s}" * entry.is_family)
     hint = f"; the nearest are {', '.join(list(near.values())[:4])}" if near else ""
     return f"name must be a method of the catalogue, but was {name!r:.60}{hint}"

@@ -54,11 +54,7 @@ def gravity(
     softened: bool = False,
     summary: str | None = None,
 ) -> Scene:
-    """Bodies with given masses, positions and velocities; `constant` is the gravitational constant.
-
-    Raises:
-        IntegratorError: A mass is not positive, the numbers of rows or columns differ, or two bodies coincide.
-    """
+    """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
     m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
     q = read_rows(positions, "positions", len(m))
     v = read_rows(velocities, "velocities", len(m))

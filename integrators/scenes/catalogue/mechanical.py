@@ -62,7 +62,7 @@ def henon_heiles(*, energy: Any = "1/12") -> Scene:
         energy: The value of H at the start; below 1/6 orbits are bounded.
 
     Raises:
-        IntegratorError: `energy` is no number, or less than the potential at the start.
+        IntegratorError: `energy` is not a number, or less than the potential at the start.
 
     Example:
         >>> henon_heiles(energy="1/8").start
@@ -87,7 +87,7 @@ def central_field(*, potential: Any = "-1/r") -> Scene:
         potential: V, a formula in r.
 
     Raises:
-        IntegratorError: `potential` is no formula in r.
+        IntegratorError: `potential` is not a formula in r.
 
     Example:
         >>> central_field(potential="r^2/2").field

@@ -237,11 +237,7 @@ class UnknownNameError(IntegratorError):
 
 
 def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
-    """The declaration with other values of parameters, of the base system or of effects that are on.
-
-    Raises:
-        IntegratorError: There is no such parameter, or its number of values differs.
-    """
+    """The declaration with other values of parameters, of the base system or of effects that are on."""
     parts = _parts(scene)
     owners = {name: owner for owner, part in parts.items() for name in part.parameters}
     for name, value in values.items():
@@ -254,11 +250,7 @@ def with_values(scene: Declaration, active: Collection[str], values: Mapping[str
 
 
 def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
-    """The declaration with other start values of blocks, of the base system or of effects that are on.
-
-    Raises:
-        IntegratorError: There is no such block, or its number of variables differs.
-    """
+    """The declaration with other start values of blocks, of the base system or of effects that are on."""
     parts = _parts(scene)
     owners = {block.name: owner for owner, part in parts.items() for block in part.blocks}
     if TIME in values and TIME not in owners and has_time(scene, active):

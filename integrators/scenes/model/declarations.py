@@ -87,11 +87,7 @@ def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
 def register_names(
     blocks: Sequence[Block], parameters: Parameters, label: str, taken: dict[str, str]
 ) -> dict[str, str]:
-    """Add the names of blocks and parameters to `taken`, and return those for flat formulas with their meanings.
-
-    Raises:
-        IntegratorError: A name has two meanings.
-    """
+    """Add the names of blocks and parameters to `taken`, and return those for flat formulas with their meanings."""
     several = {name: value for name, value in parameters.items() if isinstance(value, tuple)}
     meanings = [(block.variables, f"a variable of the block {label}{block.name}") for block in blocks]
     meanings += [((name,), f"the parameter {label}{name}") for name in parameters if name not in several]
@@ -139,11 +135,7 @@ def _read_parameter(name: str, value: Any, argument: str) -> sympy.Expr | tuple[
 
 
 def read_summands(hamiltonian: Any, field: Any, terms: Any, namespace: Namespace) -> dict[Key, sympy.Expr]:
-    """The formulas of a field or Hamiltonian, summed by target, sites and part.
-
-    Raises:
-        IntegratorError: A formula is invalid or uses unknown names, or a target is not a variable.
-    """
+    """The formulas of a field or Hamiltonian, summed by target, sites and part."""
     label = namespace.label
     declared = [] if hamiltonian is None else [Term(hamiltonian=hamiltonian)]
     declared += [] if field is None else [Term(field=field)]
@@ -191,11 +183,7 @@ def _sites(term: Term, formula: sympy.Expr, target: str | None, namespace: Names
 
 
 def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
-    """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too.
-
-    Raises:
-        IntegratorError: A block is unknown, or the number of values is wrong.
-    """
+    """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too."""
     if not isinstance(values, Mapping):
         raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shorten(repr(values))}")
     sizes = {TIME: 1} | {block.name: block.dimension for block in blocks}
@@ -215,11 +203,7 @@ def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") ->
 
 
 def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") -> tuple[sympy.Expr, ...]:
-    """The start values of all variables in the order of the state; the time starts at 0 by default.
-
-    Raises:
-        IntegratorError: A block has no start values.
-    """
+    """The start values of all variables in the order of the state; the time starts at 0 by default."""
     import sympy
 
     values = {TIME: (sympy.Integer(0),), **values}

@@ -102,7 +102,7 @@ def check_effects(effects: Any) -> dict[str, Effect]:
     return dict(effects)
 
 
-def check_active(active: Any, effects: Mapping[str, Effect]) -> tuple[str, ...]:
+def check_active(active: Any, effects: Mapping[str, Any]) -> tuple[str, ...]:
     """The names of the active effects, in the order of declaration."""
     names = [active] if isinstance(active, str) else items(active, "effects")
     for name in names:

@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 
 
 def lower(scene: System) -> tuple[LocalTerm, ...]:
-    """The terms of a scene; parameters that are symbols stay in the formulas.
-
-    Raises:
-        IntegratorError: A symbolic parameter has the name of a local variable.
-    """
+    """The terms of a scene; parameters that are symbols stay in the formulas."""
     return tuple(term for term in _lowered(scene) if term.outputs)
 
 
