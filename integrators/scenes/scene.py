@@ -18,7 +18,7 @@ from integrators.scenes.model.system import System
 from integrators.scenes.model.tables import declaration_table
 from integrators.scenes.model.terms import Term, sorted_summands
 from integrators.scenes.particles import expansion
-from integrators.scenes.particles.local_form import lower
+from integrators.scenes.particles.local_form import local_terms_of
 
 if TYPE_CHECKING:
     import sympy
@@ -179,7 +179,7 @@ class Scene(System):
     @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:
         """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
-        return lower(self)
+        return local_terms_of(self)
 
     def invariant_defects(self) -> dict[str, float]:
         """The declared invariants that are not constant along the field, tested at random points near the start.

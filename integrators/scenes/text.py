@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import NOT_FINITE
@@ -106,7 +106,9 @@ def _read_equations(text: Any) -> dict[str, str]:
     for line in filter(str.strip, re.split(r"[;\n]", text)):
         match = _EQUATION.fullmatch(line)
         if match is None:
-            _refuse_equation(line)
+            raise IntegratorError(
+                f"equations must have the form x' = … or dx/dt = …, but one was {shorten(line.strip())!r}"
+            )
         name, primes, other, formula = match.groups()
         name = name or other
         if len(primes or "") > 1:
@@ -120,10 +122,6 @@ def _read_equations(text: Any) -> dict[str, str]:
     if not field:
         raise IntegratorError("equations must be as in \"p' = -sin(q); q' = p\", but there were none")
     return field
-
-
-def _refuse_equation(line: str) -> NoReturn:
-    raise IntegratorError(f"equations must have the form x' = … or dx/dt = …, but one was {shorten(line.strip())!r}")
 
 
 def _symbols(text: str) -> list[str]:

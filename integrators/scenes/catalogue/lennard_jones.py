@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from fractions import Fraction
 from math import ceil, gamma, pi
 from typing import TYPE_CHECKING, Any
@@ -79,16 +78,14 @@ def lennard_jones(
             "p": _balanced(thermal_momenta(particles, dimension, as_float(m * temperature), seed)),
             "q": _balanced(2 ** (1 / 6) * as_float(sigma) * cluster(particles, dimension)),
         },
-        effects={"confinement": _confinement(dimension, [n for n in momentum_names(dimension) if n in integrals])},
-    )
-
-
-def _confinement(dimension: int, breaks: Iterable[str]) -> Effect:
-    return Effect(
-        terms=[Term(over="each", hamiltonian=f"k*({squared_norm('q', dimension)})/2")],
-        parameters={"k": "1/100"},
-        breaks=breaks,
-        summary="a spring k|q|²/2 that holds every atom to the origin",
+        effects={
+            "confinement": Effect(
+                terms=[Term(over="each", hamiltonian=f"k*({squared_norm('q', dimension)})/2")],
+                parameters={"k": "1/100"},
+                breaks=[name for name in momentum_names(dimension) if name in integrals],
+                summary="a spring k|q|²/2 that holds every atom to the origin",
+            ),
+        },
     )
 
 

@@ -49,12 +49,12 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
         True
     """
     number = _rational(value, argument)
-    if number is not None:
-        return as_sympy(number)
-    if isinstance(value, str | Decimal):
-        return stable_form(_parse(str(value), names, argument), argument)
     import sympy
 
+    if number is not None:
+        return sympy.Rational(number.numerator, number.denominator)
+    if isinstance(value, str | Decimal):
+        return stable_form(_parse(str(value), names, argument), argument)
     if isinstance(value, sympy.Expr):
         return stable_form(_plain(value, names, argument), argument)
     plain: Any = value.item() if hasattr(value, "item") and getattr(value, "ndim", None) == 0 else value
@@ -100,13 +100,6 @@ def formula_text(formula: sympy.Expr) -> str:
         'p**2/2 - exp(1)*cos(q)'
     """
     return _printer().doprint(formula)
-
-
-def as_sympy(value: Fraction) -> sympy.Expr:
-    """A fraction as a SymPy rational."""
-    import sympy
-
-    return sympy.Rational(value.numerator, value.denominator)
 
 
 def as_float(value: sympy.Expr) -> float:
@@ -190,7 +183,7 @@ def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Ex
             _refuse_name(symbol.name, "", names, argument)
     if value.has(sympy.I):
         raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
-    floats = {number: as_sympy(_fraction_of(number)) for number in value.atoms(sympy.Float)}
+    floats = {number: sympy.Rational(_fraction_of(number)) for number in value.atoms(sympy.Float)}
     plain = {symbol: sympy.Symbol(symbol.name) for symbol in cast("set[sympy.Symbol]", value.free_symbols)}
     return cast("sympy.Expr", value.xreplace({**floats, **plain}))
 

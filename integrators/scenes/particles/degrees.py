@@ -31,12 +31,7 @@ class Piece(NamedTuple):
         """The outputs of a term that belong to the piece."""
         if self.part is not None and term.part != self.part:
             return []
-        return [x for x in term.outputs if self.blocks is None or block_of(x.place, scene) in self.blocks]
-
-
-def block_of(place: Place, scene: System) -> str:
-    """The name of the block of a place."""
-    return family_of(place, scene)[0]
+        return [x for x in term.outputs if self.blocks is None or family_of(x.place, scene)[0] in self.blocks]
 
 
 def family_of(place: Place, scene: System) -> Family:

@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from integrators.scenes.model.system import System
 
 
-def lower(scene: System) -> tuple[LocalTerm, ...]:
+def local_terms_of(scene: System) -> tuple[LocalTerm, ...]:
     """The terms of a scene; parameters that are symbols stay in the formulas."""
-    return tuple(term for term in _lowered(scene) if term.outputs)
+    return tuple(term for term in _all_terms(scene) if term.outputs)
 
 
 def constant_terms(scene: System) -> tuple[LocalTerm, ...]:
     """The constant terms of a Hamiltonian, which do not contribute to the field."""
-    return tuple(term for term in _lowered(scene) if not term.outputs)
+    return tuple(term for term in _all_terms(scene) if not term.outputs)
 
 
-def _lowered(scene: System) -> Iterator[LocalTerm]:
+def _all_terms(scene: System) -> Iterator[LocalTerm]:
     for summand in _with_field_of_poisson(scene):
         formula = filled(summand.formula, scene)
         for piece in independent_pieces(formula, _variables_in(formula, summand.sites, scene)):
-            yield _lower_piece(piece, summand, scene)
+            yield _local_term(piece, summand, scene)
 
 
 def _with_field_of_poisson(scene: System) -> list[Summand]:
@@ -107,7 +107,7 @@ def _summands(formula: sympy.Expr, variables: Iterable[sympy.Basic]) -> Iterator
             yield summand
 
 
-def _lower_piece(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTerm:
+def _local_term(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTerm:
     import sympy
 
     formula, arguments = _local_arguments(formula, summand.sites, scene)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError
+from integrators.methods.program.child_bounds import ChildBounds
+from integrators.scenes.model.system import System
 from integrators.scenes.particles.degrees import Piece, degrees
-
-if TYPE_CHECKING:
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.scenes.model.system import System
-
 
 UNNAMED = ("a", "b")
 """The names that splitting methods give to two arbitrary parts."""
