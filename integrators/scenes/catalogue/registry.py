@@ -69,7 +69,7 @@ def _names(effects: Any) -> tuple[str, ...]:
         return (effects,)
     if effects is not None and not isinstance(effects, Iterable):
         raise IntegratorError(f"effects must be names, but was {shorten(repr(effects))}")
-    return tuple(effects or ())
+    return () if effects is None else tuple(effects)
 
 
 def find_entry(name: Any) -> SceneEntry:
