@@ -8,7 +8,7 @@ from typing import Any
 
 from integrators.core.arguments import check_label, items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.terms import Term
 
 
