@@ -12,7 +12,7 @@ from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.terms import Term
 
 
-class Effect(Frozen):
+class Effect(ImmutableValue):
     """An effect of a scene: terms with their own variables and parameters.
 
     An effect that is off does not appear in formulas or code.

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from integrators.core.errors import IntegratorError
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.declarations import numbered
 from integrators.scenes.model.formulas import as_float
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import sympy
 
 
-class System(Frozen):
+class System(ImmutableValue):
     """A system y' = f(y), given as summands over index sets.
 
     Attributes:
