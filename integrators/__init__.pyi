@@ -17,15 +17,15 @@ from .methods.kinds.compositions import repeat as repeat
 from .methods.kinds.continuous_stage import ContinuousStageRungeKutta as ContinuousStageRungeKutta
 from .methods.kinds.exponential import LawsonMethod as LawsonMethod
 from .methods.kinds.force_gradient import ForceGradient as ForceGradient
+from .methods.kinds.force_gradient import TakahashiImada as TakahashiImada
 from .methods.kinds.generalized_additive import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
 from .methods.kinds.nystrom import RungeKuttaNystrom as RungeKuttaNystrom
-from .methods.kinds.nystrom_splitting import NystromSplitting as NystromSplitting
 from .methods.kinds.rosenbrock import Rosenbrock as Rosenbrock
 from .methods.kinds.rosenbrock import WMethod as WMethod
+from .methods.kinds.splitting import NystromSplitting as NystromSplitting
 from .methods.kinds.splitting import Splitting as Splitting
 from .methods.kinds.splitting import lie_trotter as lie_trotter
 from .methods.kinds.splitting import strang as strang
-from .methods.kinds.takahashi_imada import TakahashiImada as TakahashiImada
 from .methods.kinds.two_derivative import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .methods.program.program import Method as Method
 from .methods.program.program import Program as Program

@@ -12,7 +12,7 @@ from bseries.fields.differentials import SymbolicSeries
 from bseries.fields.scene_series import SceneSeries
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
 from integrators import IntegratorError
-from integrators.scenes.particles.expansion import as_float
+from integrators.scenes.model.formulas import as_float
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.model.blocks import Block, canonical_blocks
-from integrators.scenes.particles.expansion import as_float, filled, written_out
+from integrators.scenes.model.formulas import as_float
+from integrators.scenes.particles.expansion import filled, written_out
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""Scenes: differential equations to be solved, as exact data."""
+"""Scenes: initial value problems as exact data."""

@@ -1,4 +1,4 @@
-"""Where a field is defined: what must be positive or not zero for its formulas, and whether a start lies there."""
+"""Domain of definition of a field, and the check that parameters and start values belong to it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.model.blocks import ROLES, TIME, component_places
+from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.terms import Sites
-from integrators.scenes.particles.expansion import as_float, at_row, filled, is_local
+from integrators.scenes.particles.expansion import at_row, filled, is_local
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,11 +18,11 @@ if TYPE_CHECKING:
     from integrators.scenes.model.system import System
 
 MAX_ROWS = 200_000
-"""Of more pairs than these only neighbours are looked at, in an order in which equal sites are neighbours."""
+"""Above this number of pairs, only neighbours are checked, in an order that makes coinciding sites neighbours."""
 MAX_SUSPECTS = 100
-"""Rows of sites that are looked at exactly: those with the smallest guards."""
+"""The number of rows of sites checked exactly: those with the smallest guards."""
 SMALL = 1e-9
-"""Guards that are larger in doubles are positive."""
+"""Guards above this value in double precision count as positive."""
 
 
 class Guard(NamedTuple):
@@ -31,7 +32,7 @@ class Guard(NamedTuple):
     relation: str
 
     def holds(self, value: sympy.Expr) -> bool:
-        """Whether it holds for a value; undecided values pass."""
+        """Whether a value satisfies the guard; undecidable values pass."""
         if not value.is_number:
             return True
         number = cast(Any, value if value.is_Rational else value.evalf(30))
@@ -42,7 +43,7 @@ class Guard(NamedTuple):
 
 
 def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
-    """What must hold where a formula and so many derivatives of it are defined, the innermost first.
+    """The conditions for a formula and its first `derivatives` derivatives to be defined, innermost first.
 
     Example:
         >>> import sympy
@@ -61,7 +62,7 @@ def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
 
 
 def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:
-    """What must hold for the outermost operation of a formula."""
+    """The guards of the outermost operation of a formula."""
     import sympy
 
     inner: Any = part.args[0] if part.args else None
@@ -83,11 +84,7 @@ def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:
 
 
 def check_domain(scene: System) -> None:
-    """Refuse parameters and a start outside the domain of the field.
-
-    Raises:
-        IntegratorError: A formula divides by zero there, or has a root or logarithm of a negative number.
-    """
+    """Refuse parameters or start values outside the domain of the field."""
     for formula in scene.positive:
         _check_flat(Guard(formula, ">"), scene)
     for guard in (
@@ -103,7 +100,7 @@ def check_domain(scene: System) -> None:
 
 
 def _guards_with_values(formula: sympy.Expr, derivatives: int, scene: System) -> list[Guard]:
-    """The guards with numbers for parameters: what a parameter 0 takes away guards nothing, unless it is divided by."""
+    """The guards with numbers for parameters; terms with a factor 0 need no guard unless they divide by zero."""
     import sympy
 
     values = filled(formula, scene)
@@ -121,26 +118,25 @@ def _check_flat(guard: Guard, scene: System) -> None:
 
 
 def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
-    """In doubles at every row of sites, then exactly where that comes near to zero."""
+    """Check a guard in double precision at every row of sites, then exactly at rows with values near zero."""
     import numpy as np
     import sympy
 
     formula = filled(guard.formula, scene)
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
-    sources = [_source(symbol.name, sites.count, scene) for symbol in symbols]
-    known = [source for source in sources if source is not None]
-    if len(known) < len(symbols):  # then only a site that a row names twice can make a difference vanish
+    known = [values for symbol in symbols if (values := _site_values(symbol.name, sites.count, scene)) is not None]
+    if len(known) < len(symbols):  # without values, only a repeated site in a row can make a difference vanish
         for row in {row for row in sites.rows() if len(set(row)) < len(row)}:
             _check_row(guard, at_row(formula, row, scene), row)
         return
-    rows = _rows(sites, [source.doubles for source in known if source.varies])
-    arguments = [source.doubles[rows[:, source.role]] for source in known]
+    rows = _rows(sites, [values.doubles for values in known if values.varies])
+    arguments = [values.doubles[rows[:, values.role]] for values in known]
     with np.errstate(all="ignore"):
         found = np.broadcast_to(sympy.lambdify(symbols, formula, "numpy")(*arguments), len(rows))
     size = np.abs(found) if guard.relation == "!=" else found
     suspects = np.flatnonzero(~(size > SMALL))
     for row in rows[suspects[np.argsort(size[suspects])][:MAX_SUSPECTS]]:
-        exact = {symbol: source.exact[row[source.role]] for symbol, source in zip(symbols, known, strict=True)}
+        exact = {symbol: values.exact[row[values.role]] for symbol, values in zip(symbols, known, strict=True)}
         _check_row(guard, cast("sympy.Expr", formula.xreplace(exact)), row)
 
 
@@ -149,8 +145,8 @@ def _check_row(guard: Guard, value: sympy.Expr, row: Iterable[int]) -> None:
         _refuse(guard, value, f" for the sites {', '.join(str(site + 1) for site in row)}")
 
 
-class _Source(NamedTuple):
-    """Where a local symbol takes its value from: a role, and the numbers of all sites, exact and as doubles."""
+class _SiteValues(NamedTuple):
+    """Values of a local symbol at all sites, exact and as doubles; `role` is its position in a row of sites."""
 
     role: int
     exact: Sequence[sympy.Expr]
@@ -158,26 +154,26 @@ class _Source(NamedTuple):
     varies: bool = False
 
 
-def _source(name: str, sites: int, scene: System) -> _Source | None:
-    """None for what has no number: a parameter that is a symbol, or a variable without a start."""
+def _site_values(name: str, sites: int, scene: System) -> _SiteValues | None:
+    """The values of a local symbol; None for a symbolic parameter or a variable without start values."""
     import numpy as np
 
     if name == TIME and scene.start is not None:
         time = scene.places[TIME]
-        return _Source(0, [scene.start[time]] * sites, np.full(sites, scene.y0[time]))
+        return _SiteValues(0, [scene.start[time]] * sites, np.full(sites, scene.y0[time]))
     if not is_local(name, scene):
         return None
     role, parameter = ROLES.index(name[-1]), scene.parameters.get(name[:-2])
     if isinstance(parameter, tuple):
-        return _Source(role, parameter, np.array([as_float(value) for value in parameter]))
+        return _SiteValues(role, parameter, np.array([as_float(value) for value in parameter]))
     places = component_places(name[:-2], scene.blocks)
     if scene.start is None or places is None:
         return None
-    return _Source(role, scene.start[places], scene.y0[places], varies=True)
+    return _SiteValues(role, scene.start[places], scene.y0[places], varies=True)
 
 
 def _rows(sites: Sites, variables: Sequence[np.ndarray]) -> np.ndarray:
-    """The rows of sites to look at, as an array: all, or neighbours only of very many pairs."""
+    """The rows of sites to check, as an array: all, or only neighbours if there are very many pairs."""
     import numpy as np
 
     if sites.kind == "pairs" and sites.size > MAX_ROWS:

@@ -1,4 +1,4 @@
-"""Scene files in TOML: what is written is read back as an equal scene, and a failed write leaves nothing.
+"""Scene files in TOML: exact round trip, atomic writes.
 
     name = "pendulum"
     variables = {p = 1, q = 1}
@@ -6,7 +6,7 @@
     start = {p = [0], q = ["-3/2"]}
     effects.damping = {field = {p = "-gamma*p"}, parameters = {gamma = 0.1}}
 
-The keys are the arguments of `Scene`, `Effect` and `Term`. Numbers are the decimals they spell, or formulas as text.
+The keys are the arguments of `Scene`, `Effect` and `Term`. Numbers are exact decimals, or formulas as text.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
         The scene.
 
     Raises:
-        IntegratorError: The file cannot be read, is no TOML, or holds no scene; or a declared first integral is none.
+        IntegratorError: The file cannot be read, is not TOML, describes no scene, or declares a first integral that is
+            not constant along the field.
 
     Example:
         >>> import io
@@ -56,45 +57,31 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
 
 
 def loads_scene(text: str, *, source: str = "text") -> Scene:
-    """Read a scene from TOML text.
-
-    Args:
-        text: The content of a scene file.
-        source: What a message calls the text.
-
-    Returns:
-        The scene.
+    """Read a scene from TOML text, named `source` in error messages.
 
     Raises:
-        IntegratorError: The text is no TOML, or holds no scene; or a declared first integral is none.
+        IntegratorError: The text is not TOML, describes no scene, or declares a first integral that is not constant
+            along the field.
 
     Example:
         >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
         (y**2,)
     """
-    with _told(source):
+    with _errors_from(source):
         scene = _read_scene(parse_toml(text))
         check_invariants(scene)
     return scene
 
 
 def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
-    """The scene that `scene_table` describes; whether its first integrals are some is not checked.
-
-    Args:
-        table: What a scene file holds.
-        source: What a message calls it.
-
-    Raises:
-        IntegratorError: It describes no scene.
-    """
-    with _told(source):
+    """The scene in the table of a scene file, without the check of first integrals."""
+    with _errors_from(source):
         return _read_scene(table)
 
 
 @contextmanager
-def _told(source: str) -> Iterator[None]:
-    """Name the source in every error."""
+def _errors_from(source: str) -> Iterator[None]:
+    """Prefix every error with its source."""
     try:
         yield
     except RecursionError:
@@ -108,7 +95,7 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
 
     Args:
         scene: The scene.
-        path: The file; it is replaced at once when everything is written, or left as it was.
+        path: The file; it is replaced atomically, or left unchanged if writing fails.
 
     Raises:
         IntegratorError: The file cannot be written.
@@ -128,9 +115,9 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 
 def check_invariants(scene: Scene) -> None:
-    """Refuse first integrals that are none, in the base system or with an effect that does not say that it breaks them.
+    """Refuse invariants that are not constant, in the base system or with an effect whose `breaks` omits them.
 
-    Very large fields, and those with symbols for parameters, are not looked at.
+    Very large fields and fields with symbolic parameters are not checked.
     """
     for effect in ((), *((name,) for name in scene.effects)) if scene.declaration.invariants else ():
         present = scene.with_effects(*effect)

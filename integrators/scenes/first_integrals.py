@@ -1,4 +1,4 @@
-"""Whether declared first integrals are some: their derivatives along the field, at random points in many digits."""
+"""Check of declared first integrals: their derivatives along the field at random points, in 40 digits."""
 
 from __future__ import annotations
 
@@ -16,28 +16,18 @@ if TYPE_CHECKING:
 DIGITS = 40
 POINTS = 3
 NOISE = 1e-25
-"""What counts as zero, relative to the terms that cancel; rounding leaves about 1e-40."""
+"""The relative size below which cancelled terms count as zero; rounding errors are about 1e-40."""
 MAX_ROWS = 50_000
 
 
 def can_be_checked(scene: System) -> bool:
-    """Whether the field has few enough terms, and no parameter that is a symbol."""
+    """Whether the field has at most `MAX_ROWS` terms and no symbolic parameter."""
     numbers = not any(value.free_symbols for value in scene.parameter_values.values())
     return numbers and sum(summand.sites.size for summand in scene.summands) <= MAX_ROWS
 
 
 def defects(scene: System) -> dict[str, float]:
-    """The declared first integrals I of a scene that are none.
-
-    Args:
-        scene: The scene.
-
-    Returns:
-        For each of them the largest |Σ ∂I/∂y_k f_k| / Σ |∂I/∂y_k f_k| at some points near the start.
-
-    Raises:
-        IntegratorError: The field has too many terms, or a parameter is a symbol.
-    """
+    """The largest |Σ ∂I/∂y_k f_k| / Σ |∂I/∂y_k f_k| near the start, for each I that is not a first integral."""
     import mpmath
 
     if not can_be_checked(scene):
@@ -47,12 +37,13 @@ def defects(scene: System) -> dict[str, float]:
     random, found = Random(1), dict[str, float]()
     centre = [1.0] * scene.dimension if scene.start is None else scene.y0.tolist()
     with mpmath.workdps(DIGITS):
-        field = _field(scene)
+        field = precise_scene(scene).field
         derivatives = {name: _derivative(name, scene) for name in scene.invariants}
         for _ in range(POINTS):
             y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
             try:
-                f = field(y)
+                f: list[Any] = [None] * len(y)
+                field(y, f)
                 rates = {name: derivative(y, f) for name, derivative in derivatives.items()}
             except (ArithmeticError, ValueError):
                 raise IntegratorError(
@@ -65,26 +56,14 @@ def defects(scene: System) -> dict[str, float]:
     return found
 
 
-def _field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
-    """f as a function of y."""
-    module = precise_scene(scene)
-
-    def field(y: Sequence[Any]) -> list[Any]:
-        out: list[Any] = [None] * len(y)
-        module.field(y, out)
-        return out
-
-    return field
-
-
 def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
-    """The terms of the derivative of an integral along the field, as a function of y and f(y)."""
+    """The terms ∂I/∂y_k f_k of an invariant as a function of y and f(y)."""
     import sympy
 
     formula = filled(scene.invariants[name], scene)
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
     places = [scene.places[symbol.name] for symbol in symbols]
-    # A variable may have the name of a function of mpmath, so symbols are replaced.
+    # Symbols are replaced because a variable may have the name of an mpmath function.
     partial = [formula.diff(symbol) for symbol in symbols]
     gradient = sympy.lambdify(symbols, partial, "mpmath", cse=True, dummify=True)
     return lambda y, f: [g * f[k] for g, k in zip(gradient(*(y[k] for k in places)), places, strict=True)]

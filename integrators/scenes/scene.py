@@ -1,4 +1,4 @@
-"""Scene: a problem as exact data, with the effects that it can have."""
+"""Scene: an initial value problem as exact data, with optional effects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_label
-from integrators.core.errors import IntegratorError
 from integrators.scenes.domain import check_domain
 from integrators.scenes.first_integrals import defects
 from integrators.scenes.model.assembly import Declaration, assemble, read_declaration, with_start_values, with_values
@@ -19,10 +18,9 @@ from integrators.scenes.model.system import System
 from integrators.scenes.model.tables import declaration_table
 from integrators.scenes.model.terms import Term, sorted_summands
 from integrators.scenes.particles import expansion
-from integrators.scenes.particles.local_form import lower
+from integrators.scenes.particles.local_form import local_terms_of
 
 if TYPE_CHECKING:
-    import numpy as np
     import sympy
 
 UNNAMED = "scene"
@@ -30,19 +28,19 @@ TIME_NOTE = "the field depends on the time t: made autonomous by the variable t 
 
 
 class Scene(System):
-    """A problem y' = f(y), or a Hamiltonian one, with parameters, start values and effects.
+    """An initial value problem y' = f(y), possibly Hamiltonian, with parameters, start values and effects.
 
-    Formulas are text or SymPy expressions and are kept exact: a float stands for the decimal that it prints as. What is
-    written as text, in a file or in SymPy gives equal scenes.
+    Formulas are text or SymPy expressions and are kept exact; a float denotes the decimal that it prints as. The same
+    formulas as text, in a file or in SymPy give equal scenes.
 
     Args:
-        variables: The state, block by block: maps a name to a number n of sites (called ``p``, or ``p1`` … ``pn``), to
-            ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
+        variables: The blocks of the state by name: a number n of sites (variables ``p``, or ``p1`` … ``pn``),
+            ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or a list of names.
         hamiltonian: The Hamiltonian H. Without `poisson` the blocks p and q are momenta and positions, p' = −H_q,
-            q' = H_p, in any order. Other names that tell these apart will do: one of P, v, omega, a, I, J, L with one
-            of Q, x, r, theta, phi.
+            q' = H_p, in any order. Other names of such a pair are allowed: one of P, v, omega, a, I, J, L with one of
+            Q, x, r, theta, phi.
         field: Maps variables to their derivatives.
-        terms: Terms over sites, added to what `hamiltonian` and `field` say.
+        terms: Terms over sites, added to `hamiltonian` and `field`.
         poisson: A skew-symmetric matrix B(y) of formulas: y' = B(y) ∇H(y).
         parameters: Their values: numbers, lists with a number for each site, or the parameter's own name, which leaves
             it a symbol.
@@ -51,17 +49,17 @@ class Scene(System):
         effects: Effects by name, all off; see `with_effects`.
         positive: Formulas that are positive wherever the field is defined.
         active: The effects that are on.
-        name: What messages and files call it.
-        reference: Where it comes from.
-        summary: What it is, in one line.
+        name: The name in messages and files.
+        reference: The source.
+        summary: One line about the scene.
 
     Attributes:
-        effects: The effects as they were declared; their present values are in `parameters`.
+        effects: The effects as declared; their current values are in `parameters`.
         active: The names of the effects that are on.
 
     Raises:
-        IntegratorError: A formula is none or uses unknown names, an equation is missing, sizes do not fit, or the start
-            lies outside the domain.
+        IntegratorError: A formula is invalid or uses unknown names, an equation is missing, sizes do not match, or the
+            start is outside the domain.
 
     Example:
         >>> pendulum = Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start={"p": [0], "q": ["-3/2"]})
@@ -109,7 +107,7 @@ class Scene(System):
             positive,
             effects,
         )
-        self._settle(declaration, check_active(active, effects), effects, labels)
+        self._initialize(declaration, check_active(active, effects), effects, labels)
 
     reference: str | None
     summary: str | None
@@ -117,7 +115,7 @@ class Scene(System):
     active: tuple[str, ...]
     declaration: Declaration
 
-    def _settle(
+    def _initialize(
         self,
         declaration: Declaration,
         active: tuple[str, ...],
@@ -175,19 +173,19 @@ class Scene(System):
 
     @cached_property
     def base_hamiltonian(self) -> sympy.Expr | None:
-        """The Hamiltonian without effects: an observable, even where an effect has taken its meaning."""
+        """The Hamiltonian without effects, an observable even where an effect is not Hamiltonian."""
         return expansion.flat_hamiltonian(self.base_summands, self)
 
     @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:
         """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
-        return lower(self)
+        return local_terms_of(self)
 
     def invariant_defects(self) -> dict[str, float]:
-        """The declared first integrals that are none, found at random points near the start.
+        """The declared invariants that are not constant along the field, tested at random points near the start.
 
         Returns:
-            For each of them how far from zero its derivative along the field is, from 1e-25 to 1; empty if all hold.
+            The relative size of each derivative along the field, from 1e-25 to 1; empty if all are first integrals.
 
         Raises:
             IntegratorError: A parameter is a symbol, or the field has too many terms.
@@ -201,32 +199,15 @@ class Scene(System):
         """
         return defects(self)
 
-    @property
-    def y0(self) -> np.ndarray:
-        """The start values as doubles.
-
-        Raises:
-            IntegratorError: The scene has no start values.
-        """
-        return self._y0.copy()
-
-    @cached_property
-    def _y0(self) -> np.ndarray:
-        if self.start is None:
-            raise IntegratorError(f"start must be given for {self.name}, but was not")
-        import numpy as np
-
-        return np.array([expansion.as_float(value) for value in self.start])
-
     def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
-        """The same scene with exactly these effects on.
+        """The scene with exactly these effects on.
 
         Args:
             names: The effects.
             parameters: New values of parameters, of the base system or of these effects.
 
         Raises:
-            IntegratorError: There is no such effect or parameter.
+            IntegratorError: An effect or parameter is unknown.
 
         Example:
             >>> drag = Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})
@@ -238,11 +219,11 @@ class Scene(System):
         return self._changed(with_values(self.declaration, active, parameters), active)
 
     def with_parameters(self, /, **values: Any) -> Scene:
-        """The same scene with other values of parameters, of the base system or of effects that are on."""
+        """The scene with other values of parameters, of the base system or of effects that are on."""
         return self._changed(with_values(self.declaration, self.active, values), self.active)
 
     def with_start(self, /, **blocks: Any) -> Scene:
-        """The same scene with other start values of some blocks."""
+        """The scene with other start values of some blocks."""
         return self._changed(with_start_values(self.declaration, self.active, blocks), self.active)
 
     def to_toml(self) -> str:
@@ -264,7 +245,7 @@ class Scene(System):
         return tomli_w.dumps(self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of `to_toml` as dictionaries and lists of integers and text, which JSON can hold too."""
+        """The content of `to_toml` as dictionaries and lists of integers and text, valid in JSON."""
         labels = {"name": self.name, "summary": self.summary, "reference": self.reference}
         if self.name == UNNAMED:
             del labels["name"]
@@ -281,5 +262,14 @@ class Scene(System):
 
 def _restored(*content: Any) -> Scene:
     scene = Scene.__new__(Scene)
-    scene._settle(*content)
+    scene._initialize(*content)
     return scene
+
+
+def labelled(scene: Scene, *, name: str, summary: str, reference: str) -> Scene:
+    """The scene with these labels wherever it has none."""
+    copy = Scene.__new__(Scene)
+    name = name if scene.name == UNNAMED else scene.name
+    labels = {"name": name, "summary": scene.summary or summary, "reference": scene.reference or reference}
+    copy.__dict__.update(scene.__dict__ | labels)
+    return copy

@@ -1,10 +1,10 @@
-"""Scenes from one line of text: the equations of a field, or a Hamiltonian."""
+"""Scenes from one line of text: equations of motion or a Hamiltonian."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import NOT_FINITE
@@ -29,18 +29,18 @@ def parse_scene(
     """A scene from the equations of its field.
 
     Args:
-        text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one to a line or with ``;`` between them.
-        blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. Without it, variables that begin with p
-            and q form the blocks p and q if there are no others; else all are one block.
+        text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one per line or separated by ``;``.
+        blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. By default variables that begin with p
+            and q form the blocks p and q if there are no others; otherwise all variables are one block.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
-        name: What messages call the scene.
+        name: The name of the scene in messages.
 
     Returns:
-        The scene. Within a block variables stand in the order of their equations.
+        The scene. The variables of a block have the order of their equations.
 
     Raises:
-        IntegratorError: The text is no such list, or a name has neither an equation nor a value.
+        IntegratorError: The text is not a list of equations, or a name has neither an equation nor a value.
 
     Example:
         >>> pendulum = parse_scene("p' = -sin(q); q' = p", start="p=0; q=-3/2")
@@ -70,18 +70,17 @@ def parse_hamiltonian(
 
     Args:
         text: The formula, as ``p^2/2 - cos(q)``.
-        blocks: The momenta and the positions, as ``"p=x,u; q=y,v"`` or as a mapping. Without it they are the names p, q
-            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); what has only one of a pair gets the
-            other.
+        blocks: The momenta and positions, as ``"p=x,u; q=y,v"`` or as a mapping. By default these are the names p, q
+            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
-        name: What messages call the scene.
+        name: The name of the scene in messages.
 
     Returns:
         The scene.
 
     Raises:
-        IntegratorError: The text is no formula, or a name is neither a variable nor a parameter.
+        IntegratorError: The text is not a formula, or a name is neither a variable nor a parameter.
 
     Example:
         >>> parse_hamiltonian("p^2/2 - cos(q)") == Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
@@ -107,7 +106,9 @@ def _read_equations(text: Any) -> dict[str, str]:
     for line in filter(str.strip, re.split(r"[;\n]", text)):
         match = _EQUATION.fullmatch(line)
         if match is None:
-            _refuse_equation(line)
+            raise IntegratorError(
+                f"equations must have the form x' = … or dx/dt = …, but one was {shorten(line.strip())!r}"
+            )
         name, primes, other, formula = match.groups()
         name = name or other
         if len(primes or "") > 1:
@@ -123,18 +124,14 @@ def _read_equations(text: Any) -> dict[str, str]:
     return field
 
 
-def _refuse_equation(line: str) -> NoReturn:
-    raise IntegratorError(f"equations must have the form x' = … or dx/dt = …, but one was {shorten(line.strip())!r}")
-
-
 def _symbols(text: str) -> list[str]:
-    """The names in a formula that are no numbers, and no functions, known or not."""
+    """The names in a formula, without constants and functions."""
     names = [word for word in words(text) if word not in FUNCTIONS and word.lower() not in NOT_FINITE]
     return [name for name in names if not re.search(rf"\b{name}\s*\(", text)]
 
 
 def _value_names(values: Mapping[str, Any]) -> list[str]:
-    """What formulas may call the values of parameters: m, or m1, m2, … if there is one for each site."""
+    """The names of parameters in formulas: m, or m1, m2, … for a list of values."""
     names = []
     for name, value in values.items():
         several = isinstance(value, list | tuple) or getattr(value, "ndim", 0)
@@ -151,7 +148,7 @@ def _check_known(text: str, known: Iterable[str], what: str) -> None:
 
 
 def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
-    """The blocks that variables form by their names; the time is a block of its own."""
+    """Blocks inferred from the names of variables; the time is a separate block."""
     others = [name for name in names if name != TIME]
     canonical = all(name[0] in "pq" for name in others)
     alone = others[0] if len(others) == 1 else "y"
@@ -162,7 +159,7 @@ def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
-    """Momenta and positions in pairs, site by site as they are numbered."""
+    """Momenta and positions in pairs, sorted by number and axis."""
     matches = [match for match in map(_CANONICAL.fullmatch, names) if match is not None]
     if not matches:
         raise IntegratorError("hamiltonian must have names such as p, q, p1, qx, or blocks must be given, but had none")
@@ -171,7 +168,7 @@ def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def _read_blocks(blocks: Any) -> dict[str, list[str]]:
-    """The names of variables by block, as a user gives them."""
+    """The names of variables by block."""
     values = _read_values(blocks, "blocks")
     if isinstance(blocks, str):
         values = {name: value if isinstance(value, list) else [value] for name, value in values.items()}
@@ -179,7 +176,7 @@ def _read_blocks(blocks: Any) -> dict[str, list[str]]:
 
 
 def _read_values(values: Any, argument: str) -> dict[str, Any]:
-    """A mapping as it is, or that which a text describes: name=value; name=value,value."""
+    """A mapping, or the mapping written as text ``name=value; name=value,value``."""
     if values is None or isinstance(values, Mapping):
         return dict(values or {})
     if not isinstance(values, str):
@@ -195,7 +192,7 @@ def _read_values(values: Any, argument: str) -> dict[str, Any]:
 
 
 def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """Start values by block; they may be given by variable."""
+    """Start values by block, collected from blocks and single variables."""
     values, found = _read_values(start, "start"), {}
     for block, variables in blocks.items():
         if all(variable in values for variable in variables):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import sympy
 
     from integrators import Scene
-    from integrators.scenes.catalogue.registry import SceneEntry
+    from integrators.scenes.catalogue.entry import SceneEntry
     from integrators.scenes.model.terms import Summand
 
     Value = str | Sequence[sympy.Expr]

@@ -1,4 +1,4 @@
-"""Energy-preserving averages of the field, and Kahan's method for quadratic fields."""
+"""Energy-preserving methods that average the field, and Kahan's method for quadratic fields."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
-"""Gauss, Radau and Lobatto methods for any number of stages, computed from the conditions that define them.
+"""Gauss, Radau and Lobatto methods with any number of stages, computed from their defining conditions.
 
-The nodes c_1 … c_s are the roots of a polynomial P with rational coefficients, and no root is ever computed. A stage
-vector is a polynomial of degree < s, its values at the nodes being the stages; the matrix A acts on 1, x, …, x^(s−1)
-modulo P, and the weights on it as b[x^l] = Σ b_i c_i^l, by rational numbers only.
+The nodes c_1 … c_s are the roots of a polynomial P with rational coefficients; the roots are not computed. A stage
+vector is represented by the polynomial of degree < s with these values at the nodes. The matrix A acts on
+1, x, …, x^(s−1) modulo P, and the weights act as b[x^l] = Σ b_i c_i^l, in rational numbers only.
 
-Three constructions give every family (Hairer & Wanner, Solving Ordinary Differential Equations II, §IV.5):
+Three constructions give all families (Hairer & Wanner, Solving Ordinary Differential Equations II, §IV.5):
 
 - *Collocation*, condition C(s): A x^l = x^(l+1)/(l+1).
-- *Symplectic conjugate*: b_i â_ij + b_j a_ji = b_i b_j. It turns C(s) into D(s) and back, for a quadrature of order s
-  at least (Hairer, Lubich, Wanner, Geometric Numerical Integration, §VI.4).
+- *Symplectic conjugate*: b_i â_ij + b_j a_ji = b_i b_j. It exchanges C(s) and D(s) for quadratures of order at least s
+  (Hairer, Lubich, Wanner, Geometric Numerical Integration, §VI.4).
 - Lobatto IIIC: C(s−1) and a_i1 = b_1.
 """
 
@@ -62,7 +62,7 @@ def radau_right_nodes(stages: int) -> Polynomial:
 
 
 def lobatto_nodes(stages: int) -> Polynomial:
-    """The monic polynomial whose roots are the Lobatto nodes, c_1 = 0 and c_s = 1 among them."""
+    """The monic polynomial whose roots are the Lobatto nodes, with c_1 = 0 and c_s = 1."""
     return _monic(add(legendre(stages), scale(legendre(stages - 2), -1)))
 
 
@@ -71,12 +71,12 @@ def _monic(p: Polynomial) -> Polynomial:
 
 
 def quadrature(nodes: Polynomial) -> tuple[Fraction, ...]:
-    """The moments b[x^l], l < s, of the interpolatory quadrature on [0, 1] with these nodes."""
+    """The moments b[x^l], l < s, of the interpolatory quadrature on [0, 1]."""
     return tuple(Fraction(1, degree + 1) for degree in range(len(nodes) - 1))
 
 
 def collocation(nodes: Polynomial) -> Matrix:
-    """The matrix that satisfies C(s): A x^l = x^(l+1)/(l+1), with x^s reduced modulo the nodes' polynomial."""
+    """The matrix defined by C(s): A x^l = x^(l+1)/(l+1), with x^s reduced modulo P."""
     stages = len(nodes) - 1
     columns = [[Fraction(int(k == degree), degree) for k in range(stages)] for degree in range(1, stages)]
     columns.append([-a / stages for a in nodes[:-1]])
@@ -104,8 +104,8 @@ def conjugate(nodes: Polynomial, matrix: Matrix) -> Matrix:
 def lobatto_c(nodes: Polynomial) -> Matrix:
     """The matrix of Lobatto IIIC: C(s−1), and a_i1 = b_1 for every i.
 
-    The polynomial L = P/x, scaled to L(0) = 1, is 1 at c_1 and 0 at the other nodes, so the second condition reads
-    A L = b[L]; with A x^l known for l < s−1 it gives A x^(s−1).
+    The polynomial L = P/x, scaled to L(0) = 1, is 1 at c_1 and 0 at the other nodes. The second condition is therefore
+    A L = b[L], which gives A x^(s−1) from A x^l for l < s−1.
     """
     stages = len(nodes) - 1
     *lower, leading = scale(nodes[1:], 1 / nodes[1])
@@ -123,7 +123,7 @@ def average(left: Matrix, right: Matrix) -> Matrix:
 
 
 def conjugate_collocation(nodes: Polynomial) -> Matrix:
-    """The matrix that satisfies D(s), the conjugate of collocation: Radau IA and Lobatto IIIB."""
+    """The matrix defined by D(s), the conjugate of collocation: Radau IA and Lobatto IIIB."""
     return conjugate(nodes, collocation(nodes))
 
 
@@ -141,7 +141,7 @@ def lobatto_e(nodes: Polynomial) -> Matrix:
 def build_family(
     nodes: Callable[[int], Polynomial], matrix: Callable[[Polynomial], Matrix]
 ) -> Callable[..., RungeKutta]:
-    """The builder of a family from its nodes and from the condition on its matrix."""
+    """Builder of a family from its nodes and the construction of its matrix."""
 
     def build(*, name: str, reference: str, stages: int) -> RungeKutta:
         from integrators.methods.tableaux.runge_kutta import RungeKutta

@@ -37,14 +37,14 @@ def _entry(
 
 
 def _sdirk2(*, name: str, reference: str, gamma: Any) -> RungeKutta:
-    """Nodes γ and 1−γ with equal weights: order 2 for every γ, and order 3 where γ² − γ + 1/6 = 0."""
+    """Nodes γ and 1−γ with equal weights: order 2 for every γ, and order 3 if γ² − γ + 1/6 = 0."""
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
     return RungeKutta([[gamma, 0], [1 - 2 * gamma, gamma]], [HALF, HALF], name=name, reference=reference)
 
 
 def _sdirk2_general(*, name: str, reference: str, gamma: Any, c2: Any) -> RungeKutta:
-    """Nodes γ and c2; Σ b_i = 1 and Σ b_i c_i = 1/2 give the weights."""
+    """Nodes γ and c2; the weights follow from Σ b_i = 1 and Σ b_i c_i = 1/2."""
     from integrators.exact.entries import cancels
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 

@@ -1,11 +1,11 @@
-"""Explicit Runge–Kutta methods without an error estimate, and two symbolic families of them."""
+"""Explicit Runge–Kutta methods without error estimate, and two symbolic families."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.catalogue.entry import MethodEntry
+from integrators.methods.catalogue.entry import MethodEntry, lower_rows
 
 if TYPE_CHECKING:
     from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -27,31 +27,26 @@ def explicit_entry(
     embedded: tuple[str, ...] = (),
     digits: int | None = None,
 ) -> MethodEntry:
-    """Describe an explicit method by what is printed in its tableau.
+    """Entry of an explicit method given by its printed tableau, which is parsed when the method is built.
 
     Args:
-        name: Name in the catalogue.
-        order: Order claimed by the source.
-        rows: Rows 2 … s of A up to the diagonal, entries separated by spaces. The nodes are the row sums.
+        name: The name in the catalogue.
+        order: The order claimed by the source.
+        rows: Rows 2 … s of A below the diagonal, entries separated by spaces. The nodes are the row sums.
         weights: The weights b_1 … b_s, separated by spaces.
-        description: One line on what the method is.
-        reference: Where it was published.
+        description: One line about the method.
+        reference: The source.
         aliases: Other names.
         embedded: The weights of each embedded method.
-        digits: Significant digits of the published decimals; None if the entries are exact.
-
-    Returns:
-        The entry; its tableau is parsed when the method is asked for.
+        digits: The number of significant digits of decimals; None if the entries are exact.
     """
     stages = len(rows) + 1
 
     def build(*, name: str, reference: str) -> RungeKutta:
         from integrators.methods.tableaux.runge_kutta import RungeKutta
 
-        lower = [row.split() for row in ("", *rows)]
-        matrix = [row + ["0"] * (stages - len(row)) for row in lower]
         return RungeKutta(
-            matrix,
+            lower_rows(("", *rows), stages),
             weights.split(),
             embedded=[row.split() for row in embedded],
             name=name,
@@ -79,7 +74,7 @@ def _three_stages(*, name: str, reference: str, c2: Any, c3: Any) -> RungeKutta:
     from integrators.exact.entries import cancels
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
-    # The last is b_3 = 0, which leaves a_32 free or the condition unsolvable.
+    # The last case is b_3 = 0, for which a_32 is free or does not exist.
     if any(cancels(terms, 0) for terms in ([c2], [c3], [c2, -c3], [3 * c2, -2])):
         raise IntegratorError(
             "parameters c2 and c3 of explicit3 must differ from 0 and from each other, and c2 from 2/3, "

@@ -1,11 +1,11 @@
-"""Two-derivative, generalised additive and exponential methods."""
+"""Two-derivative, generalised additive Runge–Kutta and exponential methods."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
 from integrators.methods.catalogue import explicit
-from integrators.methods.catalogue.entry import MethodEntry
+from integrators.methods.catalogue.entry import MethodEntry, lower_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,15 +21,14 @@ LAWSON = "J. D. Lawson, SIAM J. Numer. Anal. 4 (1967) 372–380, doi:10.1137/070
 
 
 def _one_field_value(nodes: str, rows: tuple[str, ...], weights: str) -> Callable[..., TwoDerivativeRungeKutta]:
-    """The builder of a method with Y_i = y + c_i h f(y) + h² Σ â_ij g(Y_j) and y1 = y + h f(y) + h² Σ b̂_i g(Y_i)."""
+    """Builder of a method with Y_i = y + c_i h f(y) + h² Σ â_ij g(Y_j) and y1 = y + h f(y) + h² Σ b̂_i g(Y_i)."""
 
     def build(*, name: str, reference: str) -> TwoDerivativeRungeKutta:
         from integrators.methods.kinds.two_derivative import TwoDerivativeRungeKutta
 
         c, stages = nodes.split(), len(rows)
         zeros = ["0"] * (stages - 1)
-        A_hat = [[*row.split(), *["0"] * (stages - len(row.split()))] for row in rows]
-        coefficients = [[x, *zeros] for x in c], A_hat, ["1", *zeros], weights.split()
+        coefficients = [[x, *zeros] for x in c], lower_rows(rows, stages), ["1", *zeros], weights.split()
         return TwoDerivativeRungeKutta(*coefficients, name=name, reference=reference)
 
     return build

@@ -1,7 +1,7 @@
-"""Partitioned methods for y = (p, q): the part ``p`` (momenta) first, as in p' = −H_q, q' = H_p.
+"""Partitioned methods for y = (p, q), with p' = −H_q and q' = H_p.
 
-Where the two parts differ, one is the symplectic conjugate of the other, b_i â_ij + b̂_j a_ji = b_i b̂_j, which makes
-the pair symplectic (Hairer, Lubich, Wanner, Geometric Numerical Integration, Theorem VI.4.6).
+If the two tableaux differ, each is the symplectic conjugate of the other, b_i â_ij + b̂_j a_ji = b_i b̂_j, and the pair
+is symplectic (Hairer, Lubich, Wanner, Geometric Numerical Integration, Theorem VI.4.6).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SUN = (
 
 
 def _fixed(matrix: list[list[str]], weights: list[str]) -> Callable[..., RungeKutta]:
-    """The builder of one part, given by its tableau."""
+    """Builder of one part from its tableau."""
 
     def build(*, name: str, reference: str) -> RungeKutta:
         from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -39,7 +39,7 @@ def _fixed(matrix: list[list[str]], weights: list[str]) -> Callable[..., RungeKu
 
 
 def _pair(p: Callable[..., RungeKutta], q: Callable[..., RungeKutta]) -> Callable[..., PartitionedRungeKutta]:
-    """The builder of a pair from those of its parts; ``stages`` is passed on to families."""
+    """Builder of a pair from the builders of its parts; ``stages`` is passed to families."""
 
     def build(*, name: str, reference: str, **stages: int) -> PartitionedRungeKutta:
         from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
@@ -55,7 +55,7 @@ def _pair(p: Callable[..., RungeKutta], q: Callable[..., RungeKutta]) -> Callabl
 
 EXPLICIT_EULER = _fixed([["0"]], ["1"])
 IMPLICIT_EULER = _fixed([["1"]], ["1"])
-# Both stages of a half-step part are its value at the midpoint; the other part's stages are its two end points.
+# Both stages of the half-step part are at the midpoint; the stages of the other part are at the two end points.
 HALF_STEP = _fixed([["1/2", "0"], ["1/2", "0"]], ["1/2", "1/2"])
 END_POINTS = _fixed([["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"])
 

@@ -1,4 +1,4 @@
-"""Which of the splitting and composition methods of an order to take."""
+"""Recommended splitting and composition methods for each order."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ RECOMMENDED = {
 def recommended(order: int, kind: str = "splitting") -> str:
     """The method of the catalogue with the smallest effective error.
 
-    The effective error is s ‖e‖^(1/p) for a method of order p with s stages (flows of the part that has fewer), e being
-    its leading errors: its coefficients minus those of the exact flow, at all words in two letters or at all trees of a
-    second order equation. Methods of one order with the same effective error are equally accurate for the same work.
-    How large the errors of a given problem are also depends on which part begins.
+    The effective error is s ‖e‖^(1/p) for a method of order p with s stages (flows of the part with fewer flows). The
+    leading errors e are the coefficients minus those of the exact flow, at all words in two letters or at all trees of
+    a second-order equation. Methods of equal order and effective error are equally accurate for equal work. The errors
+    for a given problem also depend on which part begins.
 
     Args:
         order: The order: 4, 6, 8, or 10.
-        kind: ``"splitting"`` for two parts of any kind, ``"nystrom splitting"`` for q'' = g(q), ``"composition"`` for
-            schemes that `symmetric_composition` applies to any symmetric method of order 2.
+        kind: ``"splitting"`` for two arbitrary parts, ``"nystrom splitting"`` for q'' = g(q), ``"composition"`` for the
+            schemes of `symmetric_composition`.
 
     Returns:
         Its name.
 
     Raises:
-        IntegratorError: The kind is none of these, or the catalogue has no such method of that order.
+        IntegratorError: The kind is unknown, or the catalogue has no such method of that order.
 
     Example:
         >>> recommended(6), recommended(6, "nystrom splitting")

@@ -1,61 +1,30 @@
-"""Looking methods up by name: spelling, aliases, numbers of stages, parameters, and what to say after a miss."""
+"""Methods by name, with aliases, numbers of stages and parameters. Files of this folder declare methods in METHODS."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from integrators.core.catalogues import declared_entries, index_by_name, spelling
 from integrators.core.errors import IntegratorError
-from integrators.methods.catalogue import (
-    averaging,
-    collocation,
-    decimals,
-    diagonally_implicit,
-    embedded,
-    explicit,
-    force_gradients,
-    further_kinds,
-    nystrom_splittings,
-    partitioned,
-    rosenbrock,
-    splitting,
-    symmetric_compositions,
-)
-from integrators.methods.catalogue import nystrom as second_order
-from integrators.methods.catalogue.entry import MethodEntry
+from integrators.methods.catalogue.entry import KINDS, MethodEntry
 
 if TYPE_CHECKING:
     from integrators.methods.program.program import Method
 
-ENTRIES: tuple[MethodEntry, ...] = (
-    *explicit.METHODS,
-    *embedded.METHODS,
-    *decimals.METHODS,
-    *diagonally_implicit.METHODS,
-    *collocation.METHODS,
-    *averaging.METHODS,
-    *partitioned.METHODS,
-    *second_order.METHODS,
-    *force_gradients.METHODS,
-    *nystrom_splittings.METHODS,
-    *splitting.METHODS,
-    *symmetric_compositions.METHODS,
-    *further_kinds.METHODS,
-    *rosenbrock.METHODS,
+ENTRIES: tuple[MethodEntry, ...] = tuple(
+    sorted(declared_entries(__package__ or "", "METHODS"), key=lambda entry: KINDS.index(entry.kind))
 )
-
 MAX_STAGES = 50
-"""More stages are refused: the cost grows with their cube, and the exact numbers have hundreds of digits."""
-
+"""The cost grows with the cube of the number of stages, and exact numbers have hundreds of digits."""
 _DIGITS = "0123456789"
-_SPELLING = str.maketrans({"-": None, "–": None, "_": None, " ": None, "ö": "o"})
 
 
 def catalogue() -> tuple[MethodEntry, ...]:
     """List the catalogue.
 
     Returns:
-        One entry for each method and each family of methods; nothing is built.
+        One entry for each method and each family of methods, none of them built.
 
     Example:
         >>> [entry.name for entry in catalogue() if entry.kind == "diagonally implicit"][:3]
@@ -68,17 +37,16 @@ def method(name: str, /, **parameters: Any) -> Method:
     """Build a method of the catalogue.
 
     Args:
-        name: Its name or an alias. Upper and lower case are equal, ``-`` and ``_`` do not matter, and a family's name
-            is followed by its number of stages, as in ``gauss3``. What fits several methods, such as ``midpoint``, is
-            refused and the candidates are named.
+        name: Its name or an alias; case, ``-`` and ``_`` do not matter. A family's name is followed by the number of
+            stages, as in ``gauss3``. An ambiguous name, such as ``midpoint``, is refused with a list of candidates.
         parameters: Values of its free parameters, each an int, a Fraction, a text such as ``"1/2 - sqrt(3)/6"`` or a
             SymPy expression. A parameter that is not given stays a symbol, or has its customary value.
 
     Returns:
-        The method with its source in ``reference``.
+        The method, with its source in ``reference``.
 
     Raises:
-        IntegratorError: There is no such method, number of stages or parameter.
+        IntegratorError: The method, the number of stages or a parameter is unknown.
 
     Example:
         >>> method("rk4").b
@@ -109,22 +77,16 @@ def _build(entry: MethodEntry, stages: int | None) -> Method:
     return entry.build(name=f"{entry.name}{stages}", reference=entry.reference, stages=stages)
 
 
-def _key(name: str) -> str:
-    """The spelling under which a name is filed."""
-    return name.lower().translate(_SPELLING)
-
-
 @cache
 def _index() -> dict[str, tuple[MethodEntry, str]]:
-    """Every key with its entry and the customary spelling of the name."""
-    return {_key(name): (entry, name) for entry in ENTRIES for name in (entry.name, *entry.aliases)}
+    return index_by_name(ENTRIES)
 
 
 def _find(name: str) -> tuple[MethodEntry, int | None]:
-    """The entry a name stands for, and the number of stages given behind a family's name."""
+    """The entry of a name, and the number of stages after a family's name."""
     if not isinstance(name, str):
         raise IntegratorError(f"name must be the name of a method, but was {name!r:.60}")
-    key = _key(name)
+    key = spelling(name)
     entry, _ = _index().get(key, (None, ""))
     if entry is not None:
         if entry.is_family:
@@ -135,7 +97,7 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
     if family is None or not family.is_family:
         raise IntegratorError(_miss(name, key))
     digits = key[len(stem) :].lstrip("0") or "0"
-    # The length comes first: int() refuses thousands of digits with an error of its own.
+    # The length is checked first, because int() raises a ValueError for thousands of digits.
     if len(digits) > len(str(MAX_STAGES)) or not family.least_stages <= int(digits) <= MAX_STAGES:
         raise IntegratorError(
             f"number of stages of {family.name} must be from {family.least_stages} to {MAX_STAGES}, "
@@ -145,7 +107,7 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
 
 
 def _miss(name: str, key: str) -> str:
-    """What to say when nothing is filed under a key: the names that contain it come first, then those spelt alike."""
+    """The error message for an unknown name; it suggests names that contain it, then names with similar spelling."""
     from difflib import get_close_matches
 
     near: dict[str, str] = {}
@@ -153,7 +115,7 @@ def _miss(name: str, key: str) -> str:
         found = [filed for filed in _index() if key in filed]
         found += get_close_matches(key, _index(), n=3, cutoff=0.6)
         found += get_close_matches(key.rstrip(_DIGITS), _index(), n=2, cutoff=0.75)
-        for entry, spelling in map(_index().__getitem__, found):
-            near.setdefault(entry.name, spelling + "{s}" * entry.is_family)
+        for entry, alias in map(_index().__getitem__, found):
+            near.setdefault(entry.name, alias + "{s}" * entry.is_family)
     hint = f"; the nearest are {', '.join(list(near.values())[:4])}" if near else ""
     return f"name must be a method of the catalogue, but was {name!r:.60}{hint}"

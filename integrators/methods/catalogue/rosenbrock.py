@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from integrators.methods.catalogue.entry import MethodEntry
+from integrators.methods.catalogue.entry import MethodEntry, lower_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,21 +15,16 @@ HW = "Hairer, Wanner, Solving Ordinary Differential Equations II (1996), §IV.7,
 KAPS_RENTROP = "P. Kaps, P. Rentrop, Numer. Math. 33 (1979) 55–68, doi:10.1007/BF01396495"
 
 
-def _lower(rows: tuple[str, ...], stages: int) -> list[list[str]]:
-    """The square matrix whose rows up to the diagonal are given, entries separated by spaces."""
-    return [[*row.split(), *["0"] * (stages - len(row.split()))] for row in rows]
-
-
 def _given(
     alpha: tuple[str, ...], gamma: tuple[str, ...], weights: str, digits: int | None = None, *, exact: bool = True
 ) -> Callable[..., Rosenbrock]:
-    """The builder of a method given by α, γ and b; a W-method if its Jacobian need not be `exact`."""
+    """Builder of a method from α, γ and b; a W-method unless its Jacobian must be `exact`."""
 
     def build(*, name: str, reference: str) -> Rosenbrock:
         from integrators.methods.kinds.rosenbrock import Rosenbrock, WMethod
 
         stages, kind = len(alpha), Rosenbrock if exact else WMethod
-        matrices = _lower(alpha, stages), _lower(gamma, stages)
+        matrices = lower_rows(alpha, stages), lower_rows(gamma, stages)
         return kind(*matrices, weights.split(), name=name, reference=reference, digits=digits)
 
     return build
@@ -38,12 +33,12 @@ def _given(
 def _transformed(
     a: tuple[str, ...], c: tuple[str, ...], weights: str, gamma: str, digits: int | None = None
 ) -> Callable[..., Rosenbrock]:
-    """The builder of a method given by the coefficients of its implementation."""
+    """Builder of a method from the coefficients of its implementation."""
 
     def build(*, name: str, reference: str) -> Rosenbrock:
         from integrators.methods.kinds.rosenbrock import Rosenbrock
 
-        matrices = _lower(a, len(a)), _lower(c, len(a))
+        matrices = lower_rows(a, len(a)), lower_rows(c, len(a))
         labels = {"name": name, "reference": reference, "digits": digits}
         return Rosenbrock.from_transformed(*matrices, weights.split(), gamma, **labels)
 

@@ -1,4 +1,4 @@
-"""Compositions that raise the order: the triple jump, Suzuki's fractal, and published schemes for any method."""
+"""Order-raising compositions: triple jump, Suzuki's fractal, and published schemes for any method."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.methods.kinds.compositions import adjoint_method, composition
-from integrators.methods.kinds.nystrom_splitting import NystromSplitting
-from integrators.methods.kinds.splitting import Splitting
+from integrators.methods.kinds.splitting import NystromSplitting, Splitting
 from integrators.methods.program.program import Program
 
 if TYPE_CHECKING:
@@ -25,13 +24,13 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
     Args:
         method: a method of even order p.
         order: its order p.
-        name: what messages call the result.
+        name: the name of the result in messages.
 
     Returns:
         A method of order p + 1; if the method is symmetric, it is so, too, and has order p + 2.
 
     Raises:
-        IntegratorError: `method` is no method, or `order` is no even number.
+        IntegratorError: `method` is not a method, or `order` is not an even number.
 
     Example:
         >>> from integrators import method
@@ -48,18 +47,18 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
 
 
 def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Program | Splitting:
-    """Five steps of γh, γh, (1−4γ)h, γh, γh with γ = 1/(4 − 4^(1/(p+1))), which stay close to the step itself.
+    """Five steps of γh, γh, (1−4γ)h, γh, γh with γ = 1/(4 − 4^(1/(p+1))), all shorter than h.
 
     Args:
         method: a method of even order p.
         order: its order p.
-        name: what messages call the result.
+        name: the name of the result in messages.
 
     Returns:
         A method of order p + 1; if the method is symmetric, it is so, too, and has order p + 2.
 
     Raises:
-        IntegratorError: `method` is no method, or `order` is no even number.
+        IntegratorError: `method` is not a method, or `order` is not an even number.
 
     Example:
         >>> from integrators import method
@@ -75,21 +74,21 @@ def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Pr
 
 
 def symmetric_composition(method: Method, scheme: str, *, name: str | None = None) -> Program | Splitting:
-    """The steps γ_1 h, …, γ_s h of a published scheme, with γ_(s+1−i) = γ_i.
+    """Composition with the steps γ_1 h, …, γ_s h of a published scheme, γ_(s+1−i) = γ_i.
 
     Args:
         method: a symmetric method of order 2.
-        scheme: the name of a composition in the catalogue, such as "kahan-li8"; `recommended` names the best.
-        name: what messages call the result.
+        scheme: the name of a composition in the catalogue, such as "kahan-li8"; see `recommended`.
+        name: the name of the result in messages.
 
     Returns:
         A symmetric method of the order of the scheme.
 
     Raises:
-        IntegratorError: `method` is no method, or `scheme` no such name.
+        IntegratorError: `method` is not a method, or `scheme` is unknown.
 
     Example:
-        Which part of a splitting begins makes a difference; here it is the drift:
+        Splittings that begin with different parts give different compositions; this one begins with the drift:
 
         >>> from integrators import Splitting
         >>> verlet = Splitting([("q", "1/2"), ("p", 1), ("q", "1/2")], parts=("p", "q"))
@@ -99,7 +98,6 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
     References:
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, V.3.2.
     """
-
     exact = {"triple-jump4": triple_jump, "suzuki4": suzuki_fractal}
     key = scheme.lower().replace("_", "-") if isinstance(scheme, str) else ""
     title = name or f"{key} of {_name(method)}"
@@ -113,22 +111,22 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
 
 
 def adjoint_composition(method: Method, splitting: Splitting, *, name: str | None = None) -> Program | Splitting:
-    """A method of order 1 and its adjoint in turn, with steps that come from a splitting method in two parts.
+    """Alternating steps of a first-order method and its adjoint, derived from a splitting method in two parts.
 
-    With the flows c_1, c_2, … of a splitting method the steps are d_1 = c_1, d_k = c_k − d_(k−1): for the Lie–Trotter
-    method in these parts the composition is the splitting method itself, and the order conditions of both are the same.
-    So methods found for two parts serve for three, or for any method of order 1.
+    From the flows c_1, c_2, … of the splitting method, the steps are d_1 = c_1, d_k = c_k − d_(k−1). For the
+    Lie–Trotter method in these parts the composition is the splitting method itself, and both have the same order
+    conditions. Splitting methods in two parts thus apply to three or more parts, and to any first-order method.
 
     Args:
         method: a method of order 1, such as the symplectic Euler method or `lie_trotter` with any number of parts.
-        splitting: a splitting method in two parts, which are of any kind.
-        name: what messages call the result.
+        splitting: a splitting method in two arbitrary parts.
+        name: the name of the result in messages.
 
     Returns:
-        A method of the order of the splitting, symmetric if that is.
+        A method of the order of the splitting, symmetric if the splitting is.
 
     Raises:
-        IntegratorError: `method` is no method, or `splitting` no such method.
+        IntegratorError: `method` is not a method, or `splitting` is not such a splitting method.
 
     Example:
         >>> from integrators import lie_trotter, method
@@ -155,7 +153,7 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
 
 
 def _with_digits(composed: Program | Splitting, digits: int | None) -> Program | Splitting:
-    """The composition with steps that are decimals."""
+    """The composition, marked with the digits of its decimal steps."""
     known = [count for count in (composed.digits, digits) if count is not None]
     if not known or composed.digits == min(known):
         return composed
@@ -167,7 +165,7 @@ def _with_digits(composed: Program | Splitting, digits: int | None) -> Program |
 
 
 def _inverse_of_difference(m: int, degree: int) -> Entry:
-    """1/(m − m^(1/n)) = Σ_k m^(n−1−k) x^k / (m^n − m) with x = m^(1/n): a normal form without roots in denominators."""
+    """1/(m − m^(1/n)) = Σ_k m^(n−1−k) x^k / (m^n − m) with x = m^(1/n), a normal form with a rational denominator."""
     import sympy
 
     x = sympy.root(m, degree)
@@ -176,7 +174,7 @@ def _inverse_of_difference(m: int, degree: int) -> Entry:
 
 
 def _around(gamma: Entry, count: int) -> list[Entry]:
-    """`count` times γ before and after the rest of the step."""
+    """The steps γ, `count` times, then the remainder to 1, then γ again, `count` times."""
     rest = sum_entries((Fraction(1), multiply_entries(gamma, Fraction(-2 * count))))
     return [*[gamma] * count, rest, *[gamma] * count]
 
@@ -192,29 +190,15 @@ def _name(method: Any) -> str:
 
 
 SUZUKI = "M. Suzuki, Phys. Lett. A 146 (1990) 319–323, doi:10.1016/0375-9601(90)90962-N"
-
-
 YOSHIDA = "H. Yoshida, Phys. Lett. A 150 (1990) 262–268, doi:10.1016/0375-9601(90)90092-3"
-
-
 FOREST_RUTH = "E. Forest, R. D. Ruth, Physica D 43 (1990) 105–117, doi:10.1016/0167-2789(90)90019-L"
-
-
 SUZUKI_UMENO = (
     "M. Suzuki, K. Umeno, in: Computer Simulation Studies in Condensed-Matter Physics VI (1993) 74–86, "
     "doi:10.1007/978-3-642-78448-4_7"
 )
-
-
 MCLACHLAN = "R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151–168, doi:10.1137/0916010"
-
-
 KAHAN_LI = "W. Kahan, R.-C. Li, Math. Comp. 66 (1997) 1089–1099, doi:10.1090/S0025-5718-97-00873-9"
-
-
 SOFRONIOU_SPALETTA = "M. Sofroniou, G. Spaletta, Optim. Methods Softw. 20 (2005) 597–613, doi:10.1080/10556780500140664"
-
-
 HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), formula"
 
 
@@ -222,11 +206,11 @@ class Scheme(NamedTuple):
     """The steps of a symmetric composition.
 
     Attributes:
-        order: The order it gives a symmetric method of order 2.
-        digits: How many significant digits of the steps are correct.
-        outer: The steps before the one in the middle, which follows, as the sum of all is 1.
-        about: What distinguishes it, in one line.
-        reference: Where it was published.
+        order: The order of the composition of a symmetric method of order 2.
+        digits: The number of correct significant digits of the steps.
+        outer: The steps before the middle one, which follows from the sum 1.
+        about: Its distinguishing property, in one line.
+        reference: The source.
     """
 
     order: int
@@ -241,8 +225,8 @@ class Scheme(NamedTuple):
         return 2 * len(self.outer.split()) + 1
 
 
-# Suzuki and Umeno's scheme is an isolated solution of the order conditions, McLachlan's are once the first step is
-# chosen (0.1867 and 25/194): these numbers, printed with 20 digits or so, were recomputed from the conditions.
+# Suzuki and Umeno's scheme is an isolated solution of the order conditions; so are McLachlan's for given first steps
+# (0.1867 and 25/194). Their coefficients, printed with about 20 digits, were recomputed from the conditions.
 SCHEMES = {
     "yoshida6": Scheme(
         6,

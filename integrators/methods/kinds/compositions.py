@@ -1,4 +1,4 @@
-"""Methods made of methods: compositions, adjoints, repeated steps, linear combinations and extrapolation."""
+"""Compositions, adjoints, repeated steps, linear combinations and extrapolations of methods."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ MAX_STEPS = 1000
 
 
 def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program | Splitting:
-    """One method after another, each with a fraction of the step.
+    """Composition of methods, each with a fraction of the step.
 
     Args:
-        steps: pairs (method, fraction): the first is applied first, with the step fraction · h. The methods must have
-            parts of the same names; fractions may be negative, and are numbers or formulas such as "1/(2-root(2,3))".
-        name: what messages call the method.
+        steps: pairs (method, fraction) in the order of application, with the step fraction · h. The methods must have
+            the same parts; fractions are numbers or formulas such as "1/(2-root(2,3))" and may be negative.
+        name: the name in messages.
 
     Returns:
         The composition Φ^s_(γ_s h) ∘ … ∘ Φ^1_(γ_1 h): a `Splitting` if all methods are, otherwise a program.
 
     Raises:
-        IntegratorError: a pair is none, or the methods differ in their parts.
+        IntegratorError: a pair is invalid, or the methods differ in their parts.
 
     Example:
-        Explicit Euler with half a step, then implicit Euler, is the implicit trapezoidal rule:
+        Half a step of the explicit Euler method, then of the implicit one, is the implicit trapezoidal rule:
 
         >>> from integrators import method
         >>> print(composition([(method("explicit-euler"), "1/2"), (method("implicit-euler"), "1/2")]))
@@ -74,13 +74,13 @@ def adjoint_method(method: Method, *, name: str | None = None) -> Program | Spli
 
     Args:
         method: the method.
-        name: what messages call the adjoint.
+        name: the name of the adjoint in messages.
 
     Returns:
-        The adjoint, for a `Splitting` as the flows in reverse order, otherwise as a program with the same evaluations.
+        The adjoint: the flows in reverse order for a `Splitting`, otherwise a program with the same evaluations.
 
     Raises:
-        IntegratorError: `method` is no method.
+        IntegratorError: `method` is not a method.
 
     Example:
         >>> from integrators import method
@@ -99,18 +99,18 @@ def adjoint_method(method: Method, *, name: str | None = None) -> Program | Spli
 
 
 def repeat(method: Method, count: int, *, name: str | None = None) -> Program | Splitting:
-    """Several steps of a fraction of the length, as one method.
+    """Several steps of equal length as one method.
 
     Args:
         method: the method.
         count: the number of steps.
-        name: what messages call the result.
+        name: the name of the result in messages.
 
     Returns:
         `count` steps of h / count.
 
     Raises:
-        IntegratorError: `method` is no method, or `count` no integer from 1 to 1000.
+        IntegratorError: `method` is not a method, or `count` not an integer from 1 to 1000.
 
     Example:
         >>> from integrators import method
@@ -125,17 +125,17 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
 
 
 def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program:
-    """The weighted mean of what several methods give.
+    """Weighted mean of the results of several methods.
 
     Args:
-        terms: pairs (method, weight); the weights sum to 1. The methods must have parts of the same names.
-        name: what messages call the result.
+        terms: pairs (method, weight); the weights sum to 1. The methods must have the same parts.
+        name: the name of the result in messages.
 
     Returns:
         The method y1 = Σ_j w_j Φ^j_h(y0).
 
     Raises:
-        IntegratorError: a pair is none, the methods differ in their parts, or the weights do not sum to 1.
+        IntegratorError: a pair is invalid, the methods differ in their parts, or the weights do not sum to 1.
 
     Example:
         >>> from integrators import method
@@ -159,23 +159,23 @@ def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None 
 def extrapolation(
     method: Method, order: int, steps: Sequence[int] = (1, 2), *, symmetric: bool = False, name: str | None = None
 ) -> Program:
-    """Richardson extrapolation of a method: n_j steps of h / n_j for several n_j, combined.
+    """Richardson extrapolation: a linear combination of the results of n_j steps of length h / n_j for several n_j.
 
-    For m numbers of steps the weights remove the powers h^p, …, h^(p+m−2) from the error of a method of order p. A
-    symmetric method only has the powers h^p, h^(p+2), …, so that every further number of steps gains two orders.
+    With m numbers of steps the weights remove the powers h^p, …, h^(p+m−2) from the error of a method of order p. The
+    error of a symmetric method has only the powers h^p, h^(p+2), …, so each further number of steps gains two orders.
 
     Args:
         method: the method.
         order: its order p.
         steps: the numbers of steps n_j, all different.
-        symmetric: whether the error has powers h^p, h^(p+2), … only.
-        name: what messages call the result.
+        symmetric: whether the error has only powers h^p, h^(p+2), ….
+        name: the name of the result in messages.
 
     Returns:
         A method of order p + m − 1, or p + 2(m − 1) if `symmetric`.
 
     Raises:
-        IntegratorError: `order` or `steps` are no such numbers.
+        IntegratorError: `order` is not a positive integer, or `steps` are not distinct positive integers.
 
     Example:
         >>> from integrators import method
@@ -211,7 +211,7 @@ def _extrapolation_weights(counts: Sequence[int], order: int, gap: int) -> list[
 def _append(
     evaluations: list[Evaluation], program: Program, factor: Entry, start: LinearForm, first: Method
 ) -> LinearForm:
-    """Add a step that begins at `start`, its parts numbered as those of the first method; the result is its end."""
+    """Append a step from `start`, with parts numbered as in the first method; return its end point."""
     parts = [first.names.index(part) for part in program.names]
     added, end = appended(program, factor, first=len(evaluations), start=start, parts=parts)
     evaluations += added
@@ -226,7 +226,7 @@ def _finish(evaluations: Sequence[Evaluation], end: LinearForm, methods: Sequenc
 
 
 def _bounds(program: Program, names: Sequence[str]) -> ChildBounds | None:
-    """The bounds of a method with its parts in another order."""
+    """The bounds of a method with its parts in the order of `names`."""
     if program.max_children is None:
         return None
     order = [program.names.index(name) for name in names]

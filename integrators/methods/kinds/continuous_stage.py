@@ -21,18 +21,18 @@ class ContinuousStageRungeKutta(ProgramMethod):
     """A Runge–Kutta method with a stage for every τ in [0, 1], given by polynomials.
 
     The stages are Y_τ = y0 + h ∫₀¹ A_τσ f(Y_σ) dσ with A_τσ = Σ_ij M[i][j] τ^i σ^j, and y1 = y0 + h ∫₀¹ B_σ f(Y_σ) dσ
-    with B_σ = Σ_j B[j] σ^j. Without B the step ends at the stage Y_1, so that B_σ = A_1σ.
+    with B_σ = Σ_j B[j] σ^j. By default y1 = Y_1, so B_σ = A_1σ.
 
     Args:
         M: the coefficients of A_τσ: rows are powers of τ, columns powers of σ, both from 0.
         B: the coefficients of B_σ; the column sums of M if None.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: sizes that do not fit, or an entry that is none.
+        IntegratorError: sizes that do not match, or an invalid entry.
 
     Example:
         The averaged vector field method, y1 = y0 + h ∫ f((1−θ) y0 + θ y1) dθ, has A_τσ = τ:

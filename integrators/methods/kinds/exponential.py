@@ -1,4 +1,4 @@
-"""Exponential methods of Lawson's kind: a Runge–Kutta method for the field seen from the flow of its linear part."""
+"""Lawson (integrating factor) methods: a Runge–Kutta method in variables transformed by the linear flow."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 class LawsonMethod(ProgramMethod):
     """A Lawson method (integrating factor method) for y' = L y + N(y).
 
-    It applies a Runge–Kutta method to v(t) = exp(−tL) y(t). Written in y:
+    It applies a Runge–Kutta method to v(t) = exp(−tL) y(t). In terms of y:
     Y_i = exp(c_i h L) y0 + h Σ_j a_ij exp((c_i − c_j) h L) N(Y_j), and
     y1 = exp(h L) y0 + h Σ_j b_j exp((1 − c_j) h L) N(Y_j).
 
     The first part of the field must be linear: its nodes in trees have at most one child.
 
     Args:
-        tableau: the Runge–Kutta method, an explicit one.
+        tableau: an explicit Runge–Kutta method.
         parts: the names of the linear and of the nonlinear part.
-        name: what messages call the method.
-        reference: where the method was published.
+        name: the name in messages.
+        reference: the source.
 
     Raises:
-        IntegratorError: `tableau` is no explicit `RungeKutta`, or a name is unusable.
+        IntegratorError: `tableau` is not an explicit `RungeKutta`, or a name is invalid.
 
     Example:
         The Lawson–Euler method y1 = exp(hL) (y0 + h N(y0)):
@@ -72,7 +72,7 @@ class LawsonMethod(ProgramMethod):
 
     @cached_property
     def max_children(self) -> ChildBounds:
-        """How often each part can be differentiated along the two, and in all: L y is linear."""
+        """The degree of each part in the two parts and in total: L y is linear."""
         return (1, 1, 1), (None, None, None)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
@@ -85,7 +85,7 @@ class LawsonMethod(ProgramMethod):
 
 
 class _Propagator:
-    """Points and vectors carried along by the flow of the linear part."""
+    """Propagation of points and vectors by the flow of the linear part."""
 
     def __init__(self, builder: ProgramBuilder, part: str) -> None:
         self._builder, self._part = builder, part

@@ -1,4 +1,4 @@
-"""Splitting methods for second order equations whose kicks also use the gradient of the force."""
+"""Methods for second-order equations that use the derivative of the force: force-gradient and Takahashi–Imada."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.entries import read_entry
 from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import read_row
 
 if TYPE_CHECKING:
+    from integrators.exact.entries import Entry
     from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
@@ -20,23 +23,23 @@ class ForceGradient(ProgramMethod):
     """A force-gradient method for q'' = g(q), as a system p' = g(q), q' = p.
 
     A step is q += a_1 h p, p += b_1 h g(q) + c_1 h³ g'(q) g(q), q += a_2 h p, … and ends with q += a_(s+1) h p. For
-    g = −∇U a kick is the exact flow of b h U − c h³/2 ‖∇U‖², so the method is symplectic. With the gradients order 4 is
-    possible without steps backwards in time.
+    g = −∇U a kick is the exact flow of b h U − c h³/2 ‖∇U‖², so the method is symplectic. The gradient terms allow
+    order 4 with positive coefficients.
 
-    The part q of the field must be linear, q' = p (or q' = M⁻¹p with a constant matrix, then g' M⁻¹ g takes the place
-    of g' g): trees are those of `RungeKuttaNystrom`.
+    The part q of the field must be linear, q' = p (or q' = M⁻¹p with a constant matrix, with g' M⁻¹ g in place of
+    g' g). The trees are those of `RungeKuttaNystrom`.
 
     Args:
         drifts: the s + 1 numbers a_i.
         kicks: the s numbers b_i.
         gradients: the s numbers c_i.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
 
     Raises:
-        IntegratorError: the numbers are not as many as they must be, or one is none.
+        IntegratorError: the numbers of coefficients do not match, or a coefficient is invalid.
 
     Example:
         >>> print(ForceGradient(["1/2", "1/2"], [1], ["1/24"]))
@@ -82,7 +85,7 @@ class ForceGradient(ProgramMethod):
 
     @cached_property
     def max_children(self) -> ChildBounds:
-        """How often each part can be differentiated along p and along q: g depends on q, and q' is linear in p."""
+        """The degree of each part in p and in q: g depends on q, and q' is linear in p."""
         return (0, None), (1, 0)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
@@ -99,3 +102,92 @@ class ForceGradient(ProgramMethod):
             y = y + kick
         last = self.drifts[-1]
         return y if last == 0 else y + builder.field(y, position).times(last)
+
+
+class TakahashiImada(ProgramMethod):
+    """The Takahashi–Imada method for q'' = f(q), as a system p' = f(q), q' = p: Störmer–Verlet with a modified force.
+
+    With F(q) = (I + α h² f'(q)) f(q) the step is p½ = p + h/2 F(q), q1 = q + h p½, p1 = p½ + h/2 F(q1). For f = −∇U it
+    is symplectic: the Störmer–Verlet method for the potential U − α h²/2 ‖∇U‖². With α = 1/12 it has order 2 and is
+    conjugate to a method of order 4. The simplified form F(q) = f(q + α h² f(q)) needs no derivative of the force; it
+    preserves volume, but is symplectic for one degree of freedom only.
+
+    The part q of the field must be linear, q' = p (or q' = M⁻¹p with a constant matrix, then F = (I + α h² f' M⁻¹) f).
+    The trees are those of `RungeKuttaNystrom`.
+
+    Args:
+        alpha: the number α.
+        simplified: whether to use the simplified form.
+        parts: the names of the parts for momenta and positions.
+        parameters: the symbols allowed in a formula for α.
+        name: the name in messages.
+        reference: the source.
+
+    Raises:
+        IntegratorError: α is not a number or formula, or a name is invalid.
+
+    Example:
+        >>> print(TakahashiImada(simplified=True))
+        k1 = h f_p(y)
+        k2 = h f_q'(y) (k1)
+        k3 = h f_p(y + 1/12*k2)
+        k4 = h f_q(y + 1/2*k3)
+        k5 = h f_p(y + 1/2*k3 + k4)
+        k6 = h f_q'(y + 1/2*k3 + k4) (k5)
+        k7 = h f_p(y + 1/2*k3 + k4 + 1/12*k6)
+        y1 = y + 1/2*k3 + k4 + 1/2*k7
+
+    References:
+        M. Takahashi, M. Imada, J. Phys. Soc. Japan 53 (1984) 3765–3769, doi:10.1143/JPSJ.53.3765;
+        E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019.
+    """
+
+    alpha: Entry
+    simplified: bool
+
+    def __init__(
+        self,
+        alpha: Any = "1/12",
+        *,
+        simplified: bool = False,
+        parts: Sequence[str] = ("p", "q"),
+        parameters: Iterable[str] = (),
+        name: str | None = None,
+        reference: str | None = None,
+    ) -> None:
+        if not isinstance(simplified, bool):
+            raise IntegratorError(f"simplified must be True or False, but was {shorten(repr(simplified))}")
+        coefficients = {"alpha": read_entry(alpha, "alpha", tuple(parameters)), "simplified": simplified}
+        self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference)
+
+    @property
+    def symplectic_form(self) -> TakahashiImada:
+        """The form with the derivative of the force, symplectic and O(h⁵) from the simplified form."""
+        if not self.simplified:
+            return self
+        return TakahashiImada(self.alpha, parts=self.names, name="takahashi-imada", reference=self.reference)
+
+    @property
+    def stages(self) -> int:
+        """The number of force evaluations in a step, one at each end."""
+        return 2
+
+    @cached_property
+    def max_children(self) -> ChildBounds:
+        """The degree of each part in p and in q: f depends on q, and q' = p."""
+        return (0, None), (1, 0)
+
+    def _lower(self, builder: ProgramBuilder) -> LinearForm:
+        y = builder.y
+        y = y + self._force(builder, y) / 2
+        y = y + builder.field(y, self.names[1])
+        return y + self._force(builder, y) / 2
+
+    def _force(self, builder: ProgramBuilder, at: LinearForm) -> LinearForm:
+        """h F at a point, a vector in the momenta."""
+        momentum, position = self.names
+        force = builder.field(at, momentum)
+        shift = builder.derivative(at, force, position)  # h² f(q) in the positions
+        if self.simplified:
+            return builder.field(at + shift.times(self.alpha), momentum)
+        return force + builder.derivative(at, shift, momentum).times(self.alpha)

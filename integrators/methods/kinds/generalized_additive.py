@@ -1,4 +1,4 @@
-"""Generalised additive Runge–Kutta methods: every part of the field has stages of its own."""
+"""Generalised additive Runge–Kutta methods, with separate stages for each part of the field."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
     numbers of stages and A^νμ = A^μ for all ν it is an additive method, a `PartitionedRungeKutta`.
 
     Args:
-        A: the blocks, A[ν][μ] with s_ν rows of s_μ entries; a block that is left out is zero.
-        b: the weights, b[ν] with s_ν entries. Its order of names is that of the colours 0, 1, …, but p comes before q.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        A: the blocks A[ν][μ] with s_ν rows of s_μ entries; omitted blocks are zero.
+        b: the weights b[ν] with s_ν entries. The order of its names is that of the colours 0, 1, …, with p before q.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: fewer than two parts, a bad name, sizes that do not fit, or an entry that is none.
+        IntegratorError: fewer than two parts, a bad name, sizes that do not match, or an invalid entry.
 
     Example:
         Part p at both ends of the step, part q in the middle:

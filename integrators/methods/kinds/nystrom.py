@@ -1,4 +1,4 @@
-"""Runge–Kutta–Nyström methods for differential equations of second order."""
+"""Runge–Kutta–Nyström methods for second-order differential equations."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class RungeKuttaNystrom(ProgramMethod):
     With k_i = g(q + c_i h p + h² Σ_j ā_ij k_j, p + h Σ_j a_ij k_j) the step is
     q1 = q + h p + h² Σ_i b̄_i k_i, p1 = p + h Σ_i b_i k_i; for q'' = g(q) the matrix a is not needed.
 
-    The part q of the field must be linear, q' = p (or q' = M⁻¹p with a constant matrix). Its trees are therefore the
-    single node q and q[·] with one child p, and if g does not depend on p, nodes p have children q only: all other
-    elementary differentials vanish. `max_children` bounds trees in this way.
+    The part q of the field must be linear, q' = p (or q' = M⁻¹p with a constant matrix). Nodes q of trees therefore
+    have no child or one child p, and if g does not depend on p, nodes p have only children q: all other elementary
+    differentials vanish, as stated by `max_children`.
 
     Args:
         A_bar: the matrix ā_ij of positions, by rows.
@@ -34,13 +34,13 @@ class RungeKuttaNystrom(ProgramMethod):
         c: the nodes c_i.
         A: the matrix a_ij of momenta, for g(q, q'); None for g(q).
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: sizes that do not fit, or an entry that is none.
+        IntegratorError: sizes that do not match, or an invalid entry.
 
     Example:
         The Störmer–Verlet method, as a Nyström method with two stages:
@@ -98,14 +98,14 @@ class RungeKuttaNystrom(ProgramMethod):
 
     @cached_property
     def max_children(self) -> ChildBounds:
-        """How often each part can be differentiated along p and along q: f^q is linear in p."""
+        """The degree of each part in p and in q: f^q is linear in p."""
         return (None if self.A else 0, None), (1, 0)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         momentum, position = self.names
         y = builder.y
         drift = builder.field(y, position)
-        # A shift is h² Σ_j x_j k_j in the positions; rows of zeros need none.
+        # A shift is h² Σ_j x_j k_j in the positions; zero rows need none.
         slots = [builder.unknowns(2 if any(x != 0 for x in row) else 1) for row in self.A_bar]
         k = [slot[-1] for slot in slots]
         for i, (*shift, increment) in enumerate(slots):

@@ -1,4 +1,4 @@
-"""Rosenbrock methods and W-methods: linearly implicit, one linear system for each stage."""
+"""Rosenbrock methods and W-methods: linearly implicit methods with one linear system per stage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Rosenbrock(ProgramMethod):
-    """A Rosenbrock method, with the exact Jacobian J = f'(y0) at the start of the step.
+    """A Rosenbrock method with the exact Jacobian J = f'(y0).
 
     The stages are k_i = h f(y0 + Σ_{j<i} α_ij k_j) + h J Σ_{j≤i} γ_ij k_j, and y1 = y0 + Σ_i b_i k_i.
 
@@ -29,13 +29,13 @@ class Rosenbrock(ProgramMethod):
         alpha: the strictly lower triangular matrix α_ij, by rows.
         gamma: the lower triangular matrix γ_ij, by rows.
         b: the weights b_i.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: sizes that do not fit, an entry that is none, or one above the diagonal.
+        IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
 
     Example:
         The linearly implicit Euler method:
@@ -69,14 +69,14 @@ class Rosenbrock(ProgramMethod):
 
     @classmethod
     def from_transformed(cls, a: Any, c: Any, m: Any, gamma: Any, **labels: Any) -> Self:
-        """The method given by the coefficients of its implementation, which needs no product with the Jacobian.
+        """The method from the transformed coefficients of implementations that avoid products with the Jacobian.
 
         With u_i = Σ_j γ_ij k_j, and γ_ii = γ, the stages are
         (1/(hγ) I − J) u_i = f(y0 + Σ_{j<i} a_ij u_j) + Σ_{j<i} (c_ij/h) u_j, and y1 = y0 + Σ_i m_i u_i.
 
         Args:
             a: the strictly lower triangular matrix a_ij = (α Γ⁻¹)_ij, by rows.
-            c: the matrix c_ij of which only the entries below the diagonal count: Γ⁻¹ = I/γ − (c_ij).
+            c: the matrix c_ij below the diagonal: Γ⁻¹ = I/γ − (c_ij).
             m: the weights m = b Γ⁻¹.
             gamma: the number γ.
             labels: further arguments of the class, by name.
@@ -118,7 +118,7 @@ class Rosenbrock(ProgramMethod):
 
     @property
     def _parts(self) -> tuple[str | None, str | None]:
-        """The parts whose field and whose Jacobian are taken."""
+        """The part of the field and the part of the Jacobian."""
         return None, None
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
@@ -135,22 +135,22 @@ class WMethod(Rosenbrock):
     """A W-method: a Rosenbrock method with an arbitrary matrix W in place of the Jacobian.
 
     The stages are k_i = h f(y0 + Σ_{j<i} α_ij k_j) + h W Σ_{j≤i} γ_ij k_j, and y1 = y0 + Σ_i b_i k_i. W is the
-    derivative at y0 of a second, auxiliary part, a linear field W y: its nodes in trees have one child each. The method
-    has order p for every W if the coefficients of trees without such nodes are those of the exact flow, and those of
-    trees with such nodes are zero.
+    Jacobian of an auxiliary linear part W y, whose nodes in trees have one child each. The method has order p for every
+    W if, up to order p, the coefficients of trees without such nodes are those of the exact flow, and those of all
+    other trees vanish.
 
     Args:
         alpha: the strictly lower triangular matrix α_ij, by rows.
         gamma: the lower triangular matrix γ_ij, by rows.
         b: the weights b_i.
         parts: the names of the field and of the auxiliary part.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: sizes that do not fit, an entry that is none, or one above the diagonal.
+        IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
 
     Example:
         >>> print(WMethod([[0]], [[1]], [1]))
@@ -180,7 +180,7 @@ class WMethod(Rosenbrock):
 
     @cached_property
     def max_children(self) -> ChildBounds:
-        """How often each part can be differentiated along the two, and in all: W y is linear."""
+        """The degree of each part in the two parts and in total: W y is linear."""
         return (None, None, None), (1, 1, 1)
 
     @property
@@ -203,6 +203,6 @@ def _read_coefficients(alpha: Any, gamma: Any, b: Any, parameters: Iterable[str]
 
 
 def _row_times(row: Sequence[Any], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
-    """A row vector times a matrix; entries beyond the last row of the matrix do not count."""
+    """A row vector times a matrix; entries beyond the last row of the matrix are ignored."""
     columns = zip(*matrix, strict=True)
     return [sum_entries(multiply_entries(x, y) for x, y in zip(row, column, strict=False)) for column in columns]

@@ -1,8 +1,9 @@
-"""Splitting methods: exact flows of the parts of the field, one after another."""
+"""Splitting methods: compositions of exact flows of the parts of the field."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from integrators.methods.tableaux.tableau_input import in_color_order
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
+    from integrators.methods.program.child_bounds import ChildBounds
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import ProgramBuilder
 
@@ -27,15 +29,15 @@ class Splitting(ProgramMethod):
 
     Args:
         flows: pairs (part, coefficient), in the order in which they are applied.
-        parts: the names of all parts, in the order of the colours 0, 1, …; by default p and q, others as they first
-            appear.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parts: the names of all parts, in the order of the colours 0, 1, …; by default p and q, then other parts in the
+            order of their first occurrence.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: a pair is none, its part is not among `parts`, or its coefficient is no number or formula.
+        IntegratorError: a pair is invalid, its part is not in `parts`, or its coefficient is not a number or formula.
 
     Example:
         >>> strang = Splitting([("a", "1/2"), ("b", 1), ("a", "1/2")])
@@ -83,8 +85,61 @@ class Splitting(ProgramMethod):
         return y
 
 
+class NystromSplitting(Splitting):
+    """A splitting method for q'' = g(q), as a system p' = g(q), q' = M⁻¹ p.
+
+    Its flows are kicks, of the part p, and drifts, of the part q. As the drift D is linear and the kick K depends only
+    on the positions, brackets such as [K, [K, [K, D]]] vanish. There are fewer order conditions than for a `Splitting`,
+    so methods of the same order have fewer stages or smaller errors. For other fields, such as that of a Hamiltonian
+    T(p) + U(q) with T not quadratic, the order may be lower.
+
+    Args:
+        flows: pairs (part, coefficient), in the order in which they are applied.
+        parts: the names of the parts for momenta and positions.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
+
+    Raises:
+        IntegratorError: there are not two parts, or the flows are not those of a `Splitting`.
+
+    Example:
+        >>> method = NystromSplitting([("q", "1/2"), ("p", 1), ("q", "1/2")])
+        >>> print(method)
+        k1 = z(1) - z(0), z' = 1/2 h f_q(z), z(0) = y
+        k2 = z(1) - z(0), z' = h f_p(z), z(0) = y + k1
+        k3 = z(1) - z(0), z' = 1/2 h f_q(z), z(0) = y + k1 + k2
+        y1 = y + k1 + k2 + k3
+        >>> method.max_children
+        ((0, None), (1, 0))
+
+    References:
+        R. I. McLachlan, G. R. W. Quispel, Acta Numerica 11 (2002) 341–434, doi:10.1017/S0962492902000053; S. Blanes,
+        P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313–330, doi:10.1016/S0377-0427(01)00492-7.
+    """
+
+    def __init__(
+        self,
+        flows: Iterable[tuple[str, Any]],
+        *,
+        parts: Sequence[str] = ("p", "q"),
+        parameters: Iterable[str] = (),
+        name: str | None = None,
+        reference: str | None = None,
+        digits: int | None = None,
+    ) -> None:
+        names = read_parts(parts, count=2)
+        super().__init__(flows, parts=names, parameters=parameters, name=name, reference=reference, digits=digits)
+
+    @cached_property
+    def max_children(self) -> ChildBounds:
+        """The degree of each part in p and in q: g depends on q, and q' is linear in p."""
+        return (0, None), (1, 0)
+
+
 def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:
-    """The Lie–Trotter splitting: one step of every part, the first part first.
+    """The Lie–Trotter splitting: one step of each part, in the order of `parts`.
 
     Args:
         parts: the names of the parts.
@@ -103,7 +158,7 @@ def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:
 
 
 def strang(parts: Sequence[str] = ("a", "b")) -> Splitting:
-    """The Strang splitting: half steps of the parts forwards, then backwards.
+    """The Strang splitting: half steps of the parts in order, then in reverse order.
 
     Args:
         parts: the names of the parts.

@@ -1,4 +1,4 @@
-"""Two-derivative Runge–Kutta methods: stages made of y' = f(y) and y'' = f'(y) f(y)."""
+"""Two-derivative Runge–Kutta methods, with stages of y' = f(y) and y'' = f'(y) f(y)."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class TwoDerivativeRungeKutta(ProgramMethod):
         A_hat: the matrix â_ij by rows.
         b: the weights b_i.
         b_hat: the weights b̂_i.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        digits: for coefficients published as decimals, how many significant digits are correct.
+        parameters: the symbols allowed in formulas.
+        name: the name in messages.
+        reference: the source.
+        digits: the number of correct significant digits of decimal coefficients.
 
     Raises:
-        IntegratorError: sizes that do not fit, or an entry that is none.
+        IntegratorError: sizes that do not match, or an invalid entry.
 
     Example:
         Taylor's method of order 2:

@@ -1,1 +1,1 @@
-"""The built-in scenes, one file each."""
+"""The built-in scenes, one file for each family."""

@@ -5,23 +5,18 @@ from __future__ import annotations
 from math import cos, pi
 from typing import Any
 
+from integrators.scenes.catalogue.entry import SceneEntry
 from integrators.scenes.catalogue.options import read_count, read_positive
 from integrators.scenes.catalogue.particles import FLAT_SITES
 from integrators.scenes.model.blocks import MAX_VARIABLES
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
 
-TODA_SUMMARY = "the periodic Toda lattice of n particles, completely integrable"
-TODA_REFERENCE = (
-    "M. Toda, J. Phys. Soc. Japan 22 (1967) 431–436; H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925; "
-    "HLW, section X.1.5; E. Hairer, lecture on long-time behaviour, example 9"
-)
-
 
 def toda(*, n: Any = 3) -> Scene:
     """H = Σ p_k²/2 + exp(q_k − q_{k+1}) with q_{n+1} = q_1.
 
-    The start for n = 3 is that of figure 9 of the lecture; for other n it is one wave, q = 0 and p_k = cos(2πk/n) to 12
+    For n = 3 the start is taken from figure 9 of the lecture; for other n it is q = 0, p_k = cos(2πk/n), rounded to 12
     decimals.
 
     Args:
@@ -41,42 +36,31 @@ def toda(*, n: Any = 3) -> Scene:
         terms=[Term(over="each", hamiltonian="p_i^2/2"), Term(over="ring", hamiltonian="exp(q_i - q_j)")],
         invariants=_integrals(n) if n <= FLAT_SITES else {},
         start={"p": ["-3/2", 1, "1/2"], "q": [1, 2, -1]} if n == 3 else wave,
-        name="toda",
-        summary=TODA_SUMMARY,
-        reference=TODA_REFERENCE,
     )
 
 
 def _integrals(n: int) -> dict[str, str]:
-    """The total momentum and, but for a constant, the trace of L³.
+    """The total momentum and, up to a constant, the trace of L³.
 
     L is Flaschka's periodic Jacobi matrix with diagonal a_k = −p_k/2 and off-diagonal b_k = exp((q_k − q_{k+1})/2)/2,
-    whose eigenvalues are first integrals. tr L = −Σ p_k/2, tr L² = H/2, and tr L³ = Σ a_k³ + 3(a_k + a_{k+1}) b_k², to
-    which n = 3 adds 6 b_1 b_2 b_3 = 3/4. For n = 3 these three are all there are.
+    whose eigenvalues are first integrals. tr L = −Σ p_k/2, tr L² = H/2, and tr L³ = Σ a_k³ + 3(a_k + a_{k+1}) b_k²,
+    plus 6 b_1 b_2 b_3 = 3/4 if n = 3. For n = 3 these traces form a complete set of first integrals.
     """
     ring = [(k, k % n + 1) for k in range(1, n + 1)]
     cubes = " + ".join(f"p{k}^3 + 3*(p{k} + p{j})*exp(q{k} - q{j})" for k, j in ring)
     return {"momentum": " + ".join(f"p{k}" for k, _ in ring), "trace_of_cube": f"-({cubes})/8"}
 
 
-FERMI_PASTA_ULAM_SUMMARY = (
-    "2m masses joined by soft quartic and stiff linear springs in turn; oscillatory energies over long times"
-)
-FERMI_PASTA_ULAM_REFERENCE = (
-    "L. Galgani, A. Giorgilli, A. Martinoli, S. Vanzini, Physica D 59 (1992) 334–348; HLW, section I.5.1"
-)
-
-
 def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
-    """H = Σ (y_0² + y_1² + ω² x_1²)/2 + a quarter of the fourth powers of the elongations of the soft springs.
+    """H = Σ (y_0² + y_1² + ω² x_1²)/2 + Σ (elongation of a soft spring)⁴/4.
 
-    The coordinates are those of HLW: at site i, ``qx`` is x_{0,i}, the scaled displacement of the i-th stiff spring,
-    ``qy`` is x_{1,i}, its scaled expansion, and ``px``, ``py`` are the velocities y_{0,i}, y_{1,i}. Quadratic terms are
-    the part ``linear``, quartic ones the part ``nonlinear``. The start is that of HLW's figures, x_{0,1} = y_{0,1} =
-    y_{1,1} = 1, x_{1,1} = 1/ω, and zero elsewhere.
+    The coordinates are those of HLW: for the i-th stiff spring, ``qx`` is x_{0,i}, its scaled displacement, ``qy`` is
+    x_{1,i}, its scaled expansion, and ``px``, ``py`` are the velocities y_{0,i}, y_{1,i}. Quadratic terms form the part
+    ``linear``, quartic terms the part ``nonlinear``. The start is that of HLW's figures, x_{0,1} = y_{0,1} = y_{1,1} =
+    1, x_{1,1} = 1/ω, and zero elsewhere.
 
-    The stiff springs exchange their oscillatory energies I_i = (y_{1,i}² + ω² x_{1,i}²)/2 slowly, and the sum of these
-    stays close to its first value 1 over very long times: they are no first integrals.
+    The stiff springs exchange their oscillatory energies I_i = (y_{1,i}² + ω² x_{1,i}²)/2 slowly. The sum of the I_i
+    stays close to its initial value 1 over very long times, but is not a first integral.
 
     Args:
         m: The number of stiff springs.
@@ -101,13 +85,23 @@ def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
         ],
         parameters={"omega": omega},
         start={"p": [[1, 1], *rest], "q": [[1, 1 / omega], *rest]},
-        name="fermi-pasta-ulam",
-        summary=FERMI_PASTA_ULAM_SUMMARY,
-        reference=FERMI_PASTA_ULAM_REFERENCE,
     )
 
 
 SCENES = (
-    ("toda", toda, TODA_SUMMARY, TODA_REFERENCE, ("toda-lattice",)),
-    ("fermi-pasta-ulam", fermi_pasta_ulam, FERMI_PASTA_ULAM_SUMMARY, FERMI_PASTA_ULAM_REFERENCE, ("fpu",)),
+    SceneEntry(
+        "toda",
+        toda,
+        "the periodic Toda lattice of n particles, completely integrable",
+        "M. Toda, J. Phys. Soc. Japan 22 (1967) 431–436; H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925; "
+        "HLW, section X.1.5; E. Hairer, lecture on long-time behaviour, example 9",
+        aliases=("toda-lattice",),
+    ),
+    SceneEntry(
+        "fermi-pasta-ulam",
+        fermi_pasta_ulam,
+        "2m masses joined by soft quartic and stiff linear springs in turn; oscillatory energies over long times",
+        "L. Galgani, A. Giorgilli, A. Martinoli, S. Vanzini, Physica D 59 (1992) 334–348; HLW, section I.5.1",
+        aliases=("fpu",),
+    ),
 )

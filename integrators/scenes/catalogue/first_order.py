@@ -1,4 +1,4 @@
-"""Small systems of first order: linear and nonlinear oscillators, populations, chemistry, flows."""
+"""Small first-order systems: linear and nonlinear oscillators, populations, chemistry, flows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
+from integrators.scenes.catalogue.entry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
@@ -14,24 +15,15 @@ if TYPE_CHECKING:
     import sympy
 
 
-RICCATI_SUMMARY = "y' = y², with the solution 1/(1 − t)"
-RICCATI_REFERENCE = "HLW, example IX.1.1; E. Hairer, lecture on long-time behaviour, example 1 and figure 1"
-
-
 def riccati() -> Scene:
     """y' = y², y(0) = 1."""
     return Scene(
         {"y": 1},
         field={"y": "y^2"},
         start={"y": [1]},
-        name="riccati",
-        summary=RICCATI_SUMMARY,
-        reference=RICCATI_REFERENCE,
     )
 
 
-LINEAR_SUMMARY = "y' = A y with any matrix A; the harmonic oscillator if none is given"
-LINEAR_REFERENCE = "E. Hairer, lecture on long-time behaviour, example 3"
 HARMONIC_OSCILLATOR = ((0, -1), (1, 0))
 
 
@@ -42,7 +34,7 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
         matrix: The rows of A, exact numbers.
 
     Raises:
-        IntegratorError: `matrix` is not square, or an entry is no number.
+        IntegratorError: `matrix` is not square, or an entry is not a number.
 
     Example:
         >>> linear(matrix=[["-1/2", 3], [0, 1]]).field
@@ -59,9 +51,6 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
         field={str(y[i]): sympy.Add(*(a * x for a, x in zip(row, y, strict=True))) for i, row in enumerate(entries)},
         invariants={"squared_norm": sympy.Add(*(x**2 for x in y))} if skew else {},
         start={"y": [1] * size},
-        name="linear",
-        summary=LINEAR_SUMMARY,
-        reference=LINEAR_REFERENCE,
     )
 
 
@@ -75,10 +64,6 @@ def _read_square(matrix: Any) -> list[list[sympy.Expr]]:
     return [[read_formula(x, (), f"matrix[{i}][{j}]") for j, x in enumerate(row, 1)] for i, row in enumerate(rows, 1)]
 
 
-NONLINEAR_OSCILLATOR_SUMMARY = "a rotation with angular velocity 1/|u|², which keeps |u|²"
-NONLINEAR_OSCILLATOR_REFERENCE = "H. Ranocha, D. I. Ketcheson, SIAM J. Numer. Anal. 58 (2020), doi:10.1137/19M1290346"
-
-
 def nonlinear_oscillator() -> Scene:
     """u1' = −u2/|u|², u2' = u1/|u|², from (1, 0)."""
     return Scene(
@@ -87,16 +72,7 @@ def nonlinear_oscillator() -> Scene:
         invariants={"squared_norm": "u1^2 + u2^2"},
         start={"u": [1, 0]},
         positive=["u1^2 + u2^2"],
-        name="nonlinear-oscillator",
-        summary=NONLINEAR_OSCILLATOR_SUMMARY,
-        reference=NONLINEAR_OSCILLATOR_REFERENCE,
     )
-
-
-LOTKA_VOLTERRA_SUMMARY = "prey p and predators q: closed orbits of a Poisson system"
-LOTKA_VOLTERRA_REFERENCE = (
-    "HLW, sections I.1.1 and VII.2; E. Hairer, lecture on long-time behaviour, example 2 and exercise 2"
-)
 
 
 def lotka_volterra() -> Scene:
@@ -108,20 +84,11 @@ def lotka_volterra() -> Scene:
         parameters={"alpha": 1, "beta": 2},
         start={"p": [2], "q": [2]},
         positive=["p", "q"],
-        name="lotka-volterra",
-        summary=LOTKA_VOLTERRA_SUMMARY,
-        reference=LOTKA_VOLTERRA_REFERENCE,
     )
 
 
-RIGID_BODY_SUMMARY = "the free rigid body: Euler's equations for its angular momentum"
-RIGID_BODY_REFERENCE = (
-    "HLW, section IV.1 and figure IV.1.1 (moments of inertia, start), section VII.5 (the Lie–Poisson structure)"
-)
-
-
 def rigid_body() -> Scene:
-    """y' = y × ∇H, H = Σ y_k²/(2 I_k): the angular momentum y in the body, its length a Casimir function."""
+    """y' = y × ∇H, H = Σ y_k²/(2 I_k): y is the angular momentum in the body frame, |y|² a Casimir function."""
     return Scene(
         {"y": 3},
         hamiltonian="y1^2/(2*I1) + y2^2/(2*I2) + y3^2/(2*I3)",
@@ -129,24 +96,14 @@ def rigid_body() -> Scene:
         parameters={"I1": 2, "I2": 1, "I3": "2/3"},
         invariants={"casimir": "y1^2 + y2^2 + y3^2"},
         start={"y": ["cos(11/10)", 0, "sin(11/10)"]},
-        name="rigid-body",
-        summary=RIGID_BODY_SUMMARY,
-        reference=RIGID_BODY_REFERENCE,
     )
-
-
-ABC_FLOW_SUMMARY = "the Arnold–Beltrami–Childress flow in space: divergence-free, a sum of three shears"
-ABC_FLOW_REFERENCE = (
-    "T. Dombre et al., J. Fluid Mech. 167 (1986) 353, doi:10.1017/S0022112086002859; "
-    "E. Hairer, lecture on long-time behaviour, exercise 6"
-)
 
 
 def abc_flow() -> Scene:
     """x' = A sin z + C cos y, y' = B sin x + A cos z, z' = C sin y + B cos x, with A = B = C = 1.
 
-    The parts a, b, c are these three equations: each changes one variable and does not depend on it, so that it
-    preserves volume and Euler's method solves it.
+    The parts a, b, c are the three equations. Each changes one variable and does not depend on it, so it preserves
+    volume and Euler's method integrates it exactly.
     """
     return Scene(
         {"x": ["x", "y", "z"]},
@@ -157,16 +114,7 @@ def abc_flow() -> Scene:
         ],
         parameters={"A": 1, "B": 1, "C": 1},
         start={"x": [1, 2, 3]},
-        name="abc-flow",
-        summary=ABC_FLOW_SUMMARY,
-        reference=ABC_FLOW_REFERENCE,
     )
-
-
-BRUSSELATOR_SUMMARY = "the Brusselator, a chemical reaction with a limit cycle (where B > 1 + A²)"
-BRUSSELATOR_REFERENCE = (
-    "R. Lefever, G. Nicolis, J. Theor. Biol. 30 (1971) 267; HNW, sections I.16 (the form) and II.4 (the start)"
-)
 
 
 def brusselator() -> Scene:
@@ -176,34 +124,20 @@ def brusselator() -> Scene:
         field={"u": "A + u^2*v - (B + 1)*u", "v": "B*u - u^2*v"},
         parameters={"A": 1, "B": 3},
         start={"u": ["3/2"], "v": [3]},
-        name="brusselator",
-        summary=BRUSSELATOR_SUMMARY,
-        reference=BRUSSELATOR_REFERENCE,
     )
-
-
-VAN_DER_POL_SUMMARY = "Van der Pol's equation ε y'' = (1 − y²) y' − y, stiff"
-VAN_DER_POL_REFERENCE = "HW, sections IV.1 (this form, time scaled to the period) and IV.10 (ε = 10⁻⁶)"
 
 
 def van_der_pol() -> Scene:
     """y1' = y2, y2' = ((1 − y1²) y2 − y1)/ε, from (2, 0), with ε = 10⁻⁶.
 
-    In units of √ε for the time this is the other usual form, y'' = μ (1 − y²) y' − y with μ = 1/√ε = 1000.
+    With time in units of √ε this is the other usual form, y'' = μ (1 − y²) y' − y with μ = 1/√ε = 1000.
     """
     return Scene(
         {"y": 2},
         field={"y1": "y2", "y2": "((1 - y1^2)*y2 - y1)/epsilon"},
         parameters={"epsilon": "1/1000000"},
         start={"y": [2, 0]},
-        name="van-der-pol",
-        summary=VAN_DER_POL_SUMMARY,
-        reference=VAN_DER_POL_REFERENCE,
     )
-
-
-LORENZ_SUMMARY = "Lorenz's model of convection: a strange attractor"
-LORENZ_REFERENCE = "E. N. Lorenz, J. Atmos. Sci. 20 (1963) 130; HNW, section I.16"
 
 
 def lorenz() -> Scene:
@@ -213,20 +147,67 @@ def lorenz() -> Scene:
         field={"x": "sigma*(y - x)", "y": "x*(rho - z) - y", "z": "x*y - beta*z"},
         parameters={"sigma": 10, "rho": 28, "beta": "8/3"},
         start={"x": [0, 1, 0]},
-        name="lorenz",
-        summary=LORENZ_SUMMARY,
-        reference=LORENZ_REFERENCE,
     )
 
 
 SCENES = (
-    ("riccati", riccati, RICCATI_SUMMARY, RICCATI_REFERENCE),
-    ("linear", linear, LINEAR_SUMMARY, LINEAR_REFERENCE, ("harmonic-oscillator",)),
-    ("nonlinear-oscillator", nonlinear_oscillator, NONLINEAR_OSCILLATOR_SUMMARY, NONLINEAR_OSCILLATOR_REFERENCE),
-    ("lotka-volterra", lotka_volterra, LOTKA_VOLTERRA_SUMMARY, LOTKA_VOLTERRA_REFERENCE, ("predator-prey",)),
-    ("rigid-body", rigid_body, RIGID_BODY_SUMMARY, RIGID_BODY_REFERENCE, ("euler-top",)),
-    ("abc-flow", abc_flow, ABC_FLOW_SUMMARY, ABC_FLOW_REFERENCE, ("abc",)),
-    ("brusselator", brusselator, BRUSSELATOR_SUMMARY, BRUSSELATOR_REFERENCE),
-    ("van-der-pol", van_der_pol, VAN_DER_POL_SUMMARY, VAN_DER_POL_REFERENCE),
-    ("lorenz", lorenz, LORENZ_SUMMARY, LORENZ_REFERENCE),
+    SceneEntry(
+        "riccati",
+        riccati,
+        "y' = y², with the solution 1/(1 − t)",
+        "HLW, example IX.1.1; E. Hairer, lecture on long-time behaviour, example 1 and figure 1",
+    ),
+    SceneEntry(
+        "linear",
+        linear,
+        "y' = A y with any matrix A; the harmonic oscillator if none is given",
+        "E. Hairer, lecture on long-time behaviour, example 3",
+        aliases=("harmonic-oscillator",),
+    ),
+    SceneEntry(
+        "nonlinear-oscillator",
+        nonlinear_oscillator,
+        "a rotation with angular velocity 1/|u|², which keeps |u|²",
+        "H. Ranocha, D. I. Ketcheson, SIAM J. Numer. Anal. 58 (2020), doi:10.1137/19M1290346",
+    ),
+    SceneEntry(
+        "lotka-volterra",
+        lotka_volterra,
+        "prey p and predators q: closed orbits of a Poisson system",
+        "HLW, sections I.1.1 and VII.2; E. Hairer, lecture on long-time behaviour, example 2 and exercise 2",
+        aliases=("predator-prey",),
+    ),
+    SceneEntry(
+        "rigid-body",
+        rigid_body,
+        "the free rigid body: Euler's equations for its angular momentum",
+        "HLW, section IV.1 and figure IV.1.1 (moments of inertia, start), section VII.5 (the Lie–Poisson structure)",
+        aliases=("euler-top",),
+    ),
+    SceneEntry(
+        "abc-flow",
+        abc_flow,
+        "the Arnold–Beltrami–Childress flow in space: divergence-free, a sum of three shears",
+        "T. Dombre et al., J. Fluid Mech. 167 (1986) 353, doi:10.1017/S0022112086002859; "
+        "E. Hairer, lecture on long-time behaviour, exercise 6",
+        aliases=("abc",),
+    ),
+    SceneEntry(
+        "brusselator",
+        brusselator,
+        "the Brusselator, a chemical reaction with a limit cycle (where B > 1 + A²)",
+        "R. Lefever, G. Nicolis, J. Theor. Biol. 30 (1971) 267; HNW, sections I.16 (the form) and II.4 (the start)",
+    ),
+    SceneEntry(
+        "van-der-pol",
+        van_der_pol,
+        "Van der Pol's equation ε y'' = (1 − y²) y' − y, stiff",
+        "HW, sections IV.1 (this form, time scaled to the period) and IV.10 (ε = 10⁻⁶)",
+    ),
+    SceneEntry(
+        "lorenz",
+        lorenz,
+        "Lorenz's model of convection: a strange attractor",
+        "E. N. Lorenz, J. Atmos. Sci. 20 (1963) 130; HNW, section I.16",
+    ),
 )

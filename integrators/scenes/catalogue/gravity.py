@@ -1,4 +1,4 @@
-"""Bodies that attract each other by gravity; the Sun and the outer planets."""
+"""Gravitational N-body problems; the outer solar system."""
 
 from __future__ import annotations
 
@@ -9,18 +9,11 @@ from typing import Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
+from integrators.scenes.catalogue.entry import SceneEntry
 from integrators.scenes.catalogue.options import read_positive, read_rows
 from integrators.scenes.catalogue.particles import kinetic_energy, squared_distance, symmetry_integrals
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
-
-N_BODY_SUMMARY = (
-    "bodies that attract each other by gravity; by default, three that follow each other along a figure eight"
-)
-N_BODY_REFERENCE = (
-    "A. Chenciner, R. Montgomery, Annals of Mathematics 152 (2000) 881–901, doi:10.2307/2661357; HLW, section I.2"
-)
-N_BODY_EFFECTS = {"softening": "sqrt(r² + epsilon²) in place of the distance r, so that forces stay finite"}
 
 # The digits are C. Simó's, as printed by Chenciner and Montgomery; with G = 1 the period is 6.32591398.
 FIGURE_EIGHT = (("0.97000436", "-0.24308753"), ("-0.97000436", "0.24308753"), (0, 0))
@@ -39,11 +32,11 @@ def n_body(
     Args:
         masses: A number for each body.
         positions: A row of 2 or 3 numbers for each body.
-        velocities: Rows like those of the positions.
-        effects: With ``softening`` the distance is sqrt(r² + epsilon²), and epsilon = 1/10 is a parameter.
+        velocities: A row of the same length for each body.
+        effects: ``softening`` replaces the distance r by sqrt(r² + epsilon²), with the parameter epsilon = 1/10.
 
     Raises:
-        IntegratorError: A mass is not positive, rows do not fit, or two bodies are at the same place.
+        IntegratorError: A mass is not positive, the numbers of rows or columns differ, or two bodies coincide.
 
     Example:
         >>> n_body(masses=[2, 1], positions=[[0, 0], [1, 0]], velocities=[[0, 0], [0, "1/2"]]).hamiltonian
@@ -59,15 +52,9 @@ def gravity(
     *,
     constant: Any = 1,
     softened: bool = False,
-    name: str = "n-body",
     summary: str | None = None,
-    reference: str = N_BODY_REFERENCE,
 ) -> Scene:
-    """The scene of bodies with these masses, positions and velocities; `constant` is that of gravitation.
-
-    Raises:
-        IntegratorError: A mass is not positive, rows do not fit, or two bodies are at the same place.
-    """
+    """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
     m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
     q = read_rows(positions, "positions", len(m))
     v = read_rows(velocities, "velocities", len(m))
@@ -82,9 +69,7 @@ def gravity(
         parameters={"G": constant, "m": m, **({"epsilon": "1/10"} if softened else {})},
         invariants=symmetry_integrals(len(m), dimension),
         start={"p": [[mass * x for x in row] for mass, row in zip(m, v, strict=True)], "q": q},
-        name=name,
         summary=summary or f"gravity among {len(m)} bodies{', softened' * softened}",
-        reference=reference,
     )
 
 
@@ -98,11 +83,6 @@ def _dimension(positions: Sequence[Sequence[Any]], velocities: Sequence[Sequence
         )
     return lengths[0].pop()
 
-
-OUTER_SOLAR_SYSTEM_SUMMARY = (
-    "the Sun and the five outer planets (with Pluto) from September 5, 1994, in three dimensions"
-)
-OUTER_SOLAR_SYSTEM_REFERENCE = "HLW, section I.2.4, with data of the Ahnerts Kalender für Sternfreunde 1994"
 
 # Solar masses, astronomical units and days; the Sun's mass includes the inner planets.
 GRAVITATION = "2.95912208286e-4"
@@ -140,7 +120,7 @@ OUTER_SOLAR_SYSTEM_EFFECTS = {
 
 
 def outer_solar_system(*, effects: Collection[str] = tuple(OUTER_SOLAR_SYSTEM_EFFECTS)) -> Scene:
-    """Gravity among the Sun and the planets that are on, in the frame where their barycentre rests at the origin.
+    """The Sun and the chosen planets, in the frame where their barycentre rests at the origin.
 
     Masses are in solar masses, lengths in astronomical units, times in days, and momenta are p = m v.
 
@@ -160,19 +140,17 @@ def outer_solar_system(*, effects: Collection[str] = tuple(OUTER_SOLAR_SYSTEM_EF
         _about_the_mean([position for _, position, _ in chosen], masses),
         _about_the_mean([velocity for _, _, velocity in chosen], masses),
         constant=GRAVITATION,
-        name="outer-solar-system",
         summary=f"the Sun with {', '.join(planets)}" if planets else "the Sun alone",
-        reference=OUTER_SOLAR_SYSTEM_REFERENCE,
     )
 
 
 def bodies(effects: Collection[str]) -> tuple[str, ...]:
-    """The Sun and the planets that are on, in the order in which the scene has them."""
+    """The names of the Sun and of the planets among the effects, in the order of the scene."""
     return tuple(name for name in BODIES if name in ("sun", *effects))
 
 
 def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -> list[list[Fraction]]:
-    """Vectors less their mean, weighted by the masses: exactly, as all of this is rational."""
+    """The vectors minus their mass-weighted mean, exactly."""
     vectors = [[Fraction(x) for x in row] for row in rows]
     zero, columns = Fraction(0), zip(*vectors, strict=True)
     mean = [sum(map(mul, masses, column), zero) / sum(masses, zero) for column in columns]
@@ -180,14 +158,19 @@ def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -
 
 
 SCENES = (
-    ("n-body", n_body, N_BODY_SUMMARY, N_BODY_REFERENCE, (), N_BODY_EFFECTS),
-    (
+    SceneEntry(
+        "n-body",
+        n_body,
+        "bodies that attract each other by gravity; by default, three that follow each other along a figure eight",
+        "A. Chenciner, R. Montgomery, Annals of Mathematics 152 (2000) 881–901, doi:10.2307/2661357; HLW, section I.2",
+        built_in_effects={"softening": "sqrt(r² + epsilon²) in place of the distance r, so that forces stay finite"},
+    ),
+    SceneEntry(
         "outer-solar-system",
         outer_solar_system,
-        OUTER_SOLAR_SYSTEM_SUMMARY,
-        OUTER_SOLAR_SYSTEM_REFERENCE,
-        (),
-        OUTER_SOLAR_SYSTEM_EFFECTS,
-        bodies,
+        "the Sun and the five outer planets (with Pluto) from September 5, 1994, in three dimensions",
+        "HLW, section I.2.4, with data of the Ahnerts Kalender für Sternfreunde 1994",
+        built_in_effects=OUTER_SOLAR_SYSTEM_EFFECTS,
+        bodies=bodies,
     ),
 )

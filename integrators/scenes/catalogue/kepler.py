@@ -1,20 +1,15 @@
-"""The Kepler problem in the plane, and the one perturbed by an inverse cube."""
+"""The planar Kepler problem, unperturbed and with an inverse-cube perturbation."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.catalogue.entry import SceneEntry
 from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.scene import Scene
 
-KEPLER = "a planet about the sun, with eccentricity 3/5 and period 2π"
-KEPLER_REFERENCE = "HLW, section I.2 and exercise I.6.9 (the Runge–Lenz vector)"
-PERTURBED = "a planet whose perihelion advances, V(r) = −1/r − μ/(3 r³)"
-PERTURBED_REFERENCE = (
-    "HLW, exercise I.6.12 and section VIII.1 (μ = 0.015); E. Hairer, lecture on long-time behaviour, example 8"
-)
 SQUARED_MOMENTUM = "(p1^2 + p2^2)"
 DISTANCE = "sqrt(q1^2 + q2^2)"
 ANGULAR_MOMENTUM = "(q1*p2 - q2*p1)"
@@ -27,7 +22,7 @@ def kepler(*, eccentricity: Any = "3/5") -> Scene:
         eccentricity: The eccentricity of the ellipse, at least 0 and less than 1.
 
     Raises:
-        IntegratorError: `eccentricity` is no such number.
+        IntegratorError: `eccentricity` is outside this range.
 
     Example:
         >>> kepler(eccentricity="1/2").start
@@ -45,14 +40,11 @@ def kepler(*, eccentricity: Any = "3/5") -> Scene:
         start=_perihelion(eccentricity),
         effects=_effects("mu", *runge_lenz),
         positive=["q1^2 + q2^2"],
-        name="kepler",
-        summary=KEPLER,
-        reference=KEPLER_REFERENCE,
     )
 
 
 def perturbed_kepler(*, eccentricity: Any = "3/5") -> Scene:
-    """H = |p|²/2 − 1/|q| − μ/(3 |q|³), from where the ellipse of `kepler` starts."""
+    """H = |p|²/2 − 1/|q| − μ/(3 |q|³), with the start of `kepler`."""
     return Scene(
         {"p": 2, "q": 2},
         hamiltonian=f"{SQUARED_MOMENTUM}/2 - 1/{DISTANCE} - mu/(3*{DISTANCE}^3)",
@@ -61,14 +53,11 @@ def perturbed_kepler(*, eccentricity: Any = "3/5") -> Scene:
         start=_perihelion(eccentricity),
         effects=_effects("1"),
         positive=["q1^2 + q2^2"],
-        name="perturbed-kepler",
-        summary=PERTURBED,
-        reference=PERTURBED_REFERENCE,
     )
 
 
 def _perihelion(eccentricity: Any) -> dict[str, Any]:
-    """The start of HLW, section I.2.3, on an ellipse with semi-major axis 1."""
+    """Start at the perihelion of an ellipse with semi-major axis 1 (HLW, section I.2.3)."""
     import sympy
 
     e = read_formula(eccentricity, (), "eccentricity")
@@ -78,16 +67,13 @@ def _perihelion(eccentricity: Any) -> dict[str, Any]:
 
 
 def _effects(gravity: str, *directions: str) -> dict[str, Effect]:
-    """What disturbs the motion about a centre of this strength.
+    """Perturbations of the Kepler problem with gravitational parameter `gravity`.
 
     Relativity is the first post-Newtonian Hamiltonian of a test particle, in isotropic coordinates (P. Saha,
-    S. Tremaine, Astron. J. 108 (1994) 1962, doi:10.1086/117210). Oblateness is the second zonal harmonic in the plane
-    of the equator (J. M. A. Danby, Fundamentals of Celestial Mechanics). To first order both turn the ellipse in each
-    revolution, by 6πμ/(c² a(1 − e²)) and 3π J₂ (R/(a(1 − e²)))².
-
-    Args:
-        gravity: The strength, μ or 1.
-        directions: The invariants that say where the perihelion is.
+    S. Tremaine, Astron. J. 108 (1994) 1962, doi:10.1086/117210). Oblateness is the second zonal harmonic in the
+    equatorial plane (J. M. A. Danby, Fundamentals of Celestial Mechanics). To first order the perihelion advances by
+    6πμ/(c² a(1 − e²)) and 3π J₂ (R/(a(1 − e²)))² in each revolution. `directions` are the invariants that fix the
+    perihelion.
     """
     relativity = f"-{SQUARED_MOMENTUM}^2/8 - 3*{gravity}*{SQUARED_MOMENTUM}/(2*{DISTANCE}) + ({gravity}/{DISTANCE})^2/2"
     return {
@@ -113,6 +99,16 @@ def _effects(gravity: str, *directions: str) -> dict[str, Effect]:
 
 
 SCENES = (
-    ("kepler", kepler, KEPLER, KEPLER_REFERENCE),
-    ("perturbed-kepler", perturbed_kepler, PERTURBED, PERTURBED_REFERENCE),
+    SceneEntry(
+        "kepler",
+        kepler,
+        "a planet about the sun, with eccentricity 3/5 and period 2π",
+        "HLW, section I.2 and exercise I.6.9 (the Runge–Lenz vector)",
+    ),
+    SceneEntry(
+        "perturbed-kepler",
+        perturbed_kepler,
+        "a planet whose perihelion advances, V(r) = −1/r − μ/(3 r³)",
+        "HLW, exercise I.6.12 and section VIII.1 (μ = 0.015); E. Hairer, lecture on long-time behaviour, example 8",
+    ),
 )

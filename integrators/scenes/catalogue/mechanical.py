@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.catalogue.entry import SceneEntry
 from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
-
-PENDULUM_SUMMARY = "the mathematical pendulum"
-PENDULUM_REFERENCE = "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4"
 
 
 def pendulum() -> Scene:
@@ -33,14 +31,9 @@ def pendulum() -> Scene:
                 summary="a periodic force, a cos(ωt)",
             ),
         },
-        name="pendulum",
-        summary=PENDULUM_SUMMARY,
-        reference=PENDULUM_REFERENCE,
     )
 
 
-DOUBLE_PENDULUM_SUMMARY = "two pendulums, one hanging from the other: chaotic at large angles"
-DOUBLE_PENDULUM_REFERENCE = "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)"
 KINETIC = (
     "(m2*l2^2*p1^2 - 2*m2*l1*l2*cos(q1 - q2)*p1*p2 + (m1 + m2)*l1^2*p2^2) / (2*m2*l1^2*l2^2*(m1 + m2*sin(q1 - q2)^2))"
 )
@@ -55,26 +48,21 @@ def double_pendulum() -> Scene:
         parameters={"m1": 1, "m2": 1, "l1": 1, "l2": 1, "g": 1},
         start={"p": [0, 0], "q": ["pi/2", "pi/2"]},
         positive=["m1", "m2", "l1", "l2"],
-        name="double-pendulum",
-        summary=DOUBLE_PENDULUM_SUMMARY,
-        reference=DOUBLE_PENDULUM_REFERENCE,
     )
 
 
-HENON_HEILES_SUMMARY = "the Hénon–Heiles model: regular orbits at low energies, chaos towards 1/6"
-HENON_HEILES_REFERENCE = "M. Hénon, C. Heiles, Astron. J. 69 (1964) 73, doi:10.1086/109234; HLW, section I.3"
 LEAST_ENERGY = "7/1500"
-"""The potential where orbits start, at q = (0, 1/10)."""
+"""The potential at the start q = (0, 1/10)."""
 
 
 def henon_heiles(*, energy: Any = "1/12") -> Scene:
     """H = (|p|² + |q|²)/2 + q1² q2 − q2³/3, from q = (0, 1/10) in the direction of q1.
 
     Args:
-        energy: H at the start, which orbits below 1/6 cannot leave for infinity.
+        energy: The value of H at the start; below 1/6 orbits are bounded.
 
     Raises:
-        IntegratorError: `energy` is no number, or less than the potential at the start.
+        IntegratorError: `energy` is not a number, or less than the potential at the start.
 
     Example:
         >>> henon_heiles(energy="1/8").start
@@ -89,14 +77,7 @@ def henon_heiles(*, energy: Any = "1/12") -> Scene:
         {"p": 2, "q": 2},
         hamiltonian="(p1^2 + p2^2 + q1^2 + q2^2)/2 + q1^2*q2 - q2^3/3",
         start={"p": [sympy.sqrt(2 * kinetic), 0], "q": [0, "1/10"]},
-        name="henon-heiles",
-        summary=HENON_HEILES_SUMMARY,
-        reference=HENON_HEILES_REFERENCE,
     )
-
-
-CENTRAL_FIELD_SUMMARY = "motion in a central field V(r), in polar coordinates"
-CENTRAL_FIELD_REFERENCE = "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4"
 
 
 def central_field(*, potential: Any = "-1/r") -> Scene:
@@ -106,7 +87,7 @@ def central_field(*, potential: Any = "-1/r") -> Scene:
         potential: V, a formula in r.
 
     Raises:
-        IntegratorError: `potential` is no formula in r.
+        IntegratorError: `potential` is not a formula in r.
 
     Example:
         >>> central_field(potential="r^2/2").field
@@ -126,18 +107,7 @@ def central_field(*, potential: Any = "-1/r") -> Scene:
             ),
         },
         positive=["r"],
-        name="central-field",
-        summary=CENTRAL_FIELD_SUMMARY,
-        reference=CENTRAL_FIELD_REFERENCE,
     )
-
-
-FIELD_NIJHOFF_SUMMARY = (
-    "H = ln(α + p) + ln(β + q): the modified Hamiltonian of symplectic Euler is known in closed form"
-)
-FIELD_NIJHOFF_REFERENCE = (
-    "C. M. Field, F. W. Nijhoff, Nonlinearity 16 (2003) 1673; E. Hairer, lecture on long-time behaviour, exercise 5"
-)
 
 
 def field_nijhoff() -> Scene:
@@ -149,16 +119,40 @@ def field_nijhoff() -> Scene:
         invariants={"product": "(alpha + p)*(beta + q)"},
         start={"p": [1], "q": [1]},
         positive=["alpha + p", "beta + q"],
-        name="field-nijhoff",
-        summary=FIELD_NIJHOFF_SUMMARY,
-        reference=FIELD_NIJHOFF_REFERENCE,
     )
 
 
 SCENES = (
-    ("pendulum", pendulum, PENDULUM_SUMMARY, PENDULUM_REFERENCE),
-    ("double-pendulum", double_pendulum, DOUBLE_PENDULUM_SUMMARY, DOUBLE_PENDULUM_REFERENCE),
-    ("henon-heiles", henon_heiles, HENON_HEILES_SUMMARY, HENON_HEILES_REFERENCE, ("hénon-heiles",)),
-    ("central-field", central_field, CENTRAL_FIELD_SUMMARY, CENTRAL_FIELD_REFERENCE),
-    ("field-nijhoff", field_nijhoff, FIELD_NIJHOFF_SUMMARY, FIELD_NIJHOFF_REFERENCE),
+    SceneEntry(
+        "pendulum",
+        pendulum,
+        "the mathematical pendulum",
+        "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4",
+    ),
+    SceneEntry(
+        "double-pendulum",
+        double_pendulum,
+        "two pendulums, one hanging from the other: chaotic at large angles",
+        "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)",
+    ),
+    SceneEntry(
+        "henon-heiles",
+        henon_heiles,
+        "the Hénon–Heiles model: regular orbits at low energies, chaos towards 1/6",
+        "M. Hénon, C. Heiles, Astron. J. 69 (1964) 73, doi:10.1086/109234; HLW, section I.3",
+        aliases=("hénon-heiles",),
+    ),
+    SceneEntry(
+        "central-field",
+        central_field,
+        "motion in a central field V(r), in polar coordinates",
+        "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4",
+    ),
+    SceneEntry(
+        "field-nijhoff",
+        field_nijhoff,
+        "H = ln(α + p) + ln(β + q): the modified Hamiltonian of symplectic Euler is known in closed form",
+        "C. M. Field, F. W. Nijhoff, Nonlinearity 16 (2003) 1673; "
+        "E. Hairer, lecture on long-time behaviour, exercise 5",
+    ),
 )

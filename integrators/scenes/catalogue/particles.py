@@ -1,4 +1,4 @@
-"""What scenes of many particles have in common: formulas over sites, and the integrals that symmetries give."""
+"""Formulas over particles and the first integrals of translations and rotations."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     import sympy
 
 FLAT_SITES = 100
-"""Integrals that are written out site by site are declared up to this number of sites."""
+"""The largest number of particles for which integrals are declared; their formulas name every particle."""
 
 
 def squared_norm(block: str, dimension: int) -> str:
-    """The square of what a block holds at a site.
+    """The squared norm of a block's vector at one particle.
 
     Example:
         >>> squared_norm("p", 2)
@@ -25,7 +25,7 @@ def squared_norm(block: str, dimension: int) -> str:
 
 
 def squared_distance(dimension: int) -> str:
-    """The square of the distance of two sites.
+    """The squared distance of two particles.
 
     Example:
         >>> squared_distance(2)
@@ -40,16 +40,16 @@ def kinetic_energy(dimension: int, mass: str) -> Term:
 
 
 def momentum_names(dimension: int) -> list[str]:
-    """What the components of the total momentum are called."""
+    """The names of the components of the total momentum."""
     return [f"momentum_{axis}" for axis in AXES[:dimension]]
 
 
 def symmetry_integrals(sites: int, dimension: int) -> dict[str, sympy.Expr]:
-    """What translations and rotations keep: Σ p, and Σ q × p (one number in the plane, three in space).
+    """Total momentum Σ p and angular momentum Σ q × p (one number in the plane, three in space).
 
     Args:
-        sites: The number of particles; beyond `FLAT_SITES` nothing is declared.
-        dimension: That of space.
+        sites: The number of particles; beyond `FLAT_SITES` the result is empty.
+        dimension: The dimension of space.
 
     Example:
         >>> symmetry_integrals(2, 2)["momentum_y"], symmetry_integrals(1, 2)["angular_momentum"]

@@ -1,1 +1,1 @@
-"""The declaration of a scene: variables, terms, effects, formulas, and the system that they make."""
+"""Declarations of scenes: variables, terms, effects, formulas, and the resulting system of equations."""

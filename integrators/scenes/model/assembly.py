@@ -1,4 +1,4 @@
-"""A scene as it is declared, base system and effects apart, and the system that the effects which are on make of it."""
+"""Declaration of a scene, with base system and effects separate, and its assembly with the active effects."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.model.blocks import TIME, Block, canonical_blocks, component_places, read_blocks
 from integrators.scenes.model.declarations import (
-    Vocabulary,
-    claim_names,
+    Namespace,
     join_start,
     merged,
     read_parameters,
     read_start,
     read_summands,
+    register_names,
 )
 from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.formulas import read_formula
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Contribution(NamedTuple):
-    """What the base system or an effect brings: exact formulas in checked names; `breaks` is of effects only."""
+    """The base system or an effect: exact formulas in checked names; `breaks` is for effects only."""
 
     blocks: tuple[Block, ...]
     parameters: Parameters
@@ -41,7 +41,7 @@ class Contribution(NamedTuple):
 
 
 class Declaration(NamedTuple):
-    """All that makes two scenes equal, but for the effects that are on."""
+    """The data that define a scene, except for the active effects."""
 
     base: Contribution
     effects: dict[str, Contribution]
@@ -51,7 +51,7 @@ class Declaration(NamedTuple):
 
 
 class Assembly(NamedTuple):
-    """Base system and effects together; `timed` says whether the time was added to the variables."""
+    """Base system with active effects; `timed` if the time was added to the variables."""
 
     blocks: tuple[Block, ...]
     parameters: Parameters
@@ -71,7 +71,7 @@ def read_declaration(
     positive: Any,
     effects: Mapping[str, Effect],
 ) -> Declaration:
-    """The arguments of `Scene`, read; mistakes in effects are found whether they are on or off."""
+    """Parse the arguments of `Scene`, including effects that are off."""
     blocks = read_blocks(variables)
     if not blocks:
         raise IntegratorError("variables must have at least one block, but had none")
@@ -79,11 +79,11 @@ def read_declaration(
         raise IntegratorError(f"variables.{TIME} must be the time alone, but had other variables")
     values = read_parameters(parameters)
     taken: dict[str, str] = {}
-    flat = claim_names(blocks, values, "", taken)
+    flat = register_names(blocks, values, "", taken)
     for names in (flat, taken):
         names.setdefault(TIME, "the time")
-    vocabulary = Vocabulary(blocks, values, flat)
-    summands = read_summands(hamiltonian, field, terms, vocabulary)
+    namespace = Namespace(blocks, values, flat)
+    summands = read_summands(hamiltonian, field, terms, namespace)
     read = Declaration(
         base=Contribution(blocks, values, summands, read_start(start, blocks)),
         effects={},
@@ -93,7 +93,7 @@ def read_declaration(
     )
     check_equations(assemble(read, ()), read.poisson)
     for name, effect in effects.items():
-        read.effects[name] = _read_effect(name, effect, vocabulary, read, taken)
+        read.effects[name] = _read_effect(name, effect, namespace, read, taken)
         check_equations(assemble(read, (name,)), read.poisson, f"effects.{name}.")
         if read.base.start:
             join_start(read.effects[name].start, read.effects[name].blocks, f"effects.{name}.start")
@@ -103,7 +103,7 @@ def read_declaration(
 
 
 def _check_time(scene: Declaration) -> None:
-    """Refuse formulas and start values of a time that is no variable."""
+    """Refuse formulas and start values of the time in an autonomous system."""
     timed = has_time(scene, ())
     if not timed and any(map(_uses_time, (*scene.invariants.values(), *scene.positive))):
         raise IntegratorError(f"invariants and positive must not use the time {TIME} where the field does not, but did")
@@ -122,15 +122,13 @@ def _uses_time(formula: sympy.Expr) -> bool:
     return any(str(symbol) == TIME for symbol in formula.free_symbols)
 
 
-def _read_effect(
-    name: str, effect: Effect, base: Vocabulary, scene: Declaration, taken: dict[str, str]
-) -> Contribution:
+def _read_effect(name: str, effect: Effect, base: Namespace, scene: Declaration, taken: dict[str, str]) -> Contribution:
     label = f"effects.{name}."
     blocks = read_blocks(effect.variables, f"{label}variables", base.blocks[-1].end)
     parameters = read_parameters(effect.parameters, f"{label}parameters")
-    flat = ChainMap(claim_names(blocks, parameters, label, taken), base.flat)
-    vocabulary = Vocabulary((*base.blocks, *blocks), {**base.parameters, **parameters}, flat, label)
-    summands = read_summands(effect.hamiltonian, effect.field or None, effect.terms, vocabulary)
+    flat = ChainMap(register_names(blocks, parameters, label, taken), base.flat)
+    namespace = Namespace((*base.blocks, *blocks), {**base.parameters, **parameters}, flat, label)
+    summands = read_summands(effect.hamiltonian, effect.field or None, effect.terms, namespace)
     start = read_start(effect.start, blocks, f"{label}start")
     for broken in effect.breaks:
         if broken not in scene.invariants:
@@ -171,7 +169,7 @@ def read_poisson(matrix: Any, names: Collection[str], dimension: int) -> Matrix 
 
 
 def assemble(scene: Declaration, active: Collection[str]) -> Assembly:
-    """The base system with some effects; if the time enters, it becomes a variable t with t' = 1."""
+    """The base system with the active effects; an explicit time becomes a variable t with t' = 1."""
     import sympy
 
     parts = [scene.base, *(scene.effects[name] for name in active)]
@@ -188,7 +186,7 @@ def assemble(scene: Declaration, active: Collection[str]) -> Assembly:
 
 
 def check_equations(system: Assembly, poisson: Matrix | None, label: str = "") -> None:
-    """Refuse a system whose Hamiltonian has no structure to act through, or where a variable has no equation."""
+    """Refuse a Hamiltonian without a symplectic or Poisson structure, and variables without an equation."""
     known = bytearray(system.blocks[-1].end)
     hamiltonian = [sites for target, sites, _ in system.summands if target is None]
     if poisson is not None:
@@ -231,19 +229,15 @@ def _conjugate_blocks(blocks: Sequence[Block], label: str) -> tuple[Block, Block
 
 
 BASE = ""
-"""The owner of what belongs to no effect."""
+"""The owner of parameters and blocks that belong to no effect."""
 
 
 class UnknownNameError(IntegratorError):
-    """There is no parameter or block of a name."""
+    """Unknown name of a parameter or block."""
 
 
 def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
-    """The declaration with other values of parameters, of the base system or of effects that are on.
-
-    Raises:
-        IntegratorError: There is no such parameter, or it has another number of values.
-    """
+    """The declaration with other values of parameters, of the base system or of effects that are on."""
     parts = _parts(scene)
     owners = {name: owner for owner, part in parts.items() for name in part.parameters}
     for name, value in values.items():
@@ -256,11 +250,7 @@ def with_values(scene: Declaration, active: Collection[str], values: Mapping[str
 
 
 def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
-    """The declaration with other start values of blocks, of the base system or of effects that are on.
-
-    Raises:
-        IntegratorError: There is no such block, or it has another number of variables.
-    """
+    """The declaration with other start values of blocks, of the base system or of effects that are on."""
     parts = _parts(scene)
     owners = {block.name: owner for owner, part in parts.items() for block in part.blocks}
     if TIME in values and TIME not in owners and has_time(scene, active):
@@ -285,7 +275,7 @@ def _joined(scene: Declaration, parts: dict[str, Contribution]) -> Declaration:
 
 
 def _owner(name: str, owners: Mapping[str, str], active: Collection[str], argument: str) -> str:
-    """The effect that has brought a name, or none; names of effects that are off are refused."""
+    """The effect that declares a name, or `BASE`; names of effects that are off are refused."""
     owner = owners.get(name)
     if owner is not None and (owner == BASE or owner in active):
         return owner

@@ -1,4 +1,4 @@
-"""Blocks of variables: how a state is cut into pieces, and what its entries are called."""
+"""Blocks of variables: the partition of a state and the names of its entries."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from integrators.exact.expressions import check_names
 AXES = "xyz"
 MAX_VARIABLES = 1_000_000
 ROLES = ("i", "j", "k", "l")
-"""The letters that stand for the sites of a term: ``q_i``, ``q_j``, …"""
+"""The site indices of a term: ``q_i``, ``q_j``, …"""
 TIME = "t"
 MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})
 POSITIONS = frozenset({"q", "Q", "x", "r", "theta", "phi"})
-"""Names of blocks that tell momenta (velocities, actions) from positions (angles)."""
+"""Names of blocks of momenta (velocities, actions) and of positions (angles)."""
 
 
 class Block(NamedTuple):
-    """A piece of the state.
+    """A contiguous block of variables.
 
     Attributes:
         name: Its name.
         variables: The names of its entries, in the order of the state.
-        offset: Where it begins in the state.
-        sites: The number of sites (particles, masses, …); 0 if its variables have names of their own.
-        components: What a site holds: ``("q",)``, or ``("qx", "qy")`` in two dimensions.
+        offset: The index of its first entry in the state.
+        sites: The number of sites (particles, masses, …); 0 for individually named variables.
+        components: The components at each site: ``("q",)``, or ``("qx", "qy")`` in two dimensions.
     """
 
     name: str
@@ -42,35 +42,35 @@ class Block(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Where the next block begins."""
+        """The offset of the next block."""
         return self.offset + len(self.variables)
 
     def places(self, component: str) -> slice:
-        """Where a component of all sites lies in the state."""
+        """The indices of a component of all sites in the state."""
         return slice(self.offset + self.components.index(component), self.end, len(self.components))
 
     @property
     def size(self) -> int | list[int] | list[str]:
-        """What `read_blocks` makes the block from: n, [n, d] or names."""
+        """The value that describes the block in `read_blocks`: n, [n, d] or names."""
         if not self.sites:
             return list(self.variables)
         return self.sites if self.components == (self.name,) else [self.sites, len(self.components)]
 
 
 def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) -> tuple[Block, ...]:
-    """The blocks that a mapping from names to sizes describes.
+    """The blocks of a mapping from names to sizes.
 
     Args:
         variables: Maps the name of a block to a number n of sites (named ``p`` if n = 1, else ``p1`` … ``pn``), to
             ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
-        argument: What a message calls it.
-        offset: Where the first block begins in the state.
+        argument: Its name in messages.
+        offset: The offset of the first block in the state.
 
     Returns:
-        The blocks, in this order. A list of the very names that a size would give is read as that size.
+        The blocks, in this order. A list of names equal to the names of a size is read as that size.
 
     Raises:
-        IntegratorError: It is no such mapping.
+        IntegratorError: It is not such a mapping.
 
     Example:
         >>> [block.variables for block in read_blocks({"p": [2, 2], "q": 1, "z": ["u", "v"]})]
@@ -89,7 +89,7 @@ def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) ->
 
 
 def check_symbols(names: Iterable[str], argument: str) -> tuple[str, ...]:
-    """The names of variables or parameters, if formulas can use them; unlike in tableaux, pi is the number."""
+    """Check that names are valid in formulas, where pi is a number."""
     checked = check_names(names, argument)
     if "pi" in checked:
         raise IntegratorError(f"{argument} must not be called pi, which is a number, but one was")
@@ -114,7 +114,7 @@ def _read_block(name: str, size: Any, offset: int, argument: str) -> Block:
 
 
 def _named_block(name: str, names: tuple[str, ...], offset: int, argument: str) -> Block:
-    """A block from a list of names; if the names are those of n sites it is the block of these."""
+    """A block from a list of names; names of n sites give the block of n sites."""
     if len(set(names)) < len(names):
         raise IntegratorError(f"{argument} must have different names, but was {shorten(repr(list(names)))}")
     for dimension in range(len(AXES) + 1):
@@ -125,7 +125,7 @@ def _named_block(name: str, names: tuple[str, ...], offset: int, argument: str) 
 
 
 def _components(name: str, dimension: int) -> tuple[str, ...]:
-    """What a site holds; dimension 0 stands for a single number without an axis."""
+    """The components at a site; dimension 0 denotes a single number without an axis."""
     return tuple(name + axis for axis in AXES[:dimension]) or (name,)
 
 
@@ -145,14 +145,12 @@ def _check_size(sites: int, variables: int, argument: str) -> None:
 
 
 def component_places(component: str, blocks: Iterable[Block]) -> slice | None:
-    """Where a component of all sites lies in the state; None if no block has it."""
+    """The indices of a component of all sites in the state; None if no block has it."""
     return next((block.places(component) for block in blocks if component in block.components), None)
 
 
 def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
-    """Momenta and positions, if of equal size: the blocks p and q, or else the only two that names tell to be these.
-
-    The order of the blocks does not matter.
+    """Momenta and positions of equal size, in any order: the blocks p and q, or the only pair of other such names.
 
     Example:
         >>> [block.name for block in canonical_blocks(read_blocks({"x": 1, "v": 1}))]
@@ -169,7 +167,7 @@ def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
 
 
 def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:
-    """The brackets of the variables among themselves: {q, p} = 1."""
+    """The canonical Poisson matrix of the variables, with {q, p} = 1."""
     momenta, positions = pair
     size = momenta.dimension
     matrix = [[0] * (2 * size) for _ in range(2 * size)]

@@ -1,4 +1,4 @@
-"""From what users write to summands: names are checked, formulas read, equal places summed."""
+"""Parsing of declarations: names, parameters, formulas and start values."""
 
 from __future__ import annotations
 
@@ -16,19 +16,17 @@ if TYPE_CHECKING:
     import sympy
 
     Parameters = dict[str, sympy.Expr | tuple[sympy.Expr, ...]]
-    import sympy
-
     Start = dict[str, tuple[sympy.Expr, ...]]
 
 
-class Vocabulary(NamedTuple):
-    """The blocks and parameters that formulas may speak of.
+class Namespace(NamedTuple):
+    """The names available in formulas.
 
     Attributes:
         blocks: The blocks.
         parameters: The parameters.
-        flat: What a formula over no sites may use; the values of a parameter for each site are numbered.
-        label: Whose formulas these are, for messages.
+        flat: The names in formulas without sites; a parameter with a value for each site is numbered.
+        label: The prefix of arguments in messages.
     """
 
     blocks: tuple[Block, ...]
@@ -43,23 +41,23 @@ class Vocabulary(NamedTuple):
 
     @property
     def at_sites(self) -> dict[str, tuple[str, int]]:
-        """What ``_i`` can be put behind: whose it is, and the number of its sites."""
+        """The names that take an index ``_i``: their block or parameter, and the number of its sites."""
         found = {component: (block.name, block.sites) for block in self.blocks for component in block.components}
         return found | {n: (n, len(value)) for n, value in self.parameters.items() if isinstance(value, tuple)}
 
     def local(self, roles: int) -> list[str]:
-        """What a formula over so many sites may use."""
+        """The names in a formula over rows of `roles` sites."""
         return [*(f"{name}_{role}" for name in self.at_sites for role in ROLES[:roles]), *self.scalars, TIME]
 
     def targets(self, roles: int) -> Collection[str]:
-        """What has a derivative that a term can add to."""
+        """The names of variables whose derivatives a term can contribute to."""
         if roles == 0:
             return ChainMap(*(dict.fromkeys(block.variables) for block in reversed(self.blocks)))
         components = [component for block in self.blocks for component in block.components]
         return [f"{name}_{role}" for name in components for role in ROLES[:roles]]
 
     def sites(self, over: str | tuple[tuple[int, ...], ...], used: Iterable[str], argument: str) -> Sites:
-        """What a term is summed over; `used` are the local names in it, which say how many sites there are."""
+        """The index set of a term; the local names `used` in it determine the number of sites."""
         if over == "single":
             return Sites("single")
         known = self.at_sites
@@ -77,7 +75,7 @@ class Vocabulary(NamedTuple):
 
 
 def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
-    """The values of parameters with a value for each site, under the names m1, m2, …"""
+    """The values of site parameters under the names m1, m2, …"""
     return {
         f"{name}{k}": entry
         for name, value in parameters.items()
@@ -86,36 +84,27 @@ def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
     }
 
 
-def claim_names(blocks: Sequence[Block], parameters: Parameters, label: str, taken: dict[str, str]) -> dict[str, str]:
-    """The names that blocks and parameters give to formulas, if nothing else has them.
-
-    Args:
-        blocks: The blocks.
-        parameters: The parameters.
-        label: Whose they are, for messages.
-        taken: What has a name already, and is told of these.
-
-    Returns:
-        What flat formulas may use.
-
-    Raises:
-        IntegratorError: A name stands for two things.
-    """
+def register_names(
+    blocks: Sequence[Block], parameters: Parameters, label: str, taken: dict[str, str]
+) -> dict[str, str]:
+    """Add the names of blocks and parameters to `taken`, and return those for flat formulas with their meanings."""
     several = {name: value for name, value in parameters.items() if isinstance(value, tuple)}
-    claims = [(block.variables, f"a variable of the block {label}{block.name}") for block in blocks]
-    claims += [((name,), f"the parameter {label}{name}") for name in parameters if name not in several]
-    claims += [(numbered({name: value}), f"a value of the parameter {label}{name}") for name, value in several.items()]
+    meanings = [(block.variables, f"a variable of the block {label}{block.name}") for block in blocks]
+    meanings += [((name,), f"the parameter {label}{name}") for name in parameters if name not in several]
+    meanings += [
+        (numbered({name: value}), f"a value of the parameter {label}{name}") for name, value in several.items()
+    ]
     for block in blocks:
-        _claim((f"the block {block.name}",), f"a block of {label or 'the scene'}".rstrip("."), taken)
+        _register((f"the block {block.name}",), f"a block of {label or 'the scene'}".rstrip("."), taken)
     flat: dict[str, str] = {}
-    for names, what in claims:
-        flat |= _claim(names, what, taken)
+    for names, what in meanings:
+        flat |= _register(names, what, taken)
     for name in (*(component for block in blocks for component in block.components), *several):
-        _claim((f"{name}_{role}" for role in ROLES), f"{label}{name} at a site", taken)
+        _register((f"{name}_{role}" for role in ROLES), f"{label}{name} at a site", taken)
     return flat
 
 
-def _claim(names: Iterable[str], what: str, taken: dict[str, str]) -> dict[str, str]:
+def _register(names: Iterable[str], what: str, taken: dict[str, str]) -> dict[str, str]:
     new = dict.fromkeys(names, what)
     for name in new:
         if name in taken:
@@ -125,11 +114,7 @@ def _claim(names: Iterable[str], what: str, taken: dict[str, str]) -> dict[str, 
 
 
 def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
-    """The values of parameters: exact numbers, or a parameter's own name, which leaves it a symbol.
-
-    Raises:
-        IntegratorError: It is no mapping from names to numbers or lists of numbers.
-    """
+    """The values of parameters: exact numbers, or a parameter's own name, which leaves it a symbol."""
     if not isinstance(values, Mapping):
         raise IntegratorError(f"{argument} must map names to numbers, but was {shorten(repr(values))}")
     if TIME in values:
@@ -149,13 +134,9 @@ def _read_parameter(name: str, value: Any, argument: str) -> sympy.Expr | tuple[
     return read
 
 
-def read_summands(hamiltonian: Any, field: Any, terms: Any, vocabulary: Vocabulary) -> dict[Key, sympy.Expr]:
-    """The formulas of a field or Hamiltonian by place, with those of equal places summed.
-
-    Raises:
-        IntegratorError: A formula is none or uses unknown names, or a target is no variable.
-    """
-    label = vocabulary.label
+def read_summands(hamiltonian: Any, field: Any, terms: Any, namespace: Namespace) -> dict[Key, sympy.Expr]:
+    """The formulas of a field or Hamiltonian, summed by target, sites and part."""
+    label = namespace.label
     declared = [] if hamiltonian is None else [Term(hamiltonian=hamiltonian)]
     declared += [] if field is None else [Term(field=field)]
     numbers = len(declared)
@@ -163,12 +144,12 @@ def read_summands(hamiltonian: Any, field: Any, terms: Any, vocabulary: Vocabula
     for k, term in enumerate([*declared, *items(terms, f"{label}terms")]):
         if not isinstance(term, Term):
             raise IntegratorError(f"{label}terms must be Terms, but one was {shorten(repr(term))}")
-        read += _read_term(term, vocabulary, label if k < numbers else f"{label}terms[{k - numbers + 1}].")
+        read += _read_term(term, namespace, label if k < numbers else f"{label}terms[{k - numbers + 1}].")
     return merged(read)
 
 
 def merged(formulas: Iterable[tuple[Key, sympy.Expr]]) -> dict[Key, sympy.Expr]:
-    """The sums of the formulas of equal places, in their stable forms."""
+    """The sums of formulas with equal keys, in their stable forms."""
     gathered: dict[Key, list[sympy.Expr]] = {}
     for key, formula in formulas:
         gathered.setdefault(key, []).append(formula)
@@ -180,38 +161,29 @@ def merged(formulas: Iterable[tuple[Key, sympy.Expr]]) -> dict[Key, sympy.Expr]:
     }
 
 
-def _read_term(term: Term, vocabulary: Vocabulary, place: str) -> Iterator[tuple[Key, sympy.Expr]]:
+def _read_term(term: Term, namespace: Namespace, place: str) -> Iterator[tuple[Key, sympy.Expr]]:
     roles = KINDS[term.over] if isinstance(term.over, str) else len(term.over[0])
-    names = vocabulary.local(roles) if roles else vocabulary.flat
+    names = namespace.local(roles) if roles else namespace.flat
     if not term.field:
         formula = read_formula(term.hamiltonian, names, place + "hamiltonian")
-        yield (None, _sites(term, formula, None, vocabulary, place + "hamiltonian"), term.part), formula
-    targets = vocabulary.targets(roles) if term.field else ()
+        yield (None, _sites(term, formula, None, namespace, place + "hamiltonian"), term.part), formula
+    targets = namespace.targets(roles) if term.field else ()
     for target, written in term.field:
         if target not in targets:
             raise IntegratorError(
                 f"{place}field must have equations for {shorten(', '.join(targets))}, but has one for {target!r:.60}"
             )
         formula = read_formula(written, names, f"{place}field.{target}")
-        yield (target, _sites(term, formula, target, vocabulary, f"{place}field.{target}"), term.part), formula
+        yield (target, _sites(term, formula, target, namespace, f"{place}field.{target}"), term.part), formula
 
 
-def _sites(term: Term, formula: sympy.Expr, target: str | None, vocabulary: Vocabulary, argument: str) -> Sites:
+def _sites(term: Term, formula: sympy.Expr, target: str | None, namespace: Namespace, argument: str) -> Sites:
     used = {str(symbol) for symbol in formula.free_symbols} | {target or ""}
-    return vocabulary.sites(term.over, used, argument)
+    return namespace.sites(term.over, used, argument)
 
 
 def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
-    """The start values of some blocks.
-
-    Args:
-        values: Maps blocks to their numbers: one, a list, or a row for each site. The time t may be among them.
-        blocks: The blocks that there are.
-        argument: What a message calls it.
-
-    Raises:
-        IntegratorError: A block is unknown, or has another number of values.
-    """
+    """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too."""
     if not isinstance(values, Mapping):
         raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shorten(repr(values))}")
     sizes = {TIME: 1} | {block.name: block.dimension for block in blocks}
@@ -231,11 +203,7 @@ def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") ->
 
 
 def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") -> tuple[sympy.Expr, ...]:
-    """The start values of all variables in the order of the state; the time begins at 0.
-
-    Raises:
-        IntegratorError: A block has none.
-    """
+    """The start values of all variables in the order of the state; the time starts at 0 by default."""
     import sympy
 
     values = {TIME: (sympy.Integer(0),), **values}

@@ -1,4 +1,4 @@
-"""Effects: what a scene can have besides its base system, each switched on by its name."""
+"""Effects: optional additions to the base system of a scene, switched on by name."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from integrators.scenes.model.terms import Term
 
 
 class Effect(ImmutableValue):
-    """One effect of a scene: terms, with the variables and parameters that they bring along.
+    """An effect of a scene: terms with their own variables and parameters.
 
-    What an effect brings exists only while it is on: an effect that is off leaves no trace in formulas or code.
+    An effect that is off does not appear in formulas or code.
 
     Args:
         hamiltonian: A formula to add to the Hamiltonian.
         field: Maps variables to formulas to add to their derivatives.
         terms: Terms over sites.
-        variables: Blocks of variables of its own, as for `Scene`.
+        variables: Its own blocks of variables, as for `Scene`.
         parameters: Its parameters and their values. No other effect may have parameters or variables of these names.
         start: Start values of its own variables, or of the time.
         breaks: The names of the first integrals of the base system that it destroys.
-        summary: What it is, in one line.
+        summary: One line about the effect.
 
     Raises:
-        IntegratorError: It adds nothing, or an argument is none of its kind.
+        IntegratorError: It adds nothing, or an argument has the wrong type.
 
     Example:
         >>> damping = Effect(field={"p": "-gamma*p"}, parameters={"gamma": "1/10"}, summary="linear friction")
@@ -50,7 +50,7 @@ class Effect(ImmutableValue):
         for name, value in mappings.items():
             if value is not None and not isinstance(value, Mapping):
                 raise IntegratorError(f"{name} of an effect must be a mapping, but was {shorten(repr(value))}")
-            self.__dict__[name] = MappingProxyType({key: _settled(entry) for key, entry in (value or {}).items()})
+            self.__dict__[name] = MappingProxyType({key: _immutable(entry) for key, entry in (value or {}).items()})
         check_label(summary, "summary of an effect")
         terms, breaks = tuple(items(terms, "terms of an effect")), tuple(items(breaks, "breaks"))
         self.__dict__.update(hamiltonian=hamiltonian, terms=terms, breaks=breaks, summary=summary)
@@ -68,7 +68,7 @@ class Effect(ImmutableValue):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """What `Effect` makes an equal one from."""
+        """The arguments of the constructor."""
         mappings = {name: dict(self.__dict__[name]) for name in ("field", "variables", "parameters", "start")}
         return {**mappings, **{name: self.__dict__[name] for name in ("hamiltonian", "terms", "breaks", "summary")}}
 
@@ -77,7 +77,7 @@ class Effect(ImmutableValue):
         return tuple(tuple(x.items()) if isinstance(x, dict) else x for x in self.arguments.values())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.arguments,)  # what mappings are shown as cannot be pickled
+        return _rebuilt, (self.arguments,)  # mapping proxies cannot be pickled
 
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.arguments.items() if value not in (None, (), {}))
@@ -88,22 +88,22 @@ def _rebuilt(arguments: dict[str, Any]) -> Effect:
     return Effect(**arguments)
 
 
-def _settled(value: Any) -> Any:
-    """Numbers as they are, lists and arrays as tuples that nobody can change."""
+def _immutable(value: Any) -> Any:
+    """A number, or a list or array as nested tuples."""
     value = value.tolist() if hasattr(value, "tolist") else value
-    return tuple(map(_settled, value)) if isinstance(value, list | tuple) else value
+    return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
 
 
 def check_effects(effects: Any) -> dict[str, Effect]:
-    """The effects of a scene by name."""
+    """The effects of a scene by name, checked."""
     known = isinstance(effects, Mapping) and all(isinstance(name, str) and name for name in effects)
     if not known or not all(isinstance(effect, Effect) for effect in effects.values()):
         raise IntegratorError(f"effects must map names to Effects, but was {shorten(repr(effects))}")
     return dict(effects)
 
 
-def check_active(active: Any, effects: Mapping[str, Effect]) -> tuple[str, ...]:
-    """Those of the effects that are to be on, in the order in which they are declared."""
+def check_active(active: Any, effects: Mapping[str, Any]) -> tuple[str, ...]:
+    """The names of the active effects, in the order of declaration."""
     names = [active] if isinstance(active, str) else items(active, "effects")
     for name in names:
         if not isinstance(name, str) or name not in effects:

@@ -1,4 +1,4 @@
-"""Formulas of scenes: from numbers, text or SymPy to one exact form, so that all of these give equal scenes."""
+"""Formulas of scenes: one exact normal form for numbers, text and SymPy expressions."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
+from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
     import sympy
@@ -21,25 +22,25 @@ if TYPE_CHECKING:
 
 FUNCTIONS = frozenset((*ELEMENTARY, *ROOTS, "pi"))
 MAX_FORMS = 10
-"""How often a formula is written and read again until it stays the same; twice is what has been seen."""
+"""The largest number of write-and-read cycles until a formula is stable; at most two have been observed."""
 FORMULA = "formula"
-"""What messages call a formula whose place is not known yet."""
+"""Placeholder in messages about a formula whose place is not known yet."""
 _WORD = re.compile(r"(?<![\w.])[^\W\d]\w*")
 
 
 def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Expr:
-    """An exact SymPy expression in plain symbols, in the form that its text gives when it is read.
+    """An exact SymPy expression in plain symbols, equal to the expression parsed from its own text.
 
     Args:
-        value: A formula as text or SymPy expression, or a number. A float stands for the decimal that it prints as.
+        value: A formula as text or SymPy expression, or a number. A float denotes the decimal that it prints as.
         names: The names it may use.
-        argument: What a message calls it.
+        argument: Its name in messages.
 
     Returns:
         The expression, without floats.
 
     Raises:
-        IntegratorError: It is no formula, or uses other names or functions.
+        IntegratorError: It is not a formula, or uses other names or functions.
 
     Example:
         >>> import sympy
@@ -48,12 +49,12 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
         True
     """
     number = _rational(value, argument)
-    if number is not None:
-        return as_sympy(number)
-    if isinstance(value, str | Decimal):
-        return stable_form(_parse(str(value), names, argument), argument)
     import sympy
 
+    if number is not None:
+        return sympy.Rational(number.numerator, number.denominator)
+    if isinstance(value, str | Decimal):
+        return stable_form(_parse(str(value), names, argument), argument)
     if isinstance(value, sympy.Expr):
         return stable_form(_plain(value, names, argument), argument)
     plain: Any = value.item() if hasattr(value, "item") and getattr(value, "ndim", None) == 0 else value
@@ -63,13 +64,13 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
 
 
 def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]:
-    """Exact numbers, as `read_formula` reads each.
+    """Exact numbers, each read by `read_formula`.
 
     Example:
         >>> read_numbers([1, 0.5, "sqrt(2)"], "start")
         (1, 1/2, sqrt(2))
     """
-    read: dict[Any, sympy.Expr] = {}  # in large scenes the same numbers come again and again
+    read: dict[Any, sympy.Expr] = {}  # large scenes repeat the same numbers
 
     def number(k: int, value: Any) -> sympy.Expr:
         if type(value) not in (int, float):
@@ -82,7 +83,7 @@ def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]
 
 
 def words(text: str) -> dict[str, None]:
-    """The names in a text, in its order: of symbols, functions and everything else that looks like one.
+    """The names of symbols and functions in a text, in their order.
 
     Example:
         >>> list(words("2e5*q1 + sin(p) + q1"))
@@ -92,7 +93,7 @@ def words(text: str) -> dict[str, None]:
 
 
 def formula_text(formula: sympy.Expr) -> str:
-    """The text of a formula, which `read_formula` reads back.
+    """The text of a formula, in the syntax of `read_formula`.
 
     Example:
         >>> formula_text(read_formula("p^2/2 - exp(1)*cos(q)", ["p", "q"], "H"))
@@ -101,15 +102,21 @@ def formula_text(formula: sympy.Expr) -> str:
     return _printer().doprint(formula)
 
 
-def as_sympy(value: Fraction) -> sympy.Expr:
-    """A fraction as SymPy's own rational."""
-    import sympy
+def as_float(value: sympy.Expr) -> float:
+    """The double nearest to an exact number.
 
-    return sympy.Rational(value.numerator, value.denominator)
+    Raises:
+        IntegratorError: The number exceeds the range of doubles, or cannot be distinguished from zero.
+    """
+    try:
+        return nearest_double(value)
+    except ArithmeticError as error:
+        what = "in the range of doubles" if isinstance(error, OverflowError) else "told from zero"
+        raise IntegratorError(f"numbers must be {what}, but one was {shorten(str(value))}") from None
 
 
 def stable_form(formula: sympy.Expr, argument: str) -> sympy.Expr:
-    """The form of a formula that comes back from its text: of q/(3*x + 3) and (q/3)/(x + 1) only the first does."""
+    """The form of a formula that is parsed from its own text: q/(3*x + 3), but not (q/3)/(x + 1)."""
     if formula.is_Rational or formula.is_Symbol:
         return formula
     try:
@@ -124,7 +131,7 @@ def _stable_form(formula: sympy.Expr) -> sympy.Expr:
 
     names = {str(symbol) for symbol in formula.free_symbols}
     for _ in range(MAX_FORMS):
-        # Term by term: the text of a long sum may exceed what the parser takes.
+        # Term by term, because the text of a long sum may exceed the parser's limit.
         form = sympy.Add(*(_parse(formula_text(term), names, FORMULA) for term in sympy.Add.make_args(formula)))
         if form == formula:
             break
@@ -133,7 +140,7 @@ def _stable_form(formula: sympy.Expr) -> sympy.Expr:
 
 
 def _parse(text: str, names: Collection[str], argument: str) -> sympy.Expr:
-    """What the text says; the parser only hears of the names in it, as there may be a million others."""
+    """The expression of a text; the parser receives only the names in it, out of up to a million."""
     used = words(text)
     for word in used:
         if word not in names and word not in FUNCTIONS and word.lower() not in NOT_FINITE:
@@ -151,7 +158,7 @@ def _refuse_name(name: str, text: str, names: Collection[str], argument: str) ->
 
 
 def _rational(value: Any, argument: str) -> Fraction | None:
-    """A number of Python as a fraction; None if it is none."""
+    """A Python number as a fraction; None for other values."""
     if isinstance(value, float):
         if not isfinite(value):
             raise IntegratorError(f"{argument} must be finite, but was {float(value)!r}")
@@ -166,7 +173,7 @@ def _rational(value: Any, argument: str) -> Fraction | None:
 
 
 def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Expr:
-    """The expression with plain symbols and rational numbers, read by way of its text: one grammar decides."""
+    """The expression with plain symbols and rational numbers."""
     import sympy
 
     for symbol in cast("set[Any]", value.free_symbols):
@@ -176,13 +183,13 @@ def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Ex
             _refuse_name(symbol.name, "", names, argument)
     if value.has(sympy.I):
         raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
-    floats = {number: as_sympy(_fraction_of(number)) for number in value.atoms(sympy.Float)}
+    floats = {number: sympy.Rational(_fraction_of(number)) for number in value.atoms(sympy.Float)}
     plain = {symbol: sympy.Symbol(symbol.name) for symbol in cast("set[sympy.Symbol]", value.free_symbols)}
     return cast("sympy.Expr", value.xreplace({**floats, **plain}))
 
 
 def _fraction_of(number: sympy.Float) -> Fraction:
-    """A float of SymPy as the decimal that it prints as: a double as Python does, others with all their digits."""
+    """The decimal that a SymPy float prints as: shortest form of a double, all digits of other precisions."""
     import sympy
 
     double = float(number)
@@ -195,7 +202,7 @@ def _printer() -> StrPrinter:
     from sympy.printing.str import StrPrinter
 
     class FormulaPrinter(StrPrinter):
-        """SymPy's text, but for the number e, which has no name of its own here."""
+        """SymPy's printer with exp(1) for the number e, which has no name in formulas."""
 
         def _print_Exp1(self, expr: object) -> Any:
             return "exp(1)"

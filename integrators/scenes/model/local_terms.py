@@ -1,4 +1,4 @@
-"""Terms in few local variables, with numbers for parameters: the form that compiled code takes."""
+"""Local form of terms: formulas in few local variables with numbers for parameters, the input of code generation."""
 
 from __future__ import annotations
 
@@ -12,16 +12,13 @@ from integrators.scenes.model.terms import Sites
 if TYPE_CHECKING:
     import sympy
 
-
 LOCAL_NAME = re.compile("[xd][0-9]+")
-
-
 VALUE = -1
-"""An output that is the formula itself, not one of its derivatives."""
+"""Marks an output that is the formula itself, not one of its derivatives."""
 
 
 class Place(NamedTuple):
-    """An entry of the state: offset + stride · (the site of this role in the row)."""
+    """Index into the state: offset + stride · row[role], for a row of sites."""
 
     role: int
     offset: int
@@ -40,7 +37,7 @@ class Argument(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Where a term goes: sign · (the formula, or its derivative by a local variable) is added at a place."""
+    """A contribution to the field: sign · (the formula or its derivative by a local variable), added at a place."""
 
     derivative: int
     place: Place
@@ -66,7 +63,7 @@ class LocalTerm(NamedTuple):
 
 
 def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
-    """What a term adds at a place."""
+    """The formula that an output adds to the field."""
     import sympy
 
     formula = term.formula
@@ -76,11 +73,7 @@ def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
 
 
 def check_numeric(terms: Iterable[LocalTerm]) -> None:
-    """Refuse terms with parameters that are symbols.
-
-    Raises:
-        IntegratorError: There is one.
-    """
+    """Refuse terms with symbolic parameters."""
     for term in terms:
         for symbol in sorted(map(str, term.formula.free_symbols)):
             if not LOCAL_NAME.fullmatch(symbol):

@@ -1,4 +1,4 @@
-"""System: the differential equation of a scene with the effects that are on."""
+"""System of ordinary differential equations in the form of sums over sites."""
 
 from __future__ import annotations
 
@@ -7,30 +7,33 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.declarations import numbered
+from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.local_terms import LocalTerm, check_numeric
 from integrators.scenes.model.terms import Summand
 
 if TYPE_CHECKING:
+    import numpy as np
     import sympy
 
 
 class System(ImmutableValue):
-    """A system y' = f(y) of summands over index sets.
+    """A system y' = f(y), given as summands over index sets.
 
     Attributes:
-        name: What messages call it.
-        blocks: How the state is cut into pieces.
-        parameters: Their values: a number, a tuple with one for each site, or a symbol.
+        name: The name in messages.
+        blocks: The blocks of variables.
+        parameters: Their values: a number, a tuple with a number for each site, or a symbol.
         summands: The formulas of the field, or of the Hamiltonian.
-        base_summands: Those without effects.
-        poisson: The matrix of a Poisson structure; None for the canonical one.
-        invariants: Formulas of first integrals by name.
+        base_summands: The summands without effects.
+        poisson: The matrix of a Poisson structure; None for the canonical structure.
+        invariants: First integrals by name.
         positive: Formulas that are positive wherever the field is defined.
-        start: Exact start values, if there are some.
-        notes: What has been done to the system that was declared, if anything.
+        start: Exact start values, or None.
+        notes: Transformations applied to the declared system.
     """
 
     name: str
@@ -51,7 +54,7 @@ class System(ImmutableValue):
 
     @cached_property
     def places(self) -> Mapping[str, int]:
-        """Where each variable stands in the state."""
+        """The index of each variable in the state."""
         return MappingProxyType({name: k for k, name in enumerate(self.variables)})
 
     @property
@@ -61,7 +64,7 @@ class System(ImmutableValue):
 
     @property
     def canonical_pair(self) -> tuple[Block, Block] | None:
-        """Momenta and positions, where these are the whole state and their structure is the canonical one."""
+        """The blocks of momenta and positions, if these are the whole state of a canonical system."""
         pair = canonical_blocks(self.blocks) if self.poisson is None else None
         return pair if pair is not None and 2 * pair[0].dimension == self.dimension else None
 
@@ -74,29 +77,46 @@ class System(ImmutableValue):
 
     @cached_property
     def parameter_values(self) -> Mapping[str, sympy.Expr]:
-        """The values of parameters by the names in flat formulas: m1, m2, … where there is one for each site."""
+        """The values of parameters by their names in flat formulas: m1, m2, … for a parameter with a value per site."""
         scalars = {name: value for name, value in self.parameters.items() if not isinstance(value, tuple)}
         return MappingProxyType(scalars | numbered(self.parameters))
 
     @property
     def is_hamiltonian(self) -> bool:
-        """Whether the whole field comes from a Hamiltonian that does not depend on time."""
+        """Whether a Hamiltonian that does not depend on time generates the whole field."""
         return bool(self.summands) and all(summand.target is None for summand in self.summands)
 
-    @property
+    @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:
         """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
         raise NotImplementedError
 
     @cached_property
     def numeric_terms(self) -> tuple[LocalTerm, ...]:
-        """The local terms, the form that compiled code takes.
+        """The local terms, checked to have numbers for parameters: the input of code generation.
 
         Raises:
             IntegratorError: A parameter is a symbol.
         """
         check_numeric(self.local_terms)
         return self.local_terms
+
+    @property
+    def y0(self) -> np.ndarray:
+        """The start values as doubles.
+
+        Raises:
+            IntegratorError: The system has no start values.
+        """
+        return self._y0.copy()
+
+    @cached_property
+    def _y0(self) -> np.ndarray:
+        if self.start is None:
+            raise IntegratorError(f"start must be given for {self.name}, but was not")
+        import numpy as np
+
+        return np.array([as_float(value) for value in self.start])
 
     @cached_property
     def parts(self) -> tuple[str, ...]:

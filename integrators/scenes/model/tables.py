@@ -1,4 +1,4 @@
-"""Declarations of scenes as nested tables of integers and text, the content of scene files."""
+"""Declarations of scenes as nested tables of integers and text: the content of scene files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import sympy
 
 LARGEST_NUMBER = 2**53
-"""Larger integers are written as text, since other readers may turn numbers into doubles."""
+"""Larger integers are written as text, because other readers may convert numbers to doubles."""
 
 
 def declaration_table(
@@ -34,17 +34,17 @@ def declaration_table(
         name: {"summary": effects[name].summary} | _contribution_table(effect)
         for name, effect in declaration.effects.items()
     }
-    return _without_nothing(data)
+    return _without_empty(data)
 
 
-def _without_nothing(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The table without the keys whose value is None or empty, on all levels."""
-    inner = {key: _without_nothing(value) if isinstance(value, dict) else value for key, value in table.items()}
+def _without_empty(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The table without keys whose value is None or empty, on all levels."""
+    inner = {key: _without_empty(value) if isinstance(value, dict) else value for key, value in table.items()}
     return {key: value for key, value in inner.items() if value not in (None, [], {})}
 
 
 def _contribution_table(part: Contribution) -> dict[str, Any]:
-    """What the base system or an effect brings."""
+    """The table of the base system or of an effect."""
     at_site = {block.name: len(block.components) for block in part.blocks}
     return {
         "variables": {block.name: block.size for block in part.blocks},
@@ -56,7 +56,7 @@ def _contribution_table(part: Contribution) -> dict[str, Any]:
 
 
 def _formulas_table(summands: Mapping[Key, sympy.Expr]) -> dict[str, Any]:
-    """The keys hamiltonian, field and terms; a sum that is too long for one text goes on in further terms."""
+    """The keys hamiltonian, field and terms; a sum too long for one text is split into several terms."""
     table: dict[str, Any] = {}
     terms: dict[Any, dict[str, Any]] = {}
     for (target, sites, part), formula in summands.items():
@@ -74,7 +74,7 @@ def _formulas_table(summands: Mapping[Key, sympy.Expr]) -> dict[str, Any]:
 
 
 def _texts(formula: sympy.Expr) -> Iterator[str]:
-    """A formula as one text, or as several to be added if the parser would refuse their sum as too long."""
+    """A formula as one text, or as several summands if the text exceeds the parser's limit."""
     import sympy
 
     text = _written(formula)
@@ -98,7 +98,7 @@ def _text(formula: sympy.Expr, argument: str) -> str:
 
 
 def _numbers(value: Any) -> Any:
-    """One number, or those of all sites."""
+    """One number, or a list of numbers for all sites."""
     return [_number(entry, "a number") for entry in value] if isinstance(value, tuple) else _number(value, "a number")
 
 
@@ -111,5 +111,5 @@ def _number(value: Any, argument: str) -> int | str:
 
 
 def _rows(values: list[Any], length: int) -> list[Any]:
-    """A row for each site that holds more than one number."""
+    """The values in rows of a given length; a flat list for length 1."""
     return [values[k : k + length] for k in range(0, len(values), length)] if length > 1 else values

@@ -1,7 +1,7 @@
-"""Terms: a formula in a few local variables, and the sites it is summed over.
+"""Terms: formulas in a few local variables, summed over particles, neighbours or pairs ("sites").
 
-A field of many particles is the sum of a few formulas over particles, neighbours or pairs. What is said about a formula
-once (its derivatives, its degree, its code) holds at every site, so nothing here grows with the number of particles.
+Derivatives, degrees and code of a formula are the same at every site, so their cost does not depend on the number of
+particles.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     import sympy
 
 KINDS = {"single": 0, "each": 1, "chain": 2, "ring": 2, "pairs": 2}
-"""How many sites a term of each kind looks at; ``single`` looks at variables, not at sites."""
+"""The number of sites in a row for each kind of index set; ``single`` has variables instead of sites."""
 
 
 class Sites(NamedTuple):
-    """What a term is summed over: a kind, the number of sites there are, and for ``table`` the rows of sites.
+    """Index set of a sum: its kind, the total number of sites, and the rows of sites of a ``table``.
 
-    Sites count from 0 here, from 1 where users write them.
+    Sites are numbered from 0 here, from 1 in user input.
     """
 
     kind: str
@@ -34,11 +34,11 @@ class Sites(NamedTuple):
 
     @property
     def roles(self) -> int:
-        """How many sites a row has."""
+        """The number of sites in a row."""
         return len(self.table[0]) if self.kind == "table" else KINDS[self.kind]
 
     def rows(self) -> Iterator[tuple[int, ...]]:
-        """The rows of sites, in the order in which compiled code takes them."""
+        """The rows of sites, in the order of compiled code."""
         n = self.count
         if self.kind == "table":
             return iter(self.table)
@@ -60,16 +60,16 @@ class Term(ImmutableValue):
     """A part of a field or of a Hamiltonian: a formula summed over sites.
 
     Args:
-        over: ``"single"`` (the formula uses the variables as they are called), ``"each"`` site, neighbours along a
-            ``"chain"`` or a ``"ring"``, ``"pairs"`` of sites i < j, or a list of tuples of site numbers from 1. The
-            formula then uses ``q_i`` (``qx_i``, ``qy_i`` in the plane), ``q_j``, …, and ``m_i`` for a parameter that
-            has a value for each site.
+        over: ``"single"`` (a formula in the names of variables), ``"each"`` site, neighbours along a ``"chain"`` or a
+            ``"ring"``, ``"pairs"`` of sites i < j, or a list of tuples of site numbers from 1. Formulas over sites use
+            ``q_i`` (``qx_i``, ``qy_i`` in the plane), ``q_j``, …, and ``m_i`` for a parameter with a value for each
+            site.
         hamiltonian: The formula of a term of the Hamiltonian.
-        field: Maps variables (``"p"``, or ``"p_i"`` over sites) to what is added to their derivatives.
-        part: The part of the field that the term belongs to, for methods that treat parts differently.
+        field: Maps variables (``"p"``, or ``"p_i"`` over sites) to contributions to their derivatives.
+        part: The part of the field to which the term belongs, for methods that treat parts differently.
 
     Raises:
-        IntegratorError: Not exactly one of `hamiltonian` and `field` is given, or `over` is none of these.
+        IntegratorError: Not exactly one of `hamiltonian` and `field` is given, or `over` is invalid.
 
     Example:
         >>> spring = Term(over="ring", hamiltonian="exp(q_i - q_j)")
@@ -123,17 +123,17 @@ def _read_over(over: Any) -> str | tuple[tuple[int, ...], ...]:
 
 
 Key: TypeAlias = "tuple[str | None, Sites, str | None]"
-"""Where a formula goes: target, sites and part of a `Summand`."""
+"""The target, sites and part of a `Summand`."""
 
 
 class Summand(NamedTuple):
-    """A term as a scene keeps it: one formula, and where it goes.
+    """One formula of a term, with the derivative to which it contributes.
 
     Attributes:
-        formula: In flat names, or in local names (``qx_i``) where `sites` is not single; parameters are symbols.
-        target: The variable (or local name) to whose derivative it is added; None for a term of the Hamiltonian.
-        sites: What it is summed over.
-        part: The part of the field it belongs to, if any.
+        formula: In flat names, or in local names (``qx_i``) if `sites` is not single; parameters are symbols.
+        target: The variable (or local name) whose derivative it contributes to; None for a term of the Hamiltonian.
+        sites: The index set of the sum.
+        part: The part of the field to which it belongs, if any.
     """
 
     formula: sympy.Expr
@@ -143,7 +143,7 @@ class Summand(NamedTuple):
 
 
 def sorted_summands(formulas: Mapping[Key, sympy.Expr], blocks: Iterable[Block]) -> tuple[Summand, ...]:
-    """Summands in an order of their own, which does not tell who declared them; nothing is added by a zero."""
+    """Nonzero summands in a canonical order, independent of the order of declaration."""
     summands = [Summand(formula, *key) for key, formula in formulas.items() if key[0] is None or formula != 0]
     places = {}
     if any(summand.target is not None and summand.sites.kind == "single" for summand in summands):

@@ -1,1 +1,1 @@
-"""Terms summed over particles, pairs or other index sets: local form, flat form, degrees."""
+"""Sums over particles, pairs and other index sets: local form, flat form, polynomial degrees."""

@@ -1,4 +1,4 @@
-"""Scenes written out flat: one formula for each variable."""
+"""Scenes in flat form: one formula for each variable."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.number_text import nearest_double
 from integrators.scenes.model.blocks import ROLES, canonical_blocks, component_places
 from integrators.scenes.model.terms import Summand
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def filled(formula: sympy.Expr, scene: System) -> sympy.Expr:
-    """The formula with numbers for parameters; those with a value for each site stay where a term names the site."""
+    """The formula with numbers for parameters; parameters indexed by a site (``m_i``) stay symbols."""
     import sympy
 
     values = scene.parameter_values
@@ -31,7 +30,7 @@ def filled(formula: sympy.Expr, scene: System) -> sympy.Expr:
 
 
 def written_out(summand: Summand, scene: System) -> Iterator[tuple[str | None, sympy.Expr]]:
-    """A summand's targets and formulas at every row of its sites, in flat names, parameters filled in."""
+    """The targets and formulas of a summand at every row of its sites, in flat names, with values of parameters."""
     formula = filled(summand.formula, scene)
     if summand.sites.kind == "single":
         yield summand.target, formula
@@ -41,20 +40,20 @@ def written_out(summand: Summand, scene: System) -> Iterator[tuple[str | None, s
 
 
 def at_row(formula: sympy.Expr, row: tuple[int, ...], scene: System) -> sympy.Expr:
-    """A formula of a term over sites at a row of them, in flat names."""
+    """The formula of a term over sites at a row of sites, in flat names."""
     symbols = [symbol for symbol in formula.free_symbols if is_local(str(symbol), scene)]
     return cast("sympy.Expr", formula.xreplace({symbol: _at_row(str(symbol), row, scene) for symbol in symbols}))
 
 
 def is_local(name: str, scene: System) -> bool:
-    """Whether a name in a term over sites stands for something at a site, as ``q_i`` and ``m_j`` do."""
+    """Whether a name in a term over sites is indexed by a site, such as ``q_i`` and ``m_j``."""
     base = name[:-2]
     at_site = component_places(base, scene.blocks) is not None or isinstance(scene.parameters.get(base), tuple)
     return at_site and name[-2:-1] == "_" and name[-1] in ROLES
 
 
 def _at_row(name: str, row: tuple[int, ...], scene: System) -> sympy.Expr:
-    """What a local name stands for at a row of sites: a variable, or a number."""
+    """The variable or number of a local name at a row of sites."""
     import sympy
 
     places, site = component_places(name[:-2], scene.blocks), row[ROLES.index(name[-1])]
@@ -64,7 +63,7 @@ def _at_row(name: str, row: tuple[int, ...], scene: System) -> sympy.Expr:
 
 
 def flat_hamiltonian(summands: Sequence[Summand], scene: System) -> sympy.Expr | None:
-    """The sum of all terms of a Hamiltonian; None if some terms belong to no Hamiltonian, or there are none."""
+    """The sum of all terms of a Hamiltonian; None if there are no terms, or some are not Hamiltonian."""
     import sympy
 
     if not summands or any(summand.target is not None for summand in summands):
@@ -73,7 +72,7 @@ def flat_hamiltonian(summands: Sequence[Summand], scene: System) -> sympy.Expr |
 
 
 def flat_field(scene: System, part: str | None = None) -> tuple[sympy.Expr, ...]:
-    """f(y), or a part of it, one formula for each variable."""
+    """f(y) or a part of it, one formula for each variable."""
     import sympy
 
     parts: dict[str | None, list[sympy.Expr]] = {name: [] for name in (None, *scene.variables)}
@@ -88,7 +87,7 @@ def flat_field(scene: System, part: str | None = None) -> tuple[sympy.Expr, ...]
 
 
 def hamiltonian_field(energy: sympy.Expr, scene: System) -> list[sympy.Expr]:
-    """J⁻¹∇H or B∇H; zero for variables outside the structure, and without a Hamiltonian."""
+    """J⁻¹∇H or B∇H; zero for variables outside the structure."""
     import sympy
 
     field: list[sympy.Expr] = [sympy.Integer(0)] * scene.dimension
@@ -102,16 +101,3 @@ def hamiltonian_field(energy: sympy.Expr, scene: System) -> list[sympy.Expr]:
         for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
             field[p], field[q] = -gradient[q], gradient[p]
     return field
-
-
-def as_float(value: sympy.Expr) -> float:
-    """The double nearest to an exact number.
-
-    Raises:
-        IntegratorError: It is beyond all doubles, or cannot be told from zero.
-    """
-    try:
-        return nearest_double(value)
-    except ArithmeticError as error:
-        what = "in the range of doubles" if isinstance(error, OverflowError) else "told from zero"
-        raise IntegratorError(f"numbers must be {what}, but one was {shorten(str(value))}") from None

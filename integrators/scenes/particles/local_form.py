@@ -1,8 +1,8 @@
-"""A scene as terms in few local variables, with numbers for parameters: the form that compiled code takes.
+"""Local form of a scene: terms in few local variables with numbers for parameters, the input of code generation.
 
-A formula over pairs of sites that only holds differences, such as a force between particles, becomes a formula in these
-differences; a sum falls into pieces without common variables. So a pair of atoms in the plane has two local variables,
-and the kinetic energy of each atom one for each momentum.
+A formula over pairs of sites that depends only on differences, such as a force between particles, becomes a formula in
+these differences; a sum is split into pieces without common variables. A pair of atoms in the plane therefore has two
+local variables, and each term of the kinetic energy has one.
 """
 
 from __future__ import annotations
@@ -22,29 +22,25 @@ if TYPE_CHECKING:
     from integrators.scenes.model.system import System
 
 
-def lower(scene: System) -> tuple[LocalTerm, ...]:
-    """The terms of a scene; parameters that are symbols stay in the formulas.
-
-    Raises:
-        IntegratorError: Such a symbol has the name of a local variable.
-    """
-    return tuple(term for term in _lowered(scene) if term.outputs)
+def local_terms_of(scene: System) -> tuple[LocalTerm, ...]:
+    """The terms of a scene; parameters that are symbols stay in the formulas."""
+    return tuple(term for term in _all_terms(scene) if term.outputs)
 
 
 def constant_terms(scene: System) -> tuple[LocalTerm, ...]:
-    """The terms of a Hamiltonian that move nothing: constants."""
-    return tuple(term for term in _lowered(scene) if not term.outputs)
+    """The constant terms of a Hamiltonian, which do not contribute to the field."""
+    return tuple(term for term in _all_terms(scene) if not term.outputs)
 
 
-def _lowered(scene: System) -> Iterator[LocalTerm]:
+def _all_terms(scene: System) -> Iterator[LocalTerm]:
     for summand in _with_field_of_poisson(scene):
         formula = filled(summand.formula, scene)
         for piece in independent_pieces(formula, _variables_in(formula, summand.sites, scene)):
-            yield _lower_piece(piece, summand, scene)
+            yield _local_term(piece, summand, scene)
 
 
 def _with_field_of_poisson(scene: System) -> list[Summand]:
-    """The summands, with B∇H in place of H where the structure is not the canonical one."""
+    """The summands, with B∇H in place of H for a Poisson structure."""
     if scene.poisson is None:
         return list(scene.summands)
     kept = [summand for summand in scene.summands if summand.target is not None]
@@ -57,7 +53,7 @@ def _with_field_of_poisson(scene: System) -> list[Summand]:
 
 
 def _variables_in(formula: sympy.Expr, sites: Sites, scene: System) -> list[sympy.Symbol]:
-    """The variables in a formula (not the data of sites), sorted by name."""
+    """The variables in a formula (without parameters of sites), sorted by name."""
     found = []
     for symbol in sorted(cast("set[sympy.Symbol]", formula.free_symbols), key=str):
         if _place(symbol.name, sites, scene) is not None:
@@ -68,7 +64,7 @@ def _variables_in(formula: sympy.Expr, sites: Sites, scene: System) -> list[symp
 
 
 def independent_pieces(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
-    """The summands of a formula, those with common variables together; a constant comes first.
+    """The summands of a formula, grouped by common variables; a constant comes first.
 
     Example:
         >>> import sympy
@@ -79,7 +75,7 @@ def independent_pieces(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -
     import sympy
 
     order: dict[sympy.Basic, int] = {symbol: k for k, symbol in enumerate(variables)}
-    first = list(range(len(variables)))  # of each variable, an earlier one in the same piece, or itself
+    first = list(range(len(variables)))  # union-find: an earlier variable of the same piece, or the variable itself
 
     def find(k: int) -> int:
         while first[k] != k:
@@ -100,7 +96,7 @@ def independent_pieces(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -
 
 
 def _summands(formula: sympy.Expr, variables: Iterable[sympy.Basic]) -> Iterator[sympy.Expr]:
-    """The terms of a sum, also where the whole sum has a constant factor."""
+    """The terms of a sum, multiplied by its constant factor."""
     import sympy
 
     for summand in sympy.Add.make_args(formula):
@@ -111,7 +107,7 @@ def _summands(formula: sympy.Expr, variables: Iterable[sympy.Basic]) -> Iterator
             yield summand
 
 
-def _lower_piece(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTerm:
+def _local_term(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTerm:
     import sympy
 
     formula, arguments = _local_arguments(formula, summand.sites, scene)
@@ -126,15 +122,15 @@ def _lower_piece(formula: sympy.Expr, summand: Summand, scene: System) -> LocalT
 
 
 def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[sympy.Expr, list[Argument]]:
-    """The formula in x0, x1, …, which are differences of two sites wherever only those matter."""
+    """The formula in x0, x1, …: values at a site, or differences of two sites if it depends only on these."""
     import sympy
 
     variables = _variables_in(formula, sites, scene)
     names = {symbol.name for symbol in variables}
     arguments: list[Argument] = []
-    locals_: list[sympy.Dummy] = []  # a variable of the scene may be called x0 itself
+    locals_: list[sympy.Dummy] = []  # dummies, because a variable of the scene may be called x0
     for symbol in variables:
-        if symbol not in formula.free_symbols:  # it has gone into the difference that its partner has become
+        if symbol not in formula.free_symbols:  # part of an earlier difference
             continue
         local, minus = sympy.Dummy(), None
         partner = symbol.name[:-1] + "j"
@@ -154,7 +150,7 @@ def _replaced(formula: sympy.Expr, rule: Mapping[Any, sympy.Expr]) -> sympy.Expr
 
 
 def _place(name: str, sites: Sites, scene: System) -> Place | None:
-    """Where a variable stands; None for the name of something else."""
+    """The place of a variable in the state; None for other names."""
     if sites.kind == "single" or name == TIME:
         return Place(0, scene.places[name], 0) if name in scene.places else None
     places = component_places(name[:-2], scene.blocks) if is_local(name, scene) else None
@@ -164,7 +160,7 @@ def _place(name: str, sites: Sites, scene: System) -> Place | None:
 def _hamiltonian_outputs(arguments: Sequence[Argument], blocks: Sequence[Block]) -> list[Output]:
     """p' = −∂H/∂q and q' = ∂H/∂p, with ∂H/∂y[plus] = ∂/∂x and ∂H/∂y[minus] = −∂/∂x."""
     pair = canonical_blocks(blocks)
-    assert pair is not None  # checked when the scene was made
+    assert pair is not None  # checked by read_declaration
     momenta, positions = pair
     outputs = []
     for k, argument in enumerate(arguments):

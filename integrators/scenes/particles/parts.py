@@ -1,35 +1,32 @@
-"""What the parts of a method are on a scene: blocks of its variables, or parts of its field."""
+"""Assignment of the parts of a method to blocks of variables or parts of the field."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError
+from integrators.methods.program.child_bounds import ChildBounds
+from integrators.scenes.model.system import System
 from integrators.scenes.particles.degrees import Piece, degrees
 
-if TYPE_CHECKING:
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.scenes.model.system import System
-
-
 UNNAMED = ("a", "b")
-"""What splitting methods call two parts that can be anything."""
+"""The names that splitting methods give to two arbitrary parts."""
 
 
 def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[Piece, ...]:
-    """The pieces of a scene's field that the colours of a method or series stand for.
+    """The pieces of a scene's field that correspond to the colours of a method or series.
 
     Args:
-        names: The names of the colours; one colour is the whole field.
+        names: The names of the colours; a single colour is the whole field.
         scene: The scene.
         parts: Maps every name to a block, a part of the field, or a list of blocks. None if the names are those of
-            blocks (a time made a variable goes with the last block), or of parts; or if they are a, b and the scene
-            has two blocks: then a moves the positions (a drift) and b the momenta (a kick), as is usual in the
-            literature on splitting methods; where names do not tell these, a moves the second block and b the first.
+            blocks (the time variable is added to the last block) or of parts; or if they are a, b and the scene has two
+            blocks: then a advances the positions (drift) and b the momenta (kick), the convention for splitting
+            methods. If the blocks are not canonical, a advances the second block and b the first.
 
     Raises:
-        IntegratorError: It is not clear what a colour is, or together they are not the whole field.
+        IntegratorError: A colour is ambiguous, or the pieces do not sum to the whole field.
     """
     blocks = [block.name for block in scene.blocks]
     if len(names) == 1:
@@ -61,16 +58,16 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
 
 
 def check_kind(name: str, bounds: ChildBounds | None, pieces: Sequence[Piece], scene: System) -> None:
-    """Refuse a scene with elementary differentials beyond those that a method for special systems is made for.
+    """Refuse a scene whose field is not of the special form that a method requires.
 
     Args:
         name: The name of the method.
-        bounds: How often the parts of its fields can be differentiated; None for any field.
-        pieces: What the parts are.
+        bounds: The degrees of the parts of the field that the method allows; None for any field.
+        pieces: The pieces of the field that correspond to the parts.
         scene: The scene.
 
     Raises:
-        IntegratorError: The method would not have its order there.
+        IntegratorError: The method would not attain its order.
     """
     if bounds is None:
         return
@@ -111,7 +108,7 @@ def _named_pieces(names: Sequence[str], scene: System, parts: Any) -> tuple[Piec
 
 
 def _check_complete(scene: System, parts: set[str | None] | None = None) -> None:
-    """Refuse parts that are not the whole field."""
+    """Refuse parts that do not sum to the whole field."""
     left = {term.part for term in scene.local_terms} - set(parts or scene.parts)
     if left:
         named = ", ".join(sorted(str(part) for part in left if part)) or "terms without a part"

@@ -20,7 +20,7 @@ from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.drift.perturbations import Perturbation
 from bseries.hamiltonians.drift.statistics import rate_statistics
 from bseries.hamiltonians.drift.takahashi_imada import takahashi_imada_integral
-from integrators.methods.kinds.takahashi_imada import TakahashiImada
+from integrators.methods.kinds.force_gradient import TakahashiImada
 
 REFERENCE = Path(__file__).parents[2] / "reference"
 LECTURE = json.loads((REFERENCE / "lecture_values.json").read_text())["section4_takahashi_imada"]

@@ -11,6 +11,7 @@ import pytest
 import sympy
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta
+from integrators.core.catalogues import declared_entries, spelling
 from integrators.methods.catalogue.entry import PROGRAM_KINDS, TABLEAU_KINDS, MethodEntry
 from integrators.methods.catalogue.registry import catalogue, method
 
@@ -269,8 +270,17 @@ def test_rows_add_up_to_the_nodes_unless_theory_says_otherwise() -> None:
     }
 
 
+def test_a_new_file_of_a_catalogue_is_found(tmp_path, monkeypatch) -> None:
+    folder = tmp_path / "methods_of_a_test"
+    folder.mkdir()
+    for name, text in {"__init__": "", "b": "METHODS = (3,)", "a": "METHODS = [1, 2]", "helper": "x = 4"}.items():
+        (folder / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert declared_entries(folder.name, "METHODS") == [1, 2, 3]
+
+
 def test_entries_are_complete_and_unambiguous() -> None:
-    names = [name.lower().replace("-", "") for entry in ENTRIES for name in (entry.name, *entry.aliases)]
+    names = [spelling(name) for entry in ENTRIES for name in (entry.name, *entry.aliases)]
     assert len(names) == len(set(names))
     for entry in ENTRIES:
         assert entry.reference

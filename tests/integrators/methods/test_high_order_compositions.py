@@ -22,7 +22,7 @@ from integrators import IntegratorError, Splitting, adjoint_method, catalogue, c
 from integrators.methods.catalogue.recommendations import RECOMMENDED, recommended
 from integrators.methods.kinds.composition_schemes import SCHEMES, adjoint_composition, symmetric_composition
 from integrators.methods.kinds.force_gradient import ForceGradient
-from integrators.methods.kinds.nystrom_splitting import NystromSplitting
+from integrators.methods.kinds.splitting import NystromSplitting
 from integrators.reference.plain_steps import block_parts, plain_step
 
 SPLITTINGS = [entry for entry in catalogue() if entry.kind == "splitting"]

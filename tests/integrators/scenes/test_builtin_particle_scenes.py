@@ -576,12 +576,8 @@ def test_wrong_options_are_refused(name, options, message):
 @pytest.mark.parametrize(
     ("name", "effects", "message"),
     [
-        (
-            "n-body",
-            ["softening"],
-            r"'softening'; effects that change the variables are chosen by scene\(name, effects=",
-        ),
-        ("outer-solar-system", ["pluto"], "effects must be of none, but one was 'pluto'; effects that change"),
+        ("n-body", ["softening"], r"but one was 'softening'; .* are chosen by scene\(name, effects=\[…\]\)"),
+        ("outer-solar-system", ["pluto"], r"but one was 'pluto'; .* are chosen by scene\(name, effects=\[…\]\)"),
         ("outer-solar-system", ["mars"], "effects must be of none, but one was 'mars'"),
         ("n-body", [["softening"]], r"effects must be of none, but one was \['softening'\]"),
         ("lennard-jones", ["softening"], "effects must be of confinement, but one was 'softening'$"),

@@ -108,8 +108,13 @@ expressions = st.recursive(
 )
 
 
+def has_huge_constant(formula):
+    """Whether a function has a constant argument beyond 10000, which the parser refuses."""
+    return any(f.args[0].is_number and abs(f.args[0].evalf()) > 10_000 for f in formula.atoms(sympy.Function))
+
+
 @settings(max_examples=60)
-@given(expressions)
+@given(expressions.filter(lambda formula: not has_huge_constant(formula)))
 def test_formulas_come_back_from_their_text(formula):
     read = read_formula(formula, ["x", "y"], "formula")
     assert read_formula(formula_text(read), ["x", "y"], "formula") == read
