@@ -42,7 +42,7 @@ from .runs.ensemble_results import EnsembleResult as EnsembleResult
 from .runs.ensemble_results import load_ensemble as load_ensemble
 from .runs.ensembles import ensemble as ensemble
 from .runs.executors import cluster_executor as cluster_executor
-from .runs.loop import integrate as integrate
+from .runs.integration import integrate as integrate
 from .runs.random_starts import perturbed_start as perturbed_start
 from .runs.random_starts import thermal_momenta as thermal_momenta
 from .runs.trajectory import Trajectory as Trajectory
