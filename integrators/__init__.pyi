@@ -1,6 +1,6 @@
+from .bindings.scipy_bridge import from_scipy as from_scipy
 from .bindings.scipy_bridge import right_hand_side as right_hand_side
 from .bindings.scipy_bridge import scipy_solver as scipy_solver
-from .bindings.scipy_tableaux import from_scipy as from_scipy
 from .core.errors import IntegratorError as IntegratorError
 from .methods.catalogue.recommendations import recommended as recommended
 from .methods.catalogue.registry import catalogue as catalogue
