@@ -293,7 +293,7 @@ def to_float(number: Any) -> float:
     """The nearest float.
 
     Raises:
-        SeriesError: It holds symbols without a value.
+        SeriesError: The number has symbols without a value.
     """
     try:
         return nearest_double(number)

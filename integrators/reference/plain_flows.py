@@ -53,7 +53,7 @@ def flow_increment(right: Callable[[Any, Vector], Vector], start: Vector, arithm
         if found is not None:
             return found
         if halvings == 0:
-            raise IntegratorError(f"flow must settle to {arithmetic.decimals} digits, but did not, or does not exist")
+            raise IntegratorError(f"flow must converge to {arithmetic.decimals} digits, but did not, or does not exist")
         middle = (begin + end) / 2
         first = over(begin, middle, passed, halvings - 1)
         return first + over(middle, end, passed + first, halvings - 1)
@@ -116,7 +116,7 @@ def average(integrand: Callable[[Any], Vector], scale: Any, arithmetic: Arithmet
         if found is not None and size(new - found) <= 4 * arithmetic.rounding * max(scale, size(new)):
             return new
         found = new
-    raise IntegratorError(f"average of field must settle to {arithmetic.decimals} digits, but did not")
+    raise IntegratorError(f"average of field must converge to {arithmetic.decimals} digits, but did not")
 
 
 @cache

@@ -105,7 +105,7 @@ def fraction_of(value: Any) -> Fraction:
     try:
         number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
     except ArithmeticError:
-        raise IntegratorError(f"numbers must be told from zero, but one was {shorten(str(value))}") from None
+        raise IntegratorError(f"numbers must be distinguishable from zero, but one was {shorten(str(value))}") from None
     if not isfinite(number):
         raise IntegratorError(f"numbers must be finite, but one was {number}")
     return Fraction(*to_rational(number._mpf_))

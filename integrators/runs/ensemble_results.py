@@ -157,7 +157,7 @@ class EnsembleResult:
 
 
 def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
-    """Read what `EnsembleResult.save` has written.
+    """Read a file of `EnsembleResult.save`.
 
     Args:
         path: The file.

@@ -12,7 +12,7 @@ from integrators.core.errors import IntegratorError, shorten
 from integrators.core.text_files import check_path
 from integrators.runs.checkpoints import Checkpoint, description, identity
 from integrators.runs.observers import observers
-from integrators.runs.storage import Contents, Counts, FolderRecording, MemoryRecording
+from integrators.runs.storage import Contents, Counts, FolderRecording, Recording
 from integrators.runs.trajectory import PART
 from integrators.scenes.model.blocks import TIME
 from integrators.steppers.run_input import check_end, check_progress, read_steps
@@ -22,7 +22,7 @@ from integrators.steppers.stepping import stepper
 if TYPE_CHECKING:
     from integrators.methods.program.program import Method
     from integrators.runs.observers import Observers
-    from integrators.runs.storage import Recording, Rows
+    from integrators.runs.storage import Rows
     from integrators.runs.trajectory import Trajectory
     from integrators.scenes.scene import Scene
     from integrators.steppers.states import State
@@ -241,8 +241,8 @@ def integrate(
     path = None if checkpoint is None else check_path(checkpoint, "checkpoint")
     if path is not None and path == target:
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
-    kept = None if path is None else Checkpoint(path, identity(compiled, observer, options, state), checkpoint_every)
-    counts = None if kept is None else kept.restore(state, steps)
+    saved = None if path is None else Checkpoint(path, identity(compiled, observer, options, state), checkpoint_every)
+    counts = None if saved is None else saved.restore(state, steps)
     stored, observed = OutputSteps(save_every), OutputSteps(observe_every)
     contents = Contents(
         variables=scene.variables,
@@ -253,13 +253,11 @@ def integrate(
         total=Counts(stored.count(steps), observed.count(steps)),
     )
     folder = path if target is None else target
-    recording = (
-        MemoryRecording(contents) if folder is None else FolderRecording(contents, folder + PART, target, counts)
-    )
+    recording = Recording(contents) if folder is None else FolderRecording(contents, folder + PART, target, counts)
     run = Run(compiled, state, observer, stored, observed, recording)
     if counts is None:
         run.begin()
-    return _completed(run, steps, kept, progress)
+    return _completed(run, steps, saved, progress)
 
 
 def _completed(

@@ -8,7 +8,7 @@ import shutil
 import struct
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from foundation.memory import refuse_beyond_memory
 from integrators.core.errors import IntegratorError, shorten
@@ -18,9 +18,6 @@ from integrators.runs.trajectory import RUN, Trajectory, load_trajectory, read_r
 
 if TYPE_CHECKING:
     import numpy as np
-
-    Table: TypeAlias = "MemoryTable | FileTable"
-
 
 HEADER = 128
 """Bytes before the numbers of an NPY file, enough for any number of rows."""
@@ -76,7 +73,7 @@ class FileTable:
         end = HEADER + 8 * count * (width or 1)
         if count and os.fstat(self._file.fileno()).st_size < end:
             self._file.close()
-            raise IntegratorError(f"{shorten(path, 200)} must have {count} rows to go on from, but has fewer")
+            raise IntegratorError(f"{shorten(path, 200)} must have {count} rows to resume from, but has fewer")
         self._file.truncate(end)
         self._write_header()
 
@@ -170,12 +167,18 @@ class Contents(NamedTuple):
 
 
 class Recording:
-    """The rows of a run, in tables."""
+    """The rows of a run, in memory.
+
+    Raises:
+        IntegratorError: They would not fit in memory.
+    """
 
     _tables: Mapping[str, Any]
 
     def __init__(self, contents: Contents):
+        _check_memory(contents)
         self.contents = contents
+        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
 
     @property
     def counts(self) -> Counts:
@@ -195,36 +198,6 @@ class Recording:
 
     def cut(self, counts: Counts) -> None:
         """Keep only the first rows."""
-        raise NotImplementedError
-
-    def sync(self) -> None:
-        """Flush to disk, if there is one."""
-
-    def close(self) -> None:
-        """Close the files, from which the run can be resumed."""
-
-    def finish(self) -> Trajectory:
-        """The trajectory."""
-        raise NotImplementedError
-
-    def clear(self) -> None:
-        """Remove working files after the trajectory is made."""
-
-
-class MemoryRecording(Recording):
-    """A recording in memory.
-
-    Raises:
-        IntegratorError: It would not fit in memory.
-    """
-
-    def __init__(self, contents: Contents):
-        super().__init__(contents)
-        _check_memory(contents)
-        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
-
-    def cut(self, counts: Counts) -> None:
-        """Keep only the first rows."""
         for key, (_, rows) in self.contents.tables(counts).items():
             self._tables[key].count = rows
 
@@ -241,9 +214,18 @@ class MemoryRecording(Recording):
             meta=contents.meta,
         )
 
+    def sync(self) -> None:
+        """Flush to disk, if there is one."""
+
+    def close(self) -> None:
+        """Close the files, from which the run can be resumed."""
+
+    def clear(self) -> None:
+        """Remove working files after the trajectory is made."""
+
 
 class FolderRecording(Recording):
-    """A recording in files that grow in a folder.
+    """The rows of a run, in files in a folder.
 
     Args:
         contents: Its contents.
@@ -256,8 +238,7 @@ class FolderRecording(Recording):
     """
 
     def __init__(self, contents: Contents, folder: str, target: str | None, counts: Counts | None = None):
-        super().__init__(contents)
-        self._folder, self._target = folder, target
+        self.contents, self._folder, self._target = contents, folder, target
         if target is None:
             _check_memory(contents)
         run = {"variables": contents.variables, "observed": contents.names, "h": contents.h}
@@ -272,7 +253,7 @@ class FolderRecording(Recording):
                 if not os.path.isdir(folder):
                     os.mkdir(folder)
             else:
-                sentence = f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
+                sentence = f"{shorten(folder, 200)} must have the rows of the run to resume from, but has not"
                 with reading(sentence):
                     if _invariable(read_run(folder)) != _invariable(run):
                         raise ValueError(f"its {RUN} is of another run")

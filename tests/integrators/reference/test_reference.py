@@ -352,7 +352,10 @@ def test_starts_and_times_have_all_digits_of_formulas(start):
         ({"t": 1, "y0": ["a", 1]}, r"y0\[1\] must be a number, but has the unknown name 'a'"),
         ({"t": 1, "y0": [sympy.Symbol("a"), 1]}, r"y0\[1\] must be a number, but has the symbol 'a'"),
         ({"t": 1, "y0": [1j, 1]}, r"y0\[1\] must be a real number or a formula"),
-        ({"t": 1, "y0": ["sqrt(2) + sqrt(3) - sqrt(5 + 2*sqrt(6))", 1]}, "numbers must be told from zero, but one was"),
+        (
+            {"t": 1, "y0": ["sqrt(2) + sqrt(3) - sqrt(5 + 2*sqrt(6))", 1]},
+            "must be distinguishable from zero, but one was",
+        ),
         ({"t": 1, "digits": 0}, "digits must be a whole number from 1 to 31, but was 0"),
         ({"t": 1, "digits": 32}, "digits must be a whole number from 1 to 31, but was 32"),
         ({"t": 1, "digits": 1.0}, "digits must be a whole number from 1 to 31, but was 1.0"),

@@ -303,10 +303,10 @@ def test_lost_or_foreign_rows_are_noticed(stopped, tmp_path):
     folder = tmp_path / "check.part"
     with open(folder / "y.npy", "r+b") as file:
         file.truncate(150)
-    with pytest.raises(IntegratorError, match=r"must have \d+ rows to go on from, but has fewer"):
+    with pytest.raises(IntegratorError, match=r"must have \d+ rows to resume from, but has fewer"):
         integrate(KEPLER, "rk4", **stopped)
     (folder / "run.json").unlink()
-    with pytest.raises(IntegratorError, match="must have the rows of the run to go on from, but has not"):
+    with pytest.raises(IntegratorError, match="must have the rows of the run to resume from, but has not"):
         integrate(KEPLER, "rk4", **stopped)
     (tmp_path / "check").write_bytes(b"nonsense")
     with pytest.raises(IntegratorError, match="checkpoint must be a file of a run, but"):
