@@ -192,7 +192,7 @@ def into_stages(
     Args:
         stages: The method.
         table: The trees.
-        arithmetic: Any but `Wrapped`.
+        arithmetic: Any except the homogeneous `Wrapped`.
         field: b at every tree.
         target: The result at every tree, if b is sought.
         inverses: In that case 1/B for each colour, with B the sum of the weights.
