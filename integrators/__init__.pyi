@@ -1,6 +1,6 @@
+from .bindings.scipy_bridge import from_scipy as from_scipy
 from .bindings.scipy_bridge import right_hand_side as right_hand_side
 from .bindings.scipy_bridge import scipy_solver as scipy_solver
-from .bindings.scipy_tableaux import from_scipy as from_scipy
 from .core.errors import IntegratorError as IntegratorError
 from .methods.catalogue.recommendations import recommended as recommended
 from .methods.catalogue.registry import catalogue as catalogue
@@ -42,7 +42,7 @@ from .runs.ensemble_results import EnsembleResult as EnsembleResult
 from .runs.ensemble_results import load_ensemble as load_ensemble
 from .runs.ensembles import ensemble as ensemble
 from .runs.executors import cluster_executor as cluster_executor
-from .runs.loop import integrate as integrate
+from .runs.integration import integrate as integrate
 from .runs.random_starts import perturbed_start as perturbed_start
 from .runs.random_starts import thermal_momenta as thermal_momenta
 from .runs.trajectory import Trajectory as Trajectory

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra import presentation
 from bseries.algebra.presentation import Term, known_digits
 from bseries.exact import recursions
-from bseries.exact.domains import FloatValues, RingValues, alike, apply, as_floats, exact_number, make_values, public
-from bseries.exact.operations import Operation, log_claim, wider_step
+from bseries.exact.domains import FloatValues, RingValues, alike, apply, as_floats, exact_number, make_values
+from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primes_up_to
 from bseries.exceptions import SeriesError
 from trees.counting import check_order
@@ -175,7 +175,7 @@ class BSeries(Mapping[Tree, Any]):
 
     def coefficients(self) -> list[Any]:
         """All coefficients in the order of the table."""
-        return public(self.stored)
+        return self.stored.coefficients()
 
     def is_zero(self, tree: Tree | str) -> bool:
         """Whether a coefficient is zero, as far as the digits of a method's decimals can tell."""
@@ -337,7 +337,7 @@ class BSeries(Mapping[Tree, Any]):
         def expression(arithmetic: Any, target: Any) -> Any:
             return recursions.logarithm(target(field=True), self.table, arithmetic)
 
-        return result_of(Operation(expression, log_claim, wider_step, field=True), 0, self)
+        return result_of(Operation(expression, log_denominator, wider_step, field=True), 0, self)
 
     def exp(self) -> BSeries:
         """The exact flow, over one step, of this field.

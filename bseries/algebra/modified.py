@@ -12,8 +12,8 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.flow_chains import FlowChain
 from bseries.algebra.stages import RationalStages, check_method, inputs_of, own_trees
 from bseries.exact import recursions
-from bseries.exact.domains import apply, public
-from bseries.exact.operations import Operation, log_claim, wider_step
+from bseries.exact.domains import apply
+from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.exact.entries import round_entry
@@ -97,7 +97,7 @@ def modified_equation(
         return recursions.logarithm(weights(field=True), table, arithmetic)
 
     def operation(inputs: MethodStages | FlowChain) -> Operation:
-        return Operation(expression, log_claim, wider_step, field=True, units=inputs.units)
+        return Operation(expression, log_denominator, wider_step, field=True, units=inputs.units)
 
     table = table_of(method, order, max_children)
     return of_method(method, table, operation, 0, inputs_of(method, table.max_order))
@@ -218,10 +218,10 @@ class Uncertainty:
     @cached_property
     def _spread(self) -> list[float]:
         inputs, values_of, digits, values = self._compute
-        exact, source = public(values), random.Random(digits)
+        exact, source = values.coefficients(), random.Random(digits)
         largest = [0.0] * len(exact)
         for _ in range(3):
-            changed = public(values_of(inputs.perturbed(source, digits)))
+            changed = values_of(inputs.perturbed(source, digits)).coefficients()
             largest = [max(s, abs(round_entry(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
         return [3 * s for s in largest]
 

@@ -1,7 +1,7 @@
 """Substitution: another field in place of f, in a method or in a series; its inverse; the modifying integrator.
 
 For a method the work goes stage by stage, as compositions of the substituted field with the series of the stages (see
-`bseries.exact.substitution_kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series
+`bseries.exact.kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series
 without stages needs the sum over all partitions of a tree, 2^(n−1) of them; no polynomial way is known.
 """
 
@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
-from bseries.exact import substitution_recursions as recursions
+from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import RingValues, alike, apply, divided, ring_element
 from bseries.exact.operations import Operation
 from bseries.exact.rationals import RationalValues, twos
-from bseries.exact.substitution_recursions import solved_denominators, substituted_denominators
+from bseries.exact.recursions import solved_denominators, substituted_denominators
 from bseries.exceptions import SeriesError
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable

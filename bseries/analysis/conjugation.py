@@ -248,4 +248,4 @@ def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Ca
     if isinstance(values, RingValues):
         values = divided(values)
         return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
-    return values.fractions(), Fraction, Fraction
+    return values.coefficients(), Fraction, Fraction

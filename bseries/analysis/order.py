@@ -121,7 +121,7 @@ def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
     exact = exact_values(table)
     if not auxiliary:
         return exact
-    values = zip(table, exact.fractions(), strict=True)
+    values = zip(table, exact.coefficients(), strict=True)
     return RationalValues.from_fractions(table, [0 if auxiliary & set(t.colors) else x for t, x in values])
 
 

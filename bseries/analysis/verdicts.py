@@ -16,7 +16,7 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.order import affordable_order, order_of, trusted
-from bseries.exact.domains import RingValues, make_values, public
+from bseries.exact.domains import RingValues, make_values
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def verdict(table: TreeTable, broken: int | None) -> Verdict:
 
 def decide(conditions: Conditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
     """The verdict of conditions on a series, which is the first of its `samples`."""
-    values = [_numbers(samples[0], flow)] if len(samples) == 1 else [public(s.stored) for s in samples]
+    values = [_numbers(samples[0], flow)] if len(samples) == 1 else [s.stored.coefficients() for s in samples]
     residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
     broken = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
     return verdict(samples[0].table, broken)
@@ -155,5 +155,5 @@ def _nearby(s: BSeries) -> Iterator[BSeries]:
     ranges = [s.uncertainty(at) * scale for at in range(len(s))]
     for _ in range(4):
         changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
-        changed = make_values(s.table, map(sum, zip(public(s.stored), changes, strict=True)))
+        changed = make_values(s.table, map(sum, zip(s.stored.coefficients(), changes, strict=True)))
         yield BSeries(s.table, changed, s.empty, names=s.names)

@@ -1,8 +1,8 @@
-"""The numbers that the recursions run on: exact ones, floats, residues, and bounds.
+"""Arithmetics: exact numbers, floats, residues, and rigorous bounds, for the same recursions.
 
-A recursion (`bseries.exact.recursions`) is written once; an arithmetic says how its vectors are stored, how numbers get
-in, and which execution of the kernels runs. Values of a flow carry a factor `flow_scale` per node and values of a field
-half of one factor less (see `Wrapped`); everywhere else both are 1.
+A recursion (`bseries.exact.recursions`) is written once. An arithmetic (`Exact` and its subclasses) says how vectors
+are stored, how numbers enter, and whether kernels run compiled. Some arithmetics scale values by a factor per node,
+with different exponents for flows and fields (see `Wrapped`); the others do not scale.
 """
 
 from __future__ import annotations
@@ -20,12 +20,10 @@ if TYPE_CHECKING:
     from trees.table import TreeTable
 
 PRIME_BITS = 30
-"""Primes p lie just below 2^30, residues below (1/2 + 2^−17) p: `MOST_TERMS` products of two add up in int64."""
-
+"""Primes are just below 2^30, residues below (1/2 + 2^−17) p: the sum of `MOST_TERMS` products fits in int64."""
 MOST_TERMS = 30
-
 MOST_STAGES = 1000
-"""So many stages leave the rounding errors of `Majorant` below what it allows for."""
+"""Up to this many stages, rounding errors of `Majorant` stay within its allowance."""
 
 
 class Exact:
@@ -38,7 +36,7 @@ class Exact:
         self._element = element
 
     def run(self, kernel: Kernel) -> Any:
-        """The execution of a kernel that suits these numbers."""
+        """The interpreted or compiled version of a kernel."""
         return kernel.py_func
 
     def zeros(self, size: int) -> Any:
@@ -62,15 +60,15 @@ class Exact:
         return numbers
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
-        """Order, colour, left and right of every tree, in the form that the kernels want."""
+        """Order, colour, left and right of every tree, as the kernels expect them."""
         return table.lists
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
-        """Columns of ids, such as those of splits and partitions, in the form that the kernels want."""
+        """Columns of ids, such as splits and partitions, as the kernels expect them."""
         return tuple(x if isinstance(x, list) else x.tolist() for x in columns)
 
     def number(self, value: Any) -> Any:
-        """One exact number, as an element of the ring in use."""
+        """An exact number as an element of the ring."""
         return value if self._element is None else self._element(value)
 
     def vector(self, values: Sequence[Any]) -> Any:
@@ -78,11 +76,11 @@ class Exact:
         return [self.number(value) for value in values]
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
-        """Factors of the terms of a sum, and what is left of them (see `bseries.exact.kernels.weighted_terms`)."""
+        """Factors of the terms of a sum, and their rounding errors (`bseries.exact.kernels.weighted_terms`)."""
         return self.vector(values), self.zeros(0)
 
     def node_factor(self, *, field: bool) -> int:
-        """Factor on the values of trees with one node (then to the power of the number of nodes)."""
+        """The scaling per node."""
         return 1
 
     def doubling(self, j: int, *, field: bool) -> int:
@@ -90,7 +88,7 @@ class Exact:
         return 1
 
     def raised(self, values: Any, table: TreeTable) -> Any:
-        """Values that a solution starts from; bounds are kept off zero (see `Majorant`)."""
+        """The values that a solution starts from; bounds are kept away from zero (see `Majorant`)."""
         return values
 
     entry_factors = (1, 1)
@@ -120,7 +118,7 @@ class Compiled(Exact):
         return np.zeros(size, self.wide)
 
     def width(self, entries: int) -> Any:
-        """Length of a row: a multiple of four, which fills vector registers."""
+        """Length of a row: a multiple of four, a full set of SIMD lanes."""
         import numpy as np
 
         return np.uint64(max(entries + 3, 4) // 4 * 4)
@@ -138,7 +136,7 @@ class Compiled(Exact):
         return np.array(numbers, np.uint64)
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
-        """Order, colour, left and right of every tree as unsigned arrays."""
+        """The columns as unsigned arrays."""
         return table.arrays
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
@@ -148,7 +146,7 @@ class Compiled(Exact):
         return tuple(np.asarray(x) for x in columns)
 
     def vector(self, values: Sequence[Any]) -> Any:
-        """An array of exact numbers, brought into this arithmetic."""
+        """An array of exact numbers."""
         import numpy as np
 
         return np.array([self.number(value) for value in values], self.dtype)
@@ -162,7 +160,7 @@ class FloatLists(Exact):
         return float(value)
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
-        """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 rounded, with nothing left."""
+        """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 are just rounded."""
         weights = [self.number(values[j]) if j < 2 else leading_bits(values[j]) for j in range(len(values))]
         tails = [0 if j < 2 else value - Fraction(weights[j]) for j, value in enumerate(values)]
         return self.vector(weights), self.vector(tails)
@@ -185,13 +183,13 @@ class Majorant(Float):
 
     Lie derivatives are sums of products, so bounds on |b| and |c| give bounds on |∂_b^j c| by the same recursion, and
     every other operation is a sum of those with known factors: all factors are made positive. In particular |log a| is
-    bounded by the β with β = |a| + Σ_{j≥2} ∂_β^{j−1} β / j!. (Tempting, but wrong: −log(−|a|). It bounds log a on tall
-    trees only, because the signs in a product over a forest multiply.)
+    bounded by the β with β = |a| + Σ_{j≥2} ∂_β^{j−1} β / j!. (−log(−|a|) would be wrong: it bounds log a on tall trees
+    only, because the signs in a product over a forest multiply.)
 
-    Values of trees with n nodes are scaled by 2^(−exponent·n) such that no input exceeds 1, and raised to at least
-    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is ever subtracted: a product of n
-    inputs passes through at most 3 n² + (s + 4) n roundings on its way (s stages), which makes a relative error below
-    2^−33 within `MOST_TERMS` and `MOST_STAGES` (in blocks s n² roundings), and `SLACK` covers several such steps.
+    Values of trees with n nodes are scaled by 2^(−exponent·n) so that no input exceeds 1, and raised to at least
+    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is subtracted: a product of n inputs is
+    rounded at most 3 n² + (s + 4) n times (s stages; in blocks s n² times). Within `MOST_TERMS` and `MOST_STAGES` the
+    relative error stays below 2^−33, and `SLACK` covers several such steps.
     """
 
     majorant = True
@@ -203,7 +201,7 @@ class Majorant(Float):
         self.floor = 800 // order
 
     def number(self, value: Any) -> float:
-        """|value|, rounded up, and lifted to the smallest positive number in use unless it is zero."""
+        """|value| rounded up, at least the smallest positive number in use unless zero."""
         return max(abs(float(value)) * (1 + 2.0**-50), 2.0**-self.floor) if value else 0.0
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
@@ -215,14 +213,14 @@ class Majorant(Float):
         return Fraction(2) ** -self.exponent
 
     def raised(self, values: Any, table: TreeTable) -> Any:
-        """Values lifted to 2^(−floor·n): where solutions enter products again, what underflows is far below that."""
+        """Values of at least 2^(−floor·n), far above anything that underflows in later products."""
         import numpy as np
 
         return np.maximum(values, 2.0 ** -(self.floor * table.order.astype(float)))
 
 
 class Prime(Compiled):
-    """Residues modulo a prime below 2^30, of least absolute value."""
+    """Residues of least absolute value modulo a prime below 2^30."""
 
     dtype, wide = "int32", "int64"
 
@@ -240,12 +238,12 @@ class Prime(Compiled):
 
 
 class Wrapped(Compiled):
-    """Integers modulo 2^64: int64 that wraps around. One pass, the fastest exact arithmetic there is.
+    """Integers modulo 2^64 (int64 with wraparound): one pass, the fastest exact arithmetic.
 
-    Odd denominators are units modulo 2^64; powers of two are scaled away. Let a(τ) 2^(e·n) be free of them for trees
-    with n nodes. In a flow every value carries the factor 2^((e+1)n), in a field 2^((e+1)n − 1). Then the j-th
+    Odd denominators are units modulo 2^64; scaling removes powers of two. Suppose a(τ) 2^(e·n) has an odd denominator
+    for trees with n nodes. Values of a flow carry the factor 2^((e+1)n), those of a field 2^((e+1)n − 1). Then the j-th
     Lie derivative of a flow carries 2^((e+1)n − j), and since j! has fewer than j factors of two, 2^j/j! (2^(j−1)/j!
-    towards a field) is a 2-adic integer: the recursions need no other multipliers and never divide.
+    towards a field) is a 2-adic integer: the recursions need no other factors and no division.
     """
 
     dtype = wide = "int64"
@@ -263,23 +261,23 @@ class Wrapped(Compiled):
         return residue - 2**64 if residue >= 2**63 else residue
 
     def node_factor(self, *, field: bool) -> int:
-        """2^(e+1), or 2^e where the product over the nodes shall be a field's value."""
+        """2^(e+1), or 2^e where the product over the nodes gives the value of a field."""
         return 2**self.twos if field else 2 ** (self.twos + 1)
 
     def doubling(self, j: int, *, field: bool) -> int:
-        """2^j, or 2^(j−1) towards a field, which has no 0-th term."""
+        """2^j, or 2^(j−1) towards a field, which has no term j = 0."""
         return 2**j // 2 if field else 2**j
 
     def twos_of(self, n: int, *, field: bool) -> int:
-        """The exponent of the factor that values at trees with n nodes carry."""
+        """The exponent of two in the scaling of trees with n nodes."""
         return (self.twos + 1) * n - field
 
 
 class WrappedParts(Wrapped):
     """Integers modulo 2^64 for sums over partitions, a(skeleton) Π b(parts).
 
-    Parts with n nodes (and results) carry 2^(slope·n − offset), skeletons with m nodes 2^(offset·(m−1)): the product
-    over all parts and the skeleton carries 2^(slope·n − offset) again, for every partition of a tree with n nodes.
+    Parts with n nodes (and results) carry 2^(slope·n − offset), skeletons with m nodes 2^(offset·(m−1)). For every
+    partition of a tree with n nodes the product of skeleton and parts carries 2^(slope·n − offset) again.
     """
 
     def __init__(self, slope: int, offset: int):
@@ -288,17 +286,17 @@ class WrappedParts(Wrapped):
         self.offset = offset
 
     def twos_of(self, n: int, *, field: bool) -> int:
-        """The exponent of the factor on a part (field) or a skeleton."""
+        """The exponent of two in the scaling of a part (field) or a skeleton."""
         return self.slope * n - self.offset if field else self.offset * (n - 1)
 
 
 class WrappedStages(Wrapped):
     """Integers modulo 2^64 for the modifying integrator, stage by stage.
 
-    Let 2^d and 2^e be the powers of two in the denominators of the stage matrices and of the weights. Fields, and the
-    stages' values k_i, carry 2^((d+e+1)(n−1)); points Y = Σ a k and their logarithms 2^d more, which is the factor on
-    a; so the j-th derivative along a logarithm lacks 2^(j(e+1)), and weights of 2^(j+(j−1)e)/j! leave 2^e for the b in
-    the sum Σ b_i k_i. All these are 2-adic integers since j! has fewer than j factors of two.
+    Let 2^d and 2^e be the powers of two in the denominators of the stage matrices and of the weights. Fields and stage
+    derivatives k_i carry 2^((d+e+1)(n−1)); points Y = Σ a k and their logarithms carry 2^d more, the factor on a. The
+    j-th derivative along a logarithm then lacks 2^(j(e+1)), and weights of 2^(j+(j−1)e)/j! leave 2^e for b in
+    Σ b_i k_i. All these are 2-adic integers since j! has fewer than j factors of two.
     """
 
     def __init__(self, of_matrix: int, of_weights: int):
@@ -307,15 +305,15 @@ class WrappedStages(Wrapped):
         self.entry_factors = (2**of_matrix, 2**of_weights)
 
     def twos_of(self, n: int, *, field: bool) -> int:
-        """The exponent of the factor on a field."""
+        """The exponent of two in the scaling of a field."""
         return (self.twos + 1) * (n - 1)
 
     def doubling(self, j: int, *, field: bool) -> int:
-        """Towards a logarithm (field) 2^((j−1)(e+1)), towards a stage's value 2^(j+(j−1)e)."""
+        """2^((j−1)(e+1)) towards a logarithm (field), 2^(j+(j−1)e) towards a stage derivative."""
         return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
 
 
-# One object for each, so that vectors can be kept by arithmetic (below, and in `bseries.exact.recursions`).
+# One object for each set of arguments, so that caches can be keyed by arithmetic.
 floats = lru_cache(maxsize=1)(Float)
 float_lists = lru_cache(maxsize=1)(FloatLists)
 prime_field = lru_cache(maxsize=1024)(Prime)
@@ -329,7 +327,7 @@ majorants = lru_cache(maxsize=64)(Majorant)
 def factorial_weights(
     arithmetic: Exact, count: int, factor: Any, field: bool, *, negated: bool = False
 ) -> tuple[Any, Any]:
-    """±factor^j / j! for j = 0 … count, as factors for sums that give a field's or a flow's values."""
+    """±factor^j / j! for j = 0 … count, as factors of sums that give a field or a flow."""
     weights, weight = [], Fraction(-1 if negated else 1)
     for j in range(count + 1):
         weights.append(weight * arithmetic.doubling(j, field=field))

@@ -1,16 +1,24 @@
-"""What a coefficient may be, and how a vector of coefficients is held.
+"""Coefficient domains: the kinds of numbers that coefficients of series can be.
 
-Three kinds of values, from the narrowest to the widest:
+Three domains, from the narrowest to the widest:
 
-- `RationalValues` (``QQ``, in `bseries.exact.rationals`): integers over common denominators, on the fast path. The
-  docstring of `bseries.exact.operations` says why the integers are proved.
-- `RingValues`: algebraic numbers and expressions in symbols, as elements of a SymPy domain that carries the recursions.
-  A common denominator L of the method's entries is kept apart (coefficient = element / L^n), so that no greatest
-  common divisor is taken before a coefficient is read.
-- `FloatValues` (``RR``): float64, once a float went in.
+- rational numbers (``QQ``): `RationalValues`, integers over common denominators (`bseries.exact.rationals`); the
+  docstring of `bseries.exact.operations` says how they are proved;
+- a ring of algebraic numbers or of expressions in symbols: `RingValues`, elements of a SymPy domain. A common
+  denominator L of the entries of a method is kept apart (coefficient = element / L^n), so that no greatest common
+  divisor is computed before a coefficient is read;
+- floating-point numbers (``RR``): `FloatValues`, float64, as soon as one operand is a float.
 
-Operands of different kinds are brought to the wider one; a result that fits into a narrower exact kind goes there.
-SymPy's own rational type never leaves this file.
+A domain provides three things, which share the name `kind`:
+
+- values: a class that satisfies `Values`, the coefficients of a series;
+- stages: a class in `bseries.algebra.stages`, the entries of a method, with ``load`` as in `Values`: the elementary
+  weights, or with ``field=None`` the stages themselves;
+- an arithmetic: a subclass of `bseries.exact.arithmetic.Exact` that the recursions run in.
+
+`make_values` picks the domain of given numbers, `alike` brings operands to the widest of their domains, and `apply`
+runs an operation in the arithmetic of its operands; `bseries.algebra.stages` does the first two for methods. A result
+that fits into a narrower exact domain is moved there. SymPy's own rational type never leaves this file.
 """
 
 from __future__ import annotations
@@ -21,7 +29,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache, partial
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
 from bseries.exact.operations import Operation, evaluate
@@ -35,11 +43,43 @@ if TYPE_CHECKING:
     from trees.table import TreeTable
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
-    Values: TypeAlias = "RationalValues | RingValues | FloatValues"
+
+
+class Values(Protocol):
+    """The coefficients of all trees of a table, in one domain.
+
+    Attributes:
+        kind: The domain: ``rational``, ``ring`` or ``float``.
+        table: The trees.
+    """
+
+    kind: str
+    table: TreeTable
+
+    @property
+    def name(self) -> str:
+        """The name of the domain as users see it, such as ``QQ`` or ``QQ<sqrt(3)>``."""
+        ...
+
+    def __getitem__(self, at: int) -> Coefficient:
+        """The coefficient of a tree, given its id."""
+        ...
+
+    def coefficients(self) -> list[Any]:
+        """All coefficients, as users see them."""
+        ...
+
+    def is_zero(self, at: int) -> bool:
+        """Whether the coefficient of a tree is zero."""
+        ...
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
+        """The values as a raw vector of an arithmetic, scaled as a field or a flow; `table` is that of the values."""
+        ...
 
 
 def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
-    """A number in its narrowest kind: Fraction, float, or a SymPy expression without floats.
+    """A number in its narrowest domain: a Fraction, a float, or a SymPy expression without floats.
 
     Raises:
         SeriesError: It is not a finite number or expression.
@@ -68,7 +108,7 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
 
 
 def _is_usable(value: sympy.Expr) -> bool:
-    """Whether an expression can be a coefficient: commuting symbols, real and finite numbers."""
+    """Whether an expression can be a coefficient: real, finite, and commutative."""
     import sympy
 
     outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
@@ -76,7 +116,7 @@ def _is_usable(value: sympy.Expr) -> bool:
 
 
 class FloatValues:
-    """float64 coefficients of all trees of a table."""
+    """Coefficients in float64."""
 
     kind = "float"
     name = "RR"
@@ -88,7 +128,7 @@ class FloatValues:
     def __getitem__(self, at: int) -> float:
         return float(self.raw[at])
 
-    def public(self) -> list[float]:
+    def coefficients(self) -> list[float]:
         """All coefficients."""
         return list(self.raw) if isinstance(self.raw, list) else self.raw.tolist()
 
@@ -102,7 +142,7 @@ class FloatValues:
 
 
 MOST_DEGREE = 16
-"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified one by one."""
+"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified instead."""
 
 
 class RingValues:
@@ -122,7 +162,7 @@ class RingValues:
         return str(self.ring if self.step == self.ring.one else self.ring.get_field())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return make_values, (self.table, self.public())
+        return make_values, (self.table, self.coefficients())
 
     def __getitem__(self, at: int) -> Fraction | sympy.Expr:
         import sympy
@@ -136,7 +176,7 @@ class RingValues:
             value = field.to_sympy(quotient)
         return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
 
-    def public(self) -> list[Fraction | sympy.Expr]:
+    def coefficients(self) -> list[Fraction | sympy.Expr]:
         """All coefficients."""
         return [self[at] for at in range(len(self.elements))]
 
@@ -149,7 +189,7 @@ class RingValues:
         return self.elements
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
-        """The same coefficients in a larger ring, over another common denominator (a multiple of this one)."""
+        """The same coefficients in a larger ring, over a multiple of the common denominator."""
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
@@ -158,9 +198,9 @@ class RingValues:
         return RingValues(self.table, ring, elements, step)
 
     def narrowed(self) -> RingValues | RationalValues:
-        """These values as rationals if they all are."""
+        """The values as `RationalValues` if they all are rational."""
         if all(isinstance(self[at], Fraction) for at in range(len(self.elements))):
-            return RationalValues.from_fractions(self.table, self.public())  # pyright: ignore[reportArgumentType]
+            return RationalValues.from_fractions(self.table, self.coefficients())  # pyright: ignore[reportArgumentType]
         return self
 
 
@@ -172,12 +212,12 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     domain: Any
     ring: Any
     few = math.prod(_degrees(expressions)) <= MOST_DEGREE
-    distinct = list(dict.fromkeys(expressions))  # finding an element of a number field takes long
+    distinct = list(dict.fromkeys(expressions))  # elements of a number field are slow to find
     domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
     found = dict(zip(distinct, elements, strict=True))
     elements = [found[e] for e in expressions]
     if not domain.is_Numerical and not domain.is_EX and not all(x.is_Symbol or x.is_number for x in domain.symbols):
-        domain, elements = sympy.EX, [sympy.EX(e) for e in expressions]  # x and sqrt(x) are no independent symbols
+        domain, elements = sympy.EX, [sympy.EX(e) for e in expressions]  # x and sqrt(x) are not independent
     if few and domain.is_EX and (mixed := _polynomials_over_algebraic_numbers(expressions)):
         domain, elements = mixed
     if domain.is_FractionField:
@@ -188,7 +228,7 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
         numerators = [element.numer * ring.exquo(common, element.denom) for element in elements]
     else:
         ring, numerators, common = domain, list(elements), domain.one  # e.g. ZZ[x], QQ<sqrt(3)>, EX
-    # 1/j! must be at hand: coefficients of polynomials are made rational.
+    # The recursions need 1/j!, hence rational coefficients of polynomials.
     wide: Any = sympy.QQ if ring.is_ZZ else ring
     if ring.is_PolynomialRing and ring.domain.is_ZZ:
         wide = sympy.QQ[ring.symbols]
@@ -196,7 +236,7 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
 
 
 def converted(element: Any, source: Any, target: Any) -> Any:
-    """An element of one SymPy domain in another; of number fields only the generator's image is ever searched for."""
+    """An element of one SymPy domain in another; of a number field only the generator is converted by SymPy."""
     if source == target:
         return element
     if not source.is_AlgebraicField:
@@ -213,7 +253,7 @@ def _image(source: Any, target: Any) -> Any:
 
 
 def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
-    """Degrees of the roots in these expressions, each root once."""
+    """The degree of each distinct root in the expressions."""
     import sympy
 
     roots: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
@@ -221,7 +261,7 @@ def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
 
 
 def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
-    """A fraction field over the algebraic numbers in the entries; None if the entries are not rational functions."""
+    """A fraction field over the algebraic numbers in the entries; None if some entry is no rational function."""
     import sympy
     from sympy.polys.polyerrors import BasePolynomialError
 
@@ -238,7 +278,7 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
 
 
 def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
-    """Values from numbers given one by one, in the narrowest kind that holds them all."""
+    """Values from one number for each tree, in the narrowest domain that holds them all."""
     entries = [exact_number(number) for number in numbers]
     if any(isinstance(entry, float) for entry in entries):
         return FloatValues(table, [to_float(entry) for entry in entries])
@@ -253,9 +293,8 @@ def to_float(number: Any) -> float:
     """The nearest float.
 
     Raises:
-        SeriesError: It holds symbols without a value.
+        SeriesError: The number has symbols without a value.
     """
-
     try:
         return nearest_double(number)
     except ArithmeticError:
@@ -264,20 +303,15 @@ def to_float(number: Any) -> float:
         raise SeriesError(f"coefficient must be a number to become a float, but was {number!s:.60}") from error
 
 
-def public(values: Values) -> list[Any]:
-    """All coefficients as users see them."""
-    return values.fractions() if isinstance(values, RationalValues) else values.public()
-
-
 def as_floats(values: Values) -> FloatValues:
     """The nearest floats."""
     if isinstance(values, FloatValues):
         return values
-    return FloatValues(values.table, [to_float(number) for number in public(values)])
+    return FloatValues(values.table, [to_float(number) for number in values.coefficients()])
 
 
 def alike(operands: Sequence[Values]) -> list[Any]:
-    """The operands, all of the widest kind among them (and in one ring)."""
+    """The operands in the widest of their domains, over one ring and common denominator."""
     if any(isinstance(values, FloatValues) for values in operands):
         return [as_floats(values) for values in operands]
     if all(isinstance(values, RationalValues) for values in operands):
@@ -300,12 +334,12 @@ def as_ring(values: Any) -> RingValues:
 
     if isinstance(values, RingValues):
         return values
-    elements = [QQ(x.numerator, x.denominator) for x in values.fractions()]
+    elements = [QQ(x.numerator, x.denominator) for x in values.coefficients()]
     return RingValues(values.table, QQ, elements, QQ.one)
 
 
 def divided(values: RingValues) -> RingValues:
-    """The same values with the common denominator divided out, in the field of fractions."""
+    """The same values in the field of fractions, without a common denominator."""
     field = values.ring.get_field()
     step = converted(values.step, values.ring, field)
     elements = [
@@ -316,7 +350,7 @@ def divided(values: RingValues) -> RingValues:
 
 
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
-    """The result of an operation on operands of one kind: a method's stages, or `Values` made `alike`."""
+    """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
     if first.kind == "rational":
         return evaluate(table, operands, operation)
@@ -341,7 +375,7 @@ def _all_finite(raw: Any) -> bool:
 
 
 def ring_element(ring: Any, number: Any) -> Any:
-    """A rational number as an element of a ring; elements stay as they are."""
+    """A rational number as an element of a ring; elements are returned unchanged."""
     if isinstance(number, Rational):
         from sympy import QQ
 

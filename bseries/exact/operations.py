@@ -1,11 +1,11 @@
-"""The fast exact path: rational series as integers over one denominator for each number of nodes.
+"""Exact operations on rational series: integers over one denominator for each number of nodes.
 
-Why the integers are proved and not guessed: an operation comes with three facts. (1) A *claim*: denominators D_n such
-that D_n · result(τ) is an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)|, computed by the same
-recursion in the arithmetic of bounds (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without
-any rounding. Once M > 2 · bound · D_n, only one integer fits. The claims, for a flow a with a(τ) L^n integral:
+The integers are proved by three facts about an operation. (1) A *denominator bound*: D_n such that D_n · result(τ) is
+an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)|, computed by the same recursion on absolute
+values (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without rounding. Once
+M > 2 · bound · D_n, only one integer fits. Denominator bounds, for a flow a with a(τ) L^n integral:
 
-- weights of a method whose entries have the common denominator L: a(τ) L^n (n entries are multiplied);
+- weights of a method whose entries have the common denominator L: L^n (n entries are multiplied);
 - log a = Σ (−1)^{j+1} (a−ε)^j / j, j ≤ n: lcm(1, …, n) L^n, which is minimal for n ≤ 12;
 - exp b = Σ ∂_b^{j−1} b / j!: n! L^n; compose and inverse have integer structure constants: L^n;
 - a^{p/q} = Σ binom(p/q, k) (a−ε)^k: (q · rad q)^n L^n.
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from trees.table import TreeTable
 
 SMALL = 2000
-"""On tables of so few trees a pass takes no longer than handing it to another thread."""
+"""Number of trees below which a pass takes no longer than handing it to another thread."""
 
 
 class Source(Protocol):
-    """An input of a rational operation: a method's stages or a series."""
+    """An input of a rational operation: the stages of a method or a series."""
 
     @property
     def step(self) -> int:
@@ -54,7 +54,7 @@ class Source(Protocol):
 
     @property
     def terms(self) -> int:
-        """How many products are added when the values are loaded."""
+        """Number of products in the longest sum when the values are loaded."""
         ...
 
     @property
@@ -63,23 +63,27 @@ class Source(Protocol):
         ...
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
-        """The values as a raw vector of an arithmetic."""
+        """The values as a raw vector of the arithmetic, scaled as a field or a flow."""
         ...
 
 
 class Operation(NamedTuple):
-    """An operation on series, with what is known about its result.
+    """An operation on series, with the facts that prove its result.
 
-    `expression(arithmetic, *loaders)` gives the raw result, where loader(field=…) gives an input's raw values.
-    `claim(n, L)` is the denominator D_n, `step(order, L)` an L for the result. `field` says how the raw result is
-    scaled (see `Wrapped`). The operation's own multipliers have denominators that divide powers of `units`, beside j!;
-    if it is even, nothing runs modulo 2^64. Primes that divide `avoid` are not used: numbers that are divided by.
-    `bounds`, if they are known without a run, are log₂ of bounds on the result for n = 1, 2, … nodes; `integers`, if
-    given, is the arithmetic modulo 2^64 that suits the operation (None: the homogeneous one; see `Wrapped`).
+    Attributes:
+        expression: expression(arithmetic, *loaders) is the raw result; loader(field=…) gives an operand's raw values.
+        denominator: denominator(n, L) is the denominator bound D_n.
+        step: step(order, L) is some L for the result.
+        field: Whether the raw result is scaled as a field (see `Wrapped`).
+        units: A number a power of which every denominator of the operation's own factors divides, apart from j!. If it
+            is even, nothing runs modulo 2^64.
+        avoid: A number divided by: its prime factors are not used as moduli.
+        bounds: log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run.
+        integers: The arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`).
     """
 
     expression: Callable[..., Any]
-    claim: Callable[[int, int], int]
+    denominator: Callable[[int, int], int]
     step: Callable[[int, int], int]
     field: bool
     units: int = 1
@@ -88,8 +92,8 @@ class Operation(NamedTuple):
     integers: Wrapped | None = None
 
 
-def log_claim(n: int, step: int) -> int:
-    """Denominators of log a for trees with n nodes (see above)."""
+def log_denominator(n: int, step: int) -> int:
+    """The denominator bound of log a for trees with n nodes (see above)."""
     return lcm_up_to(n) * step**n
 
 
@@ -101,7 +105,7 @@ def wider_step(order: int, step: int) -> int:
 def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) -> RationalValues:
     """Exact values of an operation on rational sources."""
     common = math.lcm(*(source.step for source in sources))
-    denominators = [1] + [operation.claim(n, common) for n in range(1, table.max_order + 1)]
+    denominators = [1] + [operation.denominator(n, common) for n in range(1, table.max_order + 1)]
     step = operation.step(table.max_order, common)
 
     def run(arithmetic: Exact) -> Any:
@@ -130,14 +134,14 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
 
 @lru_cache(maxsize=64)
 def _sharpened(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[int, ...]:
-    """The claims with as many factors of two as a number that the arithmetic makes a 2-adic integer can have."""
+    """The denominator bounds without factors of two that the scaling modulo 2^64 excludes."""
     excess = (twos(d) - integers.twos_of(n, field=field) for n, d in enumerate(denominators[1:], 1))
     return 1, *(d >> max(0, more) for d, more in zip(denominators[1:], excess, strict=True))
 
 
 @lru_cache(maxsize=64)
-def _carried(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> list[int]:
-    """By how many factors of two raw values exceed the numerators, for n = 1, 2, …."""
+def _excess_twos(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> list[int]:
+    """Exponents of two by which raw values exceed the numerators, for n = 1, 2, …."""
     return [integers.twos_of(n, field=field) - twos(d) for n, d in enumerate(denominators[1:], 1)]
 
 
@@ -145,27 +149,22 @@ def _numerators(
     table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
     integers: Wrapped | None, field: bool,
 ) -> Any:  # fmt: skip
-    """The numerators, modulo 2^64 if they fit there with the powers of two that they carry, else modulo primes."""
-    if integers is not None:
-        carried = _carried(integers, tuple(denominators), field)
-        if max(map(add, bits, carried)) < 62:
-            return _run_wrapped(table, run, integers, denominators, field)
+    """The numerators, found modulo 2^64 if they fit there with their powers of two, else modulo primes."""
+    if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), field))) < 62:
+        return _run_wrapped(table, run, integers, denominators, field)
     return _run_primes(table, run, max(bits), avoid, denominators)
 
 
 def _integer(value: Fraction | int) -> int:
     if value.denominator != 1:
-        raise ArithmeticError(f"claimed denominator is wrong: {value} is not an integer")
+        raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
     return value.numerator
 
 
 def _bits(
     table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]
 ) -> list[float] | None:
-    """Bits of the largest numerator, sign not counted, for trees with 1, 2, … nodes: proved upper bounds.
-
-    None if a bound exceeds the range of floats.
-    """
+    """Proved bounds on log₂ |numerator| for trees with 1, 2, … nodes; None beyond the range of floats."""
     import numpy as np
 
     try:
@@ -195,7 +194,7 @@ def _run_wrapped(
 
 @lru_cache(maxsize=64)
 def _scaling(arithmetic: Wrapped, denominators: tuple[int, ...], field: bool) -> tuple[Any, Any]:
-    """Odd part of each denominator modulo 2^64, and by how many powers of two the raw values exceed the rest of it."""
+    """The odd part of each denominator modulo 2^64, and the exponent of two by which raw values exceed the rest."""
     import numpy as np
 
     odd = [arithmetic.number(d >> twos(d)) for d in denominators]
@@ -206,7 +205,7 @@ def _scaling(arithmetic: Wrapped, denominators: tuple[int, ...], field: bool) ->
 def _run_primes(
     table: TreeTable, run: Callable[[Exact], Any], bits: float, avoid: int, denominators: Sequence[int]
 ) -> Any:
-    """One run for each prime, two at a time where there are two cores: compiled kernels release the GIL."""
+    """One run for each prime, in parallel threads: compiled kernels release the GIL."""
     import numpy as np
 
     primes = primes_beyond(bits + 2, avoid)
@@ -226,12 +225,12 @@ def _run_primes(
 
 @lru_cache(maxsize=1)
 def _threads(process: int) -> ThreadPoolExecutor:
-    """One pool for each process; starting threads takes longer than a pass over a small table."""
+    """One pool for each process: starting threads takes longer than a pass over a small table."""
     return ThreadPoolExecutor(min(os.cpu_count() or 1, 8))
 
 
 def combine(residues: Any, primes: Sequence[int], bits: float) -> Any:
-    """The integers of at most `bits` bits with these residues: an int64 array if they fit, else a list."""
+    """The integers below 2^bits in size with these residues: an int64 array if they fit, else a list."""
     import numpy as np
 
     words = 2 if bits < 62 else int(bits + 2) // 32 + 1
@@ -242,6 +241,6 @@ def combine(residues: Any, primes: Sequence[int], bits: float) -> Any:
     stored = limbs.astype("<u4")
     low = np.ascontiguousarray(stored[:, :2]).view("<i8")[:, 0]
     if np.array_equal(stored[:, 2:].view("<i4"), np.broadcast_to((low >> 63)[:, None], (len(low), words - 2))):
-        return low  # bounds are generous: most often the numbers are smaller
+        return low  # usually the numbers are far smaller than their bounds
     data, width = stored.tobytes(), 4 * words
     return [int.from_bytes(data[i : i + width], "little", signed=True) for i in range(0, len(data), width)]

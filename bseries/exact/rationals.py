@@ -42,7 +42,7 @@ class RationalValues:
 
     @classmethod
     def from_fractions(cls, table: TreeTable, values: Sequence[Fraction | int]) -> RationalValues:
-        """Values given one by one."""
+        """Values from one number for each tree."""
         denominators, numerators, step = [1], [], 1
         for n in range(1, table.max_order + 1):
             part = [Fraction(values[i]) for i in table.ids(n)]
@@ -67,8 +67,8 @@ class RationalValues:
             numerators[first:last] = _quotients(part, common)
         return RationalValues(self.table, numerators, denominators, math.lcm(*denominators))
 
-    def fractions(self) -> list[Fraction]:
-        """All values."""
+    def coefficients(self) -> list[Fraction]:
+        """All coefficients."""
         values = []
         for n in range(1, self.table.max_order + 1):
             common, ids = self.denominators[n], self.table.ids(n)
@@ -77,9 +77,9 @@ class RationalValues:
         return values
 
     def map(self, function: Callable[[int, Fraction], Fraction]) -> RationalValues:
-        """function(number of nodes, value) for every tree."""
+        """The values function(number of nodes, value)."""
         nodes = self.table.columns.order
-        values = [function(int(nodes[i]), value) for i, value in enumerate(self.fractions())]
+        values = [function(int(nodes[i]), value) for i, value in enumerate(self.coefficients())]
         return RationalValues.from_fractions(self.table, values)
 
     def is_zero(self, at: int) -> bool:
@@ -100,10 +100,10 @@ class RationalValues:
         return most + 1e-9 if most > 0 else 0.0
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
-        """The values as a raw vector of an arithmetic (`table` is this series' own)."""
+        """The values as a raw vector of an arithmetic; `table` is that of these values."""
         if isinstance(arithmetic, Wrapped | Prime | Majorant):
             return self._load_array(arithmetic, field)
-        return arithmetic.vector(self.fractions())
+        return arithmetic.vector(self.coefficients())
 
     def _load_array(self, arithmetic: Wrapped | Prime | Majorant, field: bool) -> Any:
         import numpy as np
@@ -115,7 +115,7 @@ class RationalValues:
             out = vector[ids.start : ids.stop]
             if isinstance(arithmetic, Majorant):
                 scale = common << (arithmetic.exponent * n)
-                scale_float = float(scale) if scale.bit_length() < 1000 else math.inf  # tiny anyway: lifted below
+                scale_float = float(scale) if scale.bit_length() < 1000 else math.inf  # raised below
                 bounds = (
                     [abs(x) / scale for x in part]
                     if isinstance(part, list)
@@ -137,7 +137,7 @@ class RationalValues:
 def _largest(numbers: Any) -> int:
     if isinstance(numbers, list):
         return max((abs(x) for x in numbers), default=0)
-    return max(int(numbers.max(initial=0)), -int(numbers.min(initial=0)))  # |−2^63| is no int64
+    return max(int(numbers.max(initial=0)), -int(numbers.min(initial=0)))  # |−2^63| overflows int64
 
 
 def _gcd(number: int, numbers: Any) -> int:
@@ -149,7 +149,7 @@ def _gcd(number: int, numbers: Any) -> int:
 
 
 def _quotients(numbers: Any, divisor: int) -> Any:
-    """Integers divided by a common divisor, which is no int64 where they all are 0 (or −2^63)."""
+    """Integers divided by a common divisor, which exceeds int64 if all are 0 or −2^63."""
     if isinstance(numbers, list) or divisor >= 2**63:
         return [int(x) // divisor for x in numbers]
     return numbers // divisor
@@ -165,7 +165,7 @@ def _wrapped(numbers: Any) -> Any:
 
 
 def smallest_step(denominators: Sequence[int], step: int) -> int:
-    """A small L with denominators[n] dividing L^n, found by taking small primes off `step`, which has that property."""
+    """A small L with denominators[n] dividing L^n: `step`, which has that property, without needless small primes."""
     for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37):
         while step % prime == 0:
             smaller = step // prime
@@ -193,5 +193,5 @@ def lcm_up_to(n: int) -> int:
 
 
 def twos(number: int) -> int:
-    """How often 2 divides a number."""
+    """The exponent of 2 in a number."""
     return (number & -number).bit_length() - 1

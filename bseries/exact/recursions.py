@@ -1,32 +1,34 @@
-"""The recursions on whole tables of trees, in any arithmetic: weights of a method, log, and Lie series.
+"""Recursions over a table of trees, in any arithmetic: elementary weights, logarithm, Lie series, substitution.
 
-Each takes and gives raw vectors of an arithmetic, one number per tree. `bseries.exact.domains` turns them into
-coefficients.
+Arguments and results are raw vectors of an arithmetic, one number per tree; `bseries.exact.domains` turns them into
+coefficients. The denominators of substituted series are here as well.
 """
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exact import kernels
 from bseries.exact.arithmetic import Exact, factorial_weights
 from trees.counting import memory_estimate, refuse_table_beyond_memory
+from trees.table import partitions_of
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
 
 
 class Stages:
-    """What the recursions need of a method: flat matrices and weights, colour by colour.
+    """The stage matrices and weights of a method, flat, colour by colour.
 
-    Stage vectors multiply componentwise, or block by block: a block of s components is a polynomial modulo
-    z^s + Σ relation_k z^k. With one block, whose polynomial has the nodes as roots, methods with irrational nodes stay
-    rational (`integrators.StageAlgebra`); modulo z², a block carries a value and a derivative; modulo a high power of
-    z, a polynomial in the time of an exact flow (`bseries.algebra.program_stages`).
+    Stage vectors multiply componentwise or in blocks: a block of s components is a polynomial modulo
+    z^s + Σ relation_k z^k. One block whose polynomial has the nodes as roots keeps methods with irrational nodes
+    rational (`integrators.StageAlgebra`); modulo z², a block holds a value and a derivative; modulo a high power of z,
+    a polynomial in the time of an exact flow (`bseries.algebra.program_stages`).
     """
 
     __slots__ = ("a", "b", "blocks", "longest", "relation", "size")
@@ -46,7 +48,7 @@ class Stages:
 
 
 def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-    """Weights of a method for every tree of the table; `field` scales them as `Wrapped` wants a field."""
+    """Elementary weights of a method for every tree; `field`: scaled as a field (see `Wrapped`)."""
     size, top, count = len(table), table.offsets[-2], stages.size
     blocks, start, column, a, b, relation = entries(stages, arithmetic, field)
     _, color, left, right = arithmetic.columns(table)
@@ -61,12 +63,12 @@ def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, f
 
 @lru_cache(maxsize=1024)
 def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any, ...]:
-    """The entries of a method in an arithmetic: matrices by rows without zeros.
+    """The entries of a method in an arithmetic, matrices in compressed sparse rows.
 
-    Each carries the factor of one node, the weights towards a field's or a flow's values; None: no node's factor.
+    Entries carry the scaling of one node, weights that of a field or flow; with `field` None, neither does.
 
     Returns:
-        The ends of blocks, where each row starts, the columns and values of its entries, the weights, the relation.
+        Block ends, row starts, columns, matrix entries, weights, relation.
     """
     node, last = (
         arithmetic.entry_factors
@@ -86,13 +88,13 @@ def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any,
 
 
 def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
-    """The field b with exp b = target, a flow given with a field's scaling.
+    """The field b with exp b = target, a flow with the scaling of a field.
 
     Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!; for bounds the differences become sums.
     """
     field = arithmetic.zeros(len(table))
     weights = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
-    one = arithmetic.vector([1])[0]  # of the type that the others have: the kernel is compiled once for each
+    one = arithmetic.vector([1])[0]  # in the type of the vectors: a kernel is compiled once per type
     _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), one, weights, target)
     return field
 
@@ -123,9 +125,9 @@ def derivatives(
     *,
     sparse: bool = False,
 ) -> Any:
-    """Σ_j weight_j · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty; `sparse`: few b are not 0.
+    """Σ_j weight_j · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty.
 
-    The weights are `factors` of the arithmetic.
+    `weights` are `factors` of the arithmetic; `sparse` says that the field vanishes at most trees.
     """
     result = arithmetic.zeros(len(table))
     base = arithmetic.zeros(0) if base is None else base
@@ -138,6 +140,7 @@ def _lie_series(
     table: TreeTable, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any,
     weights: tuple[Any, Any], result: Any,
 ) -> None:  # fmt: skip
+    """Run the kernel over all trees, chunk by chunk."""
     run = arithmetic.run(kernels.lie_series)
     top = table.offsets[-2]
     width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
@@ -150,8 +153,152 @@ def _lie_series(
         )  # fmt: skip
 
 
+class Layout(NamedTuple):
+    """The blocks of a method, and the indices of those whose stages differ from the start value."""
+
+    blocks: list[int]
+    live: list[int]
+    degrees: list[int]
+    moved: int
+
+
+@lru_cache(maxsize=256)
+def _layout(stages: Stages) -> Layout:
+    """Blocks with a nonzero row get an index; products modulo a power of z need no higher coefficients."""
+    size = stages.size
+    blocks = stages.blocks or list(range(size + 1))
+    live, degrees, moved = [], [], 0
+    for first, last in pairwise(blocks):
+        rows = (row for row in range(len(stages.a) // size) if first <= row % size < last)
+        is_moved = any(any(stages.a[row * size : (row + 1) * size]) for row in rows)
+        live.append(moved if is_moved else -1)
+        moved += (last - first) * is_moved
+        is_power = not any(stages.relation[first:last])
+        degrees.append(last - first if is_power else 2 * (last - first) - 1)
+    return Layout(blocks, [moved if at < 0 else at for at in live], degrees, moved)
+
+
+def into_stages(
+    stages: Stages,
+    table: TreeTable,
+    arithmetic: Exact,
+    *,
+    field: Any = None,
+    target: Any = None,
+    inverses: Sequence[Any] = (),
+) -> Any:
+    """The series of a method applied to `field`, or the field that gives the series `target`.
+
+    Args:
+        stages: The method.
+        table: The trees.
+        arithmetic: Any except the homogeneous `Wrapped`.
+        field: b at every tree.
+        target: The result at every tree, if b is sought.
+        inverses: In that case 1/B for each colour, with B the sum of the weights.
+    """
+    size, top, solve = len(table), table.offsets[-2], field is None
+    _, row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
+    shape = _layout(stages)
+    field = arithmetic.zeros(size) if solve else field
+    result = target if solve else arithmetic.zeros(size)
+    width, longest = arithmetic.width(table.max_order), max(shape.degrees)
+    kept = top * shape.moved
+    rows, logs = (arithmetic.zeros(kept * int(width)) for _ in range(2))
+    generators = arithmetic.zeros(kept)
+    value, inner = (arithmetic.scratch(stages.size) for _ in range(2))
+    terms, log_terms = (arithmetic.scratch(longest * int(width)) for _ in range(2))
+    weights = factorial_weights(arithmetic, table.max_order, 1, False)
+    negated = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
+    order, color, _, _ = arithmetic.columns(table)
+    run = arithmetic.run(kernels.substitute_in_stages)
+    for splits in table.split_chunks():
+        run(
+            splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top,
+            arithmetic.size(stages.size), arithmetic.sizes(shape.blocks), arithmetic.sizes(shape.live), relation,
+            arithmetic.sizes(shape.degrees), row_start, row_column, a, b, arithmetic.size(shape.moved), solve,
+            _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, *negated, arithmetic.modulus, rows,
+            logs, generators, field, result,
+            value, inner, terms, log_terms,
+        )  # fmt: skip
+    return field if solve else result
+
+
+def into_series(
+    a: Any, table: TreeTable, arithmetic: Exact, *, field: Any = None, target: Any = None, inverses: Sequence[Any] = ()
+) -> Any:
+    """b ★ a, or the b with b ★ a = `target`; `inverses` are then 1/a(•) for each colour.
+
+    Bounds carry a factor per node, also of the skeleton: each part must carry one factor less.
+    """
+    size, top, solve = len(table), table.offsets[-2], field is None
+    partitions = partitions_of(table)
+    lift = arithmetic.node_factor(field=False) ** -1 if arithmetic.majorant else 1
+    field = arithmetic.zeros(size) if solve else _lifted(field, lift)
+    inverses = [x * lift for x in inverses]
+    result = target if solve else arithmetic.zeros(size)
+    rests, parts = (arithmetic.zeros(partitions.kept) for _ in range(2))
+    arithmetic.run(kernels.substitute_in_series)(
+        0, size, top, table.colors, *arithmetic.columns(table), *arithmetic.ids(partitions[:3]), a, solve,
+        _scale(arithmetic, inverses), arithmetic.modulus, rests, parts, field, result,
+    )  # fmt: skip
+    return _lifted(field, 1 / lift) if solve else result
+
+
+def _lifted(field: Any, factor: Any) -> Any:
+    """The values times a power of two."""
+    return field if factor == 1 else field * float(factor)
+
+
+def _scale(arithmetic: Exact, inverses: Sequence[Any]) -> Any:
+    """1/B and −1/B for each colour."""
+    return arithmetic.vector([factor for x in inverses for factor in (x, -x)])
+
+
+@lru_cache(maxsize=64)
+def substituted_denominators(skeletons: tuple[int, ...], parts: tuple[int, ...]) -> tuple[int, ...]:
+    """Denominators of b ★ a from those of a (skeletons) and of b (parts); lists begin with one for ∅.
+
+    (b ★ a)(τ) = Σ over the partitions of τ of a(skeleton) Π b(parts). If D^a_m · a is an integer on trees with m nodes
+    and D^b_n · b on trees with n nodes, then the least common multiple of D^a_m D^b_{n_1} … D^b_{n_m} over all m and
+    n_1 + … + n_m = n is a common denominator on trees with n nodes.
+    """
+    products = [[1]]
+    found = [1]
+    for n in range(1, len(skeletons)):
+        _extend(products, n, parts)
+        found.append(math.lcm(*(skeletons[m] * products[m][n] for m in range(1, n + 1))))
+    return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def solved_denominators(skeletons: tuple[int, ...], targets: tuple[int, ...], divisor: int) -> tuple[int, ...]:
+    """Denominators of the b with b ★ a = c from those of a and c; `divisor` is the numerator of a(•).
+
+    a(•) b(τ) = c(τ) − Σ over the partitions with two or more parts.
+    """
+    products: list[list[int]] = [[1]]
+    found = [1]
+    for n in range(1, len(skeletons)):
+        found.append(0)  # excludes b(τ) itself
+        _extend(products, n, found)
+        several = (skeletons[m] * products[m][n] for m in range(2, n + 1))
+        found[n] = divisor * math.lcm(targets[n], *several)
+        products[1][n] = found[n]
+    return tuple(found)
+
+
+def _extend(products: list[list[int]], n: int, parts: Sequence[int]) -> None:
+    """Fill in products[m][n], the common denominator of m parts with n nodes in all (0: impossible)."""
+    products[0].append(0)
+    products.append([0] * n)
+    for m in range(1, n + 1):
+        factors = (products[m - 1][n - k] * parts[k] for k in range(1, n + 1))
+        products[m].append(math.lcm(*filter(None, factors)) if n >= m else 0)
+
+
 def refuse_beyond_memory_of_recursions(sizes: Sequence[int], colors: int) -> None:
-    """Refuse series on so many trees of each order, before their table is made, if memory would not do."""
+    """Refuse series that would not fit in memory, before their table is made; `sizes`: trees of each order."""
     rows = (len(sizes) + 3) * sum(sizes[:-1])
     needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
     refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")

@@ -1,1 +1,1 @@
-"""Adapters to other packages."""
+"""Bindings to other packages: SciPy."""

@@ -1,13 +1,24 @@
-"""To SciPy and back: pairs of the catalogue for `solve_ivp`, scenes as its right-hand sides."""
+"""SciPy: methods as solvers for `solve_ivp`, scenes as right-hand sides, and methods from SciPy's solver classes.
+
+SciPy keeps tableaux in doubles. A double is read as a fraction if it is the double nearest to one with a denominator of
+at most `LARGEST_DENOMINATOR`, as three of 100,000 random doubles are. Fractions are used only if all entries are such,
+and row sums and order conditions then hold exactly.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from decimal import Decimal
+from fractions import Fraction
+from math import isfinite
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foundation.extras import how_to_install
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.scene import Scene
 
@@ -15,29 +26,35 @@ if TYPE_CHECKING:
     import numpy as np
 
     from integrators.bindings.scipy_pairs import PairSolver
-    from integrators.scenes.scene import Scene
+
+    Row = list[float]
+
+LARGEST_DENOMINATOR = 10**6
+DOUBLE_DIGITS = 16
+RADAU_ROUNDING = 1e-13
+"""Tolerance for SciPy's transformation of the Radau stages, which has at least 15 digits."""
 
 
 def scipy_solver(method: RungeKutta) -> type[PairSolver]:
-    """A pair as a solver class of SciPy, for ``solve_ivp(…, method=scipy_solver(method))``.
+    """A solver class of SciPy from an embedded pair, for ``solve_ivp(…, method=scipy_solver(method))``.
 
-    Steps are chosen as SciPy's own Runge–Kutta solvers choose them, with `rtol`, `atol`, `max_step` and `first_step`;
-    the order of the estimated error comes from the tableau. The weights `b` advance the solution. A last stage that is
-    the next step's first is not evaluated twice. States may be complex.
+    Steps are chosen as in SciPy's own Runge–Kutta solvers, with `rtol`, `atol`, `max_step` and `first_step`; the order
+    of the estimated error comes from the tableau. The weights `b` advance the solution. A last stage that equals the
+    first of the next step is not evaluated twice. States may be complex.
 
     Between steps the solution is continuously differentiable, and of order p − 1 for a method of order p ≤ 9 (p for
-    p ≤ 3). ``verner65`` takes one evaluation of the right-hand side more for each step that is interpolated, ``dop853``
-    four, the other pairs of the catalogue none.
+    p ≤ 3). An interpolated step needs one additional evaluation of the right-hand side with ``verner65``, four with
+    ``dop853``, and none with the other pairs of the catalogue.
 
     Args:
         method: An explicit method with one or two rows of embedded weights, such as ``method("tsit5")``.
 
     Returns:
-        A class; equal methods of the same name have the same. Its attribute ``method`` is the method.
+        A class, the same for equal methods of the same name. Its attribute ``method`` is the method.
 
     Raises:
-        IntegratorError: The method has symbols, is implicit, inconsistent, or has no embedded weights of use.
-        ImportError: If SciPy is not installed.
+        IntegratorError: The method has symbols, is implicit or inconsistent, or has no usable embedded weights.
+        ImportError: SciPy is not installed.
 
     Example:
         >>> from scipy.integrate import solve_ivp
@@ -60,17 +77,17 @@ def scipy_solver(method: RungeKutta) -> type[PairSolver]:
 
 
 def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
-    """The field of a scene as a compiled function f(t, y), as `solve_ivp` and others want it.
+    """The field of a scene as a compiled function f(t, y), for `solve_ivp` and other solvers.
 
     Args:
-        scene: The scene; its parameters must be numbers. Scenes are autonomous: where a field depends on the time, that
-            is one of the variables, and the argument t is never looked at.
+        scene: The scene; its parameters must be numbers. Scenes are autonomous: if the field depends on the time, the
+            time is one of the variables, and the argument t is ignored.
 
     Returns:
-        A function of the time and of a state, one real number for each variable of the scene, that returns a new array.
+        A function of the time and of a state, one real number for each variable, that returns a new array.
 
     Raises:
-        IntegratorError: `scene` is none, or a parameter is a symbol; when called: y is no such state.
+        IntegratorError: `scene` is not a scene, or a parameter is a symbol; when called: y is not such a state.
 
     Example:
         >>> from scipy.integrate import solve_ivp
@@ -100,3 +117,133 @@ def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.
         return out
 
     return fun
+
+
+def from_scipy(solver: type) -> RungeKutta:
+    """The Runge–Kutta method of a solver class of SciPy.
+
+    Args:
+        solver: ``RK23``, ``RK45``, ``DOP853`` or ``Radau`` of ``scipy.integrate``; a class with the attributes A, B, C,
+            E, order and error_estimator_order of ``RK45``, where E is the embedded weights minus B; or a class from
+            `scipy_solver`.
+
+    Returns:
+        The method with its embedded weights. It is exact if the fractions behind the doubles are certain, as for
+        ``RK23`` and ``RK45``; else its entries are the shortest decimals of the doubles, with 16 digits. ``Radau`` is
+        the exact ``radau-iia3``; its error estimate involves the Jacobian and is not a row of weights.
+
+    Raises:
+        IntegratorError: `solver` is not such a class.
+
+    Example:
+        >>> from scipy.integrate import DOP853, RK45
+        >>> from integrators import method
+        >>> from_scipy(RK45) == method("dormand-prince54")
+        True
+        >>> dop853 = from_scipy(DOP853)
+        >>> dop853.domain, dop853.digits, float(dop853.b[0]), len(dop853.embedded)
+        ('decimal', 16, 0.054293734116568765, 2)
+    """
+    method = getattr(solver, "method", None)
+    if isinstance(method, RungeKutta):
+        return method
+    integrate = sys.modules.get("scipy.integrate")
+    if integrate is not None and solver is integrate.Radau:
+        return _radau(sys.modules[solver.__module__])
+    found = _read(solver)
+    if all(float(_fraction(x)) == x for row in found.rows for x in row):
+        exact = found.method(_fraction)
+        if _is_confirmed(exact, found):
+            return exact
+    return found.method(lambda x: Fraction(Decimal(repr(x))), DOUBLE_DIGITS)
+
+
+def _fraction(x: float) -> Fraction:
+    """The nearest fraction with a small denominator."""
+    return Fraction(x).limit_denominator(LARGEST_DENOMINATOR)
+
+
+class _Doubles(NamedTuple):
+    """The data of a solver class; `differences` are the embedded weights minus the weights."""
+
+    name: str
+    A: list[Row]
+    b: Row
+    c: Row
+    differences: list[Row]
+    order: int
+    error_order: int
+
+    @property
+    def rows(self) -> list[Row]:
+        return [*self.A, self.b, self.c, *self.differences]
+
+    def method(self, number: Callable[[float], Fraction], digits: int | None = None) -> RungeKutta:
+        """The method with a number for each double."""
+        A = [list(map(number, row)) for row in self.A]
+        b, c, *differences = (list(map(number, row)) for row in (self.b, self.c, *self.differences))
+        embedded = [[x + y for x, y in zip(b, row, strict=True)] for row in differences]
+        return RungeKutta(A, b, c, embedded=embedded, name=self.name, digits=digits, warn=False)
+
+
+def _read(solver: Any) -> _Doubles:
+    """The tableau of a class like ``RK45`` or ``DOP853``."""
+    try:
+        order, error_order = int(solver.order), int(solver.error_estimator_order)
+        A = [_doubles(row) for row in solver.A]
+        b, c = _doubles(solver.B), _doubles(solver.C)
+        if hasattr(solver, "E5"):
+            differences = [[-x for x in _doubles(row)] for row in (solver.E5, solver.E3)]
+        else:
+            differences = [_doubles(solver.E)]
+        if any(len(row) != len(b) + 1 for row in differences):
+            raise ValueError
+    except (AttributeError, TypeError, ValueError):
+        name = getattr(solver, "__name__", repr(solver))
+        raise IntegratorError(
+            f"solver must be a Runge–Kutta class of SciPy, such as RK45, but was {shorten(name)}"
+        ) from None
+    if any(row[-1] for row in differences):  # the estimate uses the derivative at the end of the step
+        A, b, c = [*A, b], [*b, 0.0], [*c, 1.0]
+    stages = len(b)
+    A = [row + [0.0] * (stages - len(row)) for row in A]
+    return _Doubles(solver.__name__, A, b, c, [row[:stages] for row in differences], order, error_order)
+
+
+def _doubles(values: Any) -> Row:
+    row = [float(x) for x in values]
+    if not all(map(isfinite, row)):
+        raise ValueError
+    return row
+
+
+def _is_confirmed(method: RungeKutta, found: _Doubles) -> bool:
+    """Whether the nodes are the row sums and the orders those of the class, exactly."""
+    import numpy as np
+
+    A, b, embedded = (np.array(rows, dtype=object) for rows in (method.A, method.b, method.embedded))
+    return (
+        method.row_sums == method.c
+        and order_of_weights(A, b) == found.order
+        and all(order_of_difference(A, row - b) == found.error_order for row in embedded)
+    )
+
+
+def _radau(module: ModuleType) -> RungeKutta:
+    """The method ``radau-iia3``, if A⁻¹ = T Λ T⁻¹ and the nodes agree with SciPy's module."""
+    import numpy as np
+
+    from integrators.methods.catalogue.registry import method
+
+    known: Any = method("radau-iia3")
+    rounded = known.to_float()
+    try:
+        pair = module.MU_COMPLEX
+        blocks = np.array([[module.MU_REAL, 0, 0], [0, pair.real, -pair.imag], [0, pair.imag, pair.real]])
+        A = module.T @ np.linalg.inv(blocks) @ module.TI
+        agrees = abs(A - rounded.A).max() < RADAU_ROUNDING and abs(module.C - rounded.c).max() < RADAU_ROUNDING
+    except (AttributeError, TypeError, ValueError):
+        agrees = False
+    if not agrees:
+        raise IntegratorError("solver must be a class that this version can read, but SciPy's Radau has changed")
+    return known

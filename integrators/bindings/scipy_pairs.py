@@ -1,7 +1,7 @@
-"""Explicit pairs of Runge–Kutta methods as solvers of SciPy. This module needs SciPy; `scipy_bridge` imports it.
+"""Embedded Runge–Kutta pairs as solvers of SciPy, which must be installed; `scipy_bridge` imports this module.
 
-Nothing but `OdeSolver` and `DenseOutput` is used, which SciPy publishes for new solvers: the base class of its own
-Runge–Kutta solvers is private. Steps are chosen by the same rules, so equal pairs take equal steps.
+Only `OdeSolver` and `DenseOutput` are used, which SciPy publishes for new solvers: the base class of its own
+Runge–Kutta solvers is private. The rules for step sizes are the same, so equal pairs make equal steps.
 """
 
 from __future__ import annotations
@@ -15,13 +15,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
-from integrators.bindings.continuous_extensions import continuous_extension
-from integrators.bindings.embedded_pairs import embedded_pair
+from integrators.bindings.embedded_pairs import continuous_extension, embedded_pair
 from integrators.core.errors import IntegratorError, shorten
 
 if TYPE_CHECKING:
-    from integrators.bindings.continuous_extensions import ContinuousExtension
-    from integrators.bindings.embedded_pairs import EmbeddedPair
+    from integrators.bindings.embedded_pairs import ContinuousExtension, EmbeddedPair
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
     Array = np.ndarray[Any, Any]
@@ -30,14 +28,14 @@ SAFETY = 0.9
 LEAST_FACTOR = 0.2
 LARGEST_FACTOR = 10.0
 LEAST_ERROR = 1e-30
-"""An estimate below this lets the step grow by the largest factor, as any far above it does."""
+"""Lower bound of error estimates, to avoid division by zero; far larger ones already give the largest factor."""
 LEAST_RTOL = 100 * np.finfo(float).eps
 SECOND_ERROR = 0.1
-"""How much the second of two error estimates counts (Hairer, Nørsett, Wanner I, II.10, and the code DOP853)."""
+"""Weight of the second of two error estimates (Hairer, Nørsett, Wanner I, II.10, and the code DOP853)."""
 
 
 class PairSolver(OdeSolver):
-    """What all solvers made from pairs have in common; `scipy_solver` makes them, and `solve_ivp` calls them.
+    """Base class of the solvers from `scipy_solver`, for `solve_ivp`.
 
     Args:
         fun: The right-hand side f(t, y).
@@ -47,14 +45,14 @@ class PairSolver(OdeSolver):
         max_step: The largest step.
         rtol: The relative tolerance, one number or one for each component.
         atol: The absolute tolerance, likewise. Estimated errors are kept below atol + rtol |y|.
-        vectorized: Whether `fun` takes states of the shape (n, k) too.
-        first_step: The first step; None to choose it.
-        extraneous: Options of other solvers, which are ignored with a warning.
+        vectorized: Whether `fun` also accepts states of the shape (n, k).
+        first_step: The first step; None: chosen automatically.
+        extraneous: Options of other solvers, ignored with a warning.
 
     Attributes:
         method: The method.
         order: Its order.
-        error_estimator_order: The order that the estimated error belongs to: with the step h it is O(h^(k+1)).
+        error_estimator_order: The order k of the estimated error, O(h^(k+1)).
     """
 
     method: ClassVar[RungeKutta]
@@ -82,7 +80,7 @@ class PairSolver(OdeSolver):
         self.max_step = _positive(max_step, "max_step")
         self.rtol, self.atol = _tolerances(rtol, atol, self.n)
         self.start = t0, self.y
-        # One row for each stage; the last one is also the first stage of the next step.
+        # One row for each stage; the last one is the first stage of the next step.
         self.K = np.zeros((len(self.pair.b), self.n), dtype=self.y.dtype)
         self.K[-1] = self._first_derivative()
         if first_step is None:
@@ -106,7 +104,7 @@ class PairSolver(OdeSolver):
         f, scale = self.K[-1], self.atol + abs(self.y) * self.rtol
         y_size, f_size = _rms(self.y / scale), _rms(f / scale)
         if not isfinite(f_size):
-            return 0.0  # the shortest step possible, which may fail
+            return 0.0  # the shortest possible step, which may fail
         trial = min(1e-6 if min(y_size, f_size) < 1e-5 else 0.01 * y_size / f_size, length)
         h = trial * self.direction
         change = _rms((self.fun(self.t + h, self.y + h * f) - f) / scale) / trial
@@ -135,7 +133,7 @@ class PairSolver(OdeSolver):
             if error < 1:
                 break
             h_abs = abs(h) * max(LEAST_FACTOR, SAFETY * error**exponent)
-            largest_factor = 1.0  # the step after a rejected one is not longer
+            largest_factor = 1.0  # no increase after a rejected step
         else:
             return False, self.TOO_SMALL_STEP
         if not needs_end:
@@ -145,7 +143,7 @@ class PairSolver(OdeSolver):
         return True, None
 
     def _attempt(self, t: float, y: Array, h: float) -> Array:
-        """The end of a step; its stages are put in K, but for the first, which is there, and the last."""
+        """The end of a step; all stages but the first and the last are stored in K."""
         A, b, c, *_ = self.pair
         for i in range(1, len(b) - 1):
             self.K[i] = self.fun(t + c[i] * h, y + h * np.dot(self.K[:i].T, A[i, :i]))
@@ -170,7 +168,7 @@ class PairSolver(OdeSolver):
 
 
 class PairOutput(DenseOutput):
-    """The solution in one step, y + Σ_j coefficients_j θ^(j+1) at the time t_old + θh."""
+    """The solution within one step, y + Σ_j coefficients_j θ^(j+1) at the time t_old + θh."""
 
     def __init__(self, t_old: float, t: float, y: Array, coefficients: Array) -> None:
         super().__init__(t_old, t)
@@ -185,7 +183,7 @@ class PairOutput(DenseOutput):
 
 @cache
 def solver_class(method: RungeKutta, name: str) -> type[PairSolver]:
-    """The solver for an explicit method with one or two rows of embedded weights, under a name."""
+    """The solver class of a pair, under a name."""
     pair = embedded_pair(method)
     attributes = {
         "__doc__": f"The method {name} as a solver of SciPy.",
@@ -204,7 +202,7 @@ def _extension(solver: type[PairSolver]) -> ContinuousExtension:
 
 
 def _rms(values: Array) -> float:
-    """The root of the mean square, of complex numbers too."""
+    """The root mean square, also of complex numbers."""
     return float(np.linalg.norm(values) / values.size**0.5)
 
 
@@ -219,7 +217,7 @@ def _positive(value: Any, argument: str) -> float:
 
 
 def _tolerances(rtol: Any, atol: Any, n: int) -> tuple[Array, Array]:
-    """Tolerances as arrays; a relative tolerance near to rounding is raised, with a warning, as SciPy does."""
+    """Tolerances as arrays; a relative tolerance near rounding error is raised with a warning, as in SciPy."""
     found = []
     for argument, value in (("rtol", rtol), ("atol", atol)):
         try:

@@ -1,4 +1,4 @@
-"""The numbers of plain steps: doubles, or mpmath's numbers with as many digits as wanted."""
+"""Arithmetic of plain steps: doubles, or mpmath numbers of any precision."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     Vector: TypeAlias = "np.ndarray[Any, Any]"
 
 GUARD_DIGITS = 10
-"""Digits of mpmath's numbers beyond those asked for."""
+"""Extra digits of mpmath numbers."""
 MOST_DIGITS = 1000
 MOST_BITS = 4000
-"""mpmath's numbers do not overflow, but what reaches 2^4000, or 10^1204, has diverged."""
+"""mpmath numbers do not overflow, but a value of 2^4000, or 10^1204, has diverged."""
 
 
 class Arithmetic:
-    """Vectors of doubles, or of mpmath's numbers: NumPy arrays of floats or of objects.
+    """Vectors of doubles, or of mpmath numbers: NumPy arrays of floats or of objects.
 
     Args:
-        digits: how many decimal digits; None for doubles.
+        digits: The number of decimal digits; None for doubles.
 
     Raises:
-        IntegratorError: `digits` is no number from 1 to 1,000.
+        IntegratorError: `digits` is not a number from 1 to 1,000.
 
     Example:
         >>> arithmetic = Arithmetic(30)
@@ -53,7 +53,7 @@ class Arithmetic:
 
     @property
     def decimals(self) -> int:
-        """How many digits numbers are computed with."""
+        """The number of working digits."""
         return 16 if self.digits is None else self.digits + GUARD_DIGITS
 
     @property
@@ -67,10 +67,10 @@ class Arithmetic:
 
     @contextmanager
     def working(self, factor: int = 1) -> Iterator[None]:
-        """What is inside computes in this arithmetic, or with `factor` times as many digits."""
+        """A context for computations in this arithmetic, or with `factor` times as many digits."""
         import numpy as np
 
-        with np.errstate(all="ignore"):  # what is not finite is found and named
+        with np.errstate(all="ignore"):  # results are checked to be finite
             if self.digits is None:
                 yield
             else:
@@ -105,7 +105,7 @@ class Arithmetic:
         return +mpmath.mpmathify(value)
 
     def vector(self, values: Sequence[Any]) -> Vector:
-        """Numbers of this arithmetic, or mpmath's of another precision, as a vector."""
+        """A vector of numbers of this arithmetic, or of mpmath numbers of another precision."""
         import numpy as np
 
         return np.array(values, dtype=float if self.digits is None else object)
@@ -117,14 +117,14 @@ class Arithmetic:
         return np.zeros(shape) if self.digits is None else np.zeros(shape, dtype=int).astype(object)
 
     def read(self, values: Any, argument: str) -> Vector:
-        """What a user gives as a vector."""
+        """A vector from an argument of the user."""
         numbers = items(values, argument)
         if not numbers:
             raise IntegratorError(f"{argument} must hold at least one number, but was empty")
         return self.vector([self.number(value, f"{argument}[{i}]") for i, value in enumerate(numbers, 1)])
 
     def received(self, values: Any, dimension: int, argument: str) -> Vector:
-        """What a function of the user gives; components that are not real become NaN."""
+        """A vector from a function of the user; components that are not real become NaN."""
         numbers = items(values, argument)
         if len(numbers) != dimension:
             raise IntegratorError(f"{argument} must give {dimension} numbers, but gave {shorten(repr(values))}")
@@ -143,7 +143,7 @@ class Arithmetic:
             raise IntegratorError(f"{argument} must give numbers, but gave {shorten(repr(value))}") from None
 
     def is_finite(self, *vectors: Iterable[Any]) -> bool:
-        """Whether all components are finite, and for mpmath of reasonable size."""
+        """Whether all components are finite, and below `MOST_BITS` bits for mpmath."""
         if self.digits is None:
             return all(math.isfinite(x) for vector in vectors for x in vector)
         import mpmath
@@ -151,7 +151,7 @@ class Arithmetic:
         return all(mpmath.mag(x) < MOST_BITS for vector in vectors for x in vector)
 
     def solve(self, matrix: Vector, right: Vector) -> Vector | None:
-        """The solution of a linear system; None if the matrix is singular, or not finite."""
+        """The solution of a linear system; None if the matrix is singular or not finite."""
         if self.digits is None:
             import numpy as np
 
@@ -169,7 +169,7 @@ class Arithmetic:
             return None
 
     def text(self, number: Any) -> str:
-        """A number with some of its digits."""
+        """A number as text, to six digits."""
         if self.digits is None:
             return f"{number:g}"
         import mpmath

@@ -1,4 +1,4 @@
-"""The field of a plain step: one callable for each part, its derivative, and how they are given."""
+"""Fields of plain steps: a function for each part, its derivative, and its flow."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ COMPLEX_STEP = 1e-50
 
 
 def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict[str, Function]:
-    """The parts of a field, or of its derivative, that blocks of variables make.
+    """Split a field, or its derivative, into parts by blocks of variables.
 
     Args:
-        function: the whole field y ↦ f(y), or its derivative (y, v) ↦ f′(y)v.
-        blocks: for the name of each part the numbers of its components, from 0.
+        function: The whole field y ↦ f(y), or its derivative (y, v) ↦ f′(y)v.
+        blocks: The indices of the components of each part, from 0, by name of part.
 
     Returns:
-        For each part the function that is zero outside of its block.
+        For each part the function that is zero outside its block.
 
     Raises:
-        IntegratorError: the blocks do not hold the numbers 0, 1, … once each.
+        IntegratorError: The blocks do not hold the indices 0, 1, … once each.
 
     Example:
         >>> parts = block_parts(lambda y: [-y[1], y[0]], {"p": [0], "q": [1]})
@@ -56,19 +56,16 @@ def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict
 
 
 def read_functions(given: Any, names: Sequence[str], argument: str, *, partial: bool = False) -> list[Function | None]:
-    """One function for each part: given as a mapping or a sequence, or alone if there is one part only.
+    """A function for each part, in their order, from a mapping, a sequence, or a single function.
 
     Args:
-        given: what the user gave.
-        names: the names of the parts.
-        argument: what messages call it.
-        partial: whether parts may be left out.
-
-    Returns:
-        The functions in the order of the parts, None for those left out.
+        given: The argument of the user.
+        names: The names of the parts.
+        argument: The name of the argument in messages.
+        partial: Whether parts may be left out; they give None.
 
     Raises:
-        IntegratorError: a function is missing, is none, or belongs to no part.
+        IntegratorError: A function is missing, is not callable, or belongs to no part.
     """
     if given is None and partial:
         return [None] * len(names)
@@ -113,7 +110,7 @@ class Fields:
         return range(len(self._fields)) if part is None else (part,)
 
     def value(self, part: int | None, y: Vector) -> Vector:
-        """f^[part](y); all parts if None."""
+        """f^[part](y); the sum of all parts if None."""
         return add([self._call(self._fields[number], "field", y) for number in self._parts(part)])
 
     def derivative(self, part: int | None, y: Vector, v: Vector) -> Vector:
@@ -133,14 +130,14 @@ class Fields:
         return None if function is None else self._call(lambda y: function(y, time), "flows", y)
 
     def _call(self, function: Any, argument: str, *vectors: Vector) -> Vector:
-        """What a function of the user gives; division by zero and the like give NaN."""
+        """The value of a function of the user; arithmetic errors give NaN."""
         try:
             return self._arithmetic.received(function(*(v.copy() for v in vectors)), self._dimension, argument)
         except ArithmeticError:
             return self._arithmetic.vector([float("nan")] * self._dimension)
 
     def _difference(self, number: int, y: Vector, v: Vector) -> Vector:
-        """The derivative along v without a formula for it, checked by a second way of computing it."""
+        """The derivative along v, computed numerically in two ways that must agree."""
         length = size(v)
         if length == 0:
             return v * 0
@@ -154,14 +151,14 @@ class Fields:
         return found * length
 
     def _complex_step(self, number: int, y: Vector, v: Vector) -> tuple[Vector, Vector, Any]:
-        """Im f(y + iεv) / ε: nothing cancels, so ε can be so small that only rounding is left.
+        """Im f(y + iεv) / ε: without cancellation, so a tiny ε leaves rounding errors only.
 
-        Fields that are not analytic, or drop imaginary parts, would give something else: compared with a difference.
+        Wrong for fields that are not analytic, or drop imaginary parts: hence the check by a difference.
         """
         function: Any = self._fields[number]
         try:
             values = [complex(x).imag / COMPLEX_STEP for x in function(y + 1j * COMPLEX_STEP * v)]
-        except Exception as error:  # whatever a field raises that was not made for complex numbers
+        except Exception as error:  # a field not made for complex numbers may raise anything
             raise IntegratorError(
                 f"derivative must be given, as field does not take complex numbers: {shorten(str(error))}"
             ) from None
@@ -175,10 +172,10 @@ class Fields:
         return (ends[0] - ends[1]) / (2 * width)
 
     def _central_differences(self, number: int, y: Vector, v: Vector) -> tuple[Vector, Vector, Any]:
-        """(f(y + εv) − f(y − εv)) / 2ε with twice the digits: for ε = 10^−(⅔ digits) far more than are wanted agree.
+        """(f(y + εv) − f(y − εv)) / 2ε with twice the digits: ε = 10^−(⅔ digits) gives far more digits than needed.
 
-        mpmath's functions do not all take complex numbers, but all take more digits. Fields that do not compute with
-        them would give noise: compared with the difference for another ε.
+        Not all functions of mpmath accept complex numbers, but all accept more digits. Fields that ignore them would
+        give noise: hence the check by another ε.
         """
         import mpmath
 

@@ -1,4 +1,4 @@
-"""Exact flows and averages of a field, computed numerically until nothing but rounding is left."""
+"""Flows, averages and fixed points, computed numerically to rounding error."""
 
 from __future__ import annotations
 
@@ -17,25 +17,22 @@ if TYPE_CHECKING:
 
 MOST_HALVINGS = 12
 MOST_DEGREE = 6
-"""mpmath's rules have 3 · 2^(degree − 1) nodes."""
+"""Gauss rules of mpmath have 3 · 2^(degree − 1) nodes."""
 
 
 def flow_increment(right: Callable[[Any, Vector], Vector], start: Vector, arithmetic: Arithmetic) -> Vector:
     """z(1) − z(0) for z′(θ) = right(θ, z) and z(0) = start.
 
-    Extrapolation of the explicit midpoint rule; an interval where it does not settle is halved. The increment is
-    computed, not the end: its rounding errors are small against z.
+    Extrapolation of the explicit midpoint rule; an interval without convergence is halved. Increments, unlike end
+    values, have rounding errors that are small against z.
 
     Args:
-        right: the right-hand side, a function of θ and z.
+        right: The right-hand side, a function of θ and z.
         start: z(0).
-        arithmetic: the numbers to compute with.
-
-    Returns:
-        The increment.
+        arithmetic: The arithmetic.
 
     Raises:
-        IntegratorError: it does not settle, as z leaves the domain of the field, or is too stiff.
+        IntegratorError: No convergence, as z leaves the domain of the field, or the problem is too stiff.
 
     Example:
         >>> import mpmath
@@ -56,7 +53,7 @@ def flow_increment(right: Callable[[Any, Vector], Vector], start: Vector, arithm
         if found is not None:
             return found
         if halvings == 0:
-            raise IntegratorError(f"flow must settle to {arithmetic.decimals} digits, but did not, or does not exist")
+            raise IntegratorError(f"flow must converge to {arithmetic.decimals} digits, but did not, or does not exist")
         middle = (begin + end) / 2
         first = over(begin, middle, passed, halvings - 1)
         return first + over(middle, end, passed + first, halvings - 1)
@@ -67,10 +64,10 @@ def flow_increment(right: Callable[[Any, Vector], Vector], start: Vector, arithm
 def _extrapolated(
     right: Callable[[Any, Vector], Vector], begin: Any, end: Any, z: Vector, arithmetic: Arithmetic
 ) -> Vector | None:
-    """The increment of z from θ = begin to end by n = 2, 4, 6, … steps, extrapolated to infinitely many.
+    """The increment of z from θ = begin to end, extrapolated from n = 2, 4, 6, … steps; None without convergence.
 
-    The error of n steps has an expansion in 1/n², so the tableau of Aitken and Neville eliminates power by power. With
-    more columns its factors would blow up rounding errors.
+    The error of n steps has an expansion in 1/n², whose terms the Aitken–Neville tableau eliminates one by one. With
+    more columns its factors would amplify rounding errors.
     """
     columns = 7 if arithmetic.digits is None else 6 + arithmetic.decimals // 5
     row: list[Vector] = []
@@ -96,18 +93,18 @@ def _midpoint_steps(right: Callable[[Any, Vector], Vector], begin: Any, end: Any
 
 
 def average(integrand: Callable[[Any], Vector], scale: Any, arithmetic: Arithmetic) -> Vector:
-    """∫₀¹ integrand(θ) dθ, by Gauss's formulas with more and more nodes until nothing changes.
+    """∫₀¹ integrand(θ) dθ by Gauss quadrature, with more and more nodes until the result no longer changes.
 
     Args:
-        integrand: a smooth function.
-        scale: what rounding errors are relative to, besides the integral.
-        arithmetic: the numbers to compute with.
+        integrand: A smooth function.
+        scale: The size that rounding errors are relative to, besides the integral.
+        arithmetic: The arithmetic.
 
     Returns:
-        The integral, or its first approximation if that is not finite.
+        The integral, or its first approximation that is not finite.
 
     Raises:
-        IntegratorError: it goes on changing.
+        IntegratorError: No convergence.
     """
     found: Vector | None = None
     for degree in range(1, MOST_DEGREE + 1):
@@ -119,12 +116,12 @@ def average(integrand: Callable[[Any], Vector], scale: Any, arithmetic: Arithmet
         if found is not None and size(new - found) <= 4 * arithmetic.rounding * max(scale, size(new)):
             return new
         found = new
-    raise IntegratorError(f"average of field must settle to {arithmetic.decimals} digits, but did not")
+    raise IntegratorError(f"average of field must converge to {arithmetic.decimals} digits, but did not")
 
 
 @cache
 def _gauss_nodes(degree: int, decimals: int) -> list[tuple[Any, Any]]:
-    """Nodes in [0, 1] and weights of a Gauss formula, more precise than needed."""
+    """Nodes in [0, 1] and weights of a Gauss rule, with guard digits."""
     import mpmath
     from mpmath.calculus.quadrature import GaussLegendre
 
@@ -134,20 +131,17 @@ def _gauss_nodes(degree: int, decimals: int) -> list[tuple[Any, Any]]:
 
 MOST_ITERATIONS = 200
 PATIENCE = 3
-"""So many iterations in a row may fail to bring a smaller increment: then they have stagnated, or diverge."""
+"""Iterations without a smaller increment after which the iteration has stagnated or diverges."""
 
 
 def fixed_point(g: Map, start: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
-    """The solution of x = g(x) by x ← g(x).
+    """The solution of x = g(x) by fixed-point iteration from `start`; None without convergence.
 
     Args:
-        g: the map.
-        start: the first x.
-        scale: what rounding errors are relative to, besides x.
-        arithmetic: the numbers to compute with.
-
-    Returns:
-        The solution; None if the iteration does not converge.
+        g: The map.
+        start: The first x.
+        scale: The size that rounding errors are relative to, besides x.
+        arithmetic: The arithmetic.
 
     Example:
         >>> from integrators.reference.plain_arithmetic import Arithmetic
@@ -160,20 +154,13 @@ def fixed_point(g: Map, start: Vector, scale: Any, arithmetic: Arithmetic) -> Ve
     References:
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, VIII.6: iteration until stagnation.
     """
-    return _settled(g, start, scale, arithmetic)
+    return _iterated(g, start, scale, arithmetic)
 
 
 def newton(g: Map, start: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
-    """The solution of x = g(x) by Newton's method, the Jacobian computed anew by differences in each iteration.
+    """The solution of x = g(x) by Newton's method, with a difference Jacobian in each iteration.
 
-    Args:
-        g: the map.
-        start: the first x.
-        scale: what rounding errors are relative to, besides x.
-        arithmetic: the numbers to compute with.
-
-    Returns:
-        The solution; None if the iteration does not converge.
+    Arguments and result are those of `fixed_point`.
 
     Example:
         >>> from integrators.reference.plain_arithmetic import Arithmetic
@@ -194,11 +181,11 @@ def newton(g: Map, start: Vector, scale: Any, arithmetic: Arithmetic) -> Vector 
         correction = arithmetic.solve(matrix, value - x)
         return value * float("nan") if correction is None else x + correction
 
-    return _settled(improved, start, scale, arithmetic)
+    return _iterated(improved, start, scale, arithmetic)
 
 
-def _settled(advance: Map, x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
-    """What an iteration comes to; None if the increments stop falling before they are small, or are not finite."""
+def _iterated(advance: Map, x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
+    """Iterate until the increments stagnate; None if they are not small then, or not finite."""
     least, failures = None, 0
     for _ in range(MOST_ITERATIONS):
         before, x = x, advance(x)

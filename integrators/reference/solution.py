@@ -1,49 +1,53 @@
-"""The reference solution of a scene: to some 30 digits, with an estimate of its error, for checking everything else."""
+"""Reference solutions to about 30 digits, with an error bound: Taylor series in double-double arithmetic."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
+from math import ceil, copysign, frexp, ldexp, log
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
-from integrators.reference import taylor
-from integrators.reference.taylor import Stuck, TooManySteps, solve
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.model.formulas import read_formula
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from integrators.reference.taylor_program import TaylorProgram
     from integrators.scenes.scene import Scene
 
 MAX_DIGITS = 31
 LARGEST = 10**300
 CERTAIN = 2.0**-50
-"""Relative errors that doubles need not show."""
+"""Relative errors that need not be visible in doubles."""
 NOISE = 2.0**-84
-"""What a variable may be off in parts of the largest in its block: one that vanishes by symmetry is all rounding."""
+"""Allowed error of a variable relative to the largest of its block: one that vanishes by symmetry is all rounding."""
 FIRST_UNITS = 2.0**-10, 2.0**-16
-"""With what parts of the time the two solutions begin that are compared."""
-
-
+"""First trial steps of the two solutions, as fractions of the time."""
 CHECKS = 16
-"""At how many times before the first one wanted, at least, the two solutions are compared."""
-KICK = 2.0**-104
-"""By what part of itself each variable of the first solution is changed after each step; rounding does less."""
+"""Least number of times before the first one requested at which the two solutions are compared."""
+PERTURBATION = 2.0**-104
+"""Relative change of each variable of the first solution after each step, larger than rounding errors."""
 SAFETY = 4.0
+WORK = 3e8
+"""Operations on coefficients in one call of compiled code: about a second, the delay of Ctrl-C."""
+MOST_WORK = 3e11
+"""Total operations on coefficients: about a quarter of an hour."""
+LEAST_STEPS = 1000
+"""Steps before their total is extrapolated: towards a singularity they shrink by a constant factor."""
 
 
 class ReferenceSolution(NamedTuple):
-    """A solution in double-double numbers: high + low, known up to error.
+    """A solution in double-double numbers, high + low, with an error bound.
 
     Attributes:
-        high: The solution as doubles, an array (variables, times).
-        low: What is missing in them.
-        error: A bound on the error, from a second solution that is disturbed in each step by more than rounding.
+        high: The solution rounded to doubles, an array (variables, times).
+        low: The remainder.
+        error: A bound on the error, from a second solution perturbed in each step by more than rounding errors.
 
     Example:
         >>> from integrators import scene
@@ -57,7 +61,7 @@ class ReferenceSolution(NamedTuple):
     error: np.ndarray
 
     def numbers(self) -> np.ndarray:
-        """The solution as numbers of mpmath, exactly as it is.
+        """The exact sums high + low as mpmath numbers.
 
         Example:
             >>> import mpmath
@@ -69,7 +73,7 @@ class ReferenceSolution(NamedTuple):
         import mpmath
         import numpy as np
 
-        with mpmath.workprec(2200):  # the difference of two doubles has no more bits
+        with mpmath.workprec(2200):  # the sum of two doubles has fewer bits
             pairs = zip(self.high.flat, self.low.flat, strict=True)
             sums = [mpmath.mpf(float(high)) + mpmath.mpf(float(low)) for high, low in pairs]
         found = np.empty(len(sums), dtype=object)
@@ -88,31 +92,31 @@ def reference_solution(
 def reference_solution(
     scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: bool = False
 ) -> np.ndarray | ReferenceSolution:
-    """The exact solution of a scene, for practical purposes: by Taylor series in double-double arithmetic.
+    """The solution of a scene to full double precision, by Taylor series in double-double arithmetic.
 
-    The Taylor coefficients come from the scene's formulas, in numbers of some 31 digits. Steps are chosen from the
-    last coefficients, and the times wanted are inserted in the series, so that they have no influence on the steps.
-    The problem is solved twice, with other orders and steps. Rounding errors of both are of one size, and may agree or
-    cancel, and roundings of the start, of parameters and of 1/n are even the same; so the difference alone can be below
-    the error. Therefore one of the two is disturbed by more than rounding errors in each step, and the largest relative
-    difference so far, at times between the start and t as well, bounds the error at t. Where errors shrink again, as on
-    the way to an equilibrium, the bound is too large.
+    The Taylor coefficients come from the scene's formulas, in numbers of about 31 digits. Steps are chosen from the
+    last coefficients; the requested times are inserted into the series and do not influence the steps. The problem is
+    solved twice, with different orders and steps. The difference alone could be below the error: rounding errors of
+    both solutions are of the same size, and may agree or cancel; those of the start, of parameters and of 1/n are even
+    equal. So one of the two is perturbed in each step by more than rounding errors, and the largest relative difference
+    so far, also at times between the start and t, bounds the error at t. The bound is too large where errors shrink
+    again, as near a stable equilibrium.
 
     Args:
         scene: The scene; its parameters must be numbers.
         t: The times, in one direction from `t0`; a number counts as one time.
-        y0: The start, a number for each variable: the scene's own by default. Text and fractions are exact, a double
-            is the number that it is, not the decimal that it prints as.
-        t0: The time of the start: by default the scene's variable t if it has one, else 0.
-        digits: A step is exact to so many digits of each variable, up to 31.
-        full: Whether to return all digits, and an estimate of their error.
+        y0: The start, a number for each variable; by default that of the scene. Text and fractions are exact; a double
+            is its exact binary value, not the decimal it prints as.
+        t0: The time of the start; by default the scene's variable t if it has one, else 0.
+        digits: The accuracy of a step, in digits of each variable, up to 31.
+        full: Whether to return all digits, and an error bound.
 
     Returns:
-        An array (variables, times) of doubles, as good as all digits; or, if `full`, a `ReferenceSolution`.
+        An array (variables, times) of doubles, correct to rounding; or, if `full`, a `ReferenceSolution`.
 
     Raises:
-        IntegratorError: An argument does not fit, the solution ends before the last time, or (unless `full`) its error
-            has grown so that doubles are no longer certain.
+        IntegratorError: An argument is invalid, the solution ends before the last time, or (unless `full`) its error
+            has grown until doubles are no longer certain.
 
     Example:
         >>> from integrators import scene
@@ -142,8 +146,8 @@ def reference_solution(
     checked, wanted = _with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
-        first = solve(program, y, elapsed, digits, FIRST_UNITS[0], KICK)
-        second = solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0)
+        first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
+        second = _solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0)
     except Stuck as stuck:
         end = float(origin) + stuck.args[0]
         raise IntegratorError(
@@ -158,7 +162,7 @@ def reference_solution(
         ) from None
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
-    error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), KICK) * second[..., 2]
+    error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), PERTURBATION) * second[..., 2]
     solution = ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
     if full:
         return solution
@@ -167,7 +171,7 @@ def reference_solution(
 
 
 def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
-    """The first step that `reference_solution` takes, at most the span; all of it where no step is possible.
+    """The first step of `reference_solution`, at most the span, which is positive; the span if no step is possible.
 
     Example:
         >>> from integrators import Scene
@@ -177,15 +181,90 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     """
     import numpy as np
 
+    from integrators.reference import taylor_kernels as kernels
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
     start, _ = _read_start(scene, y0, None)
-    return taylor.first_step(taylor_program(scene), np.array([split(x) for x in start]), span, digits)
+    program, y = taylor_program(scene), np.array([split(x) for x in start])
+    order, times = order_for(digits), np.array([[span, 0.0]])
+    series, state = _initial_series(program, y, times, order, 1.0)
+    status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))
+    while status == kernels.RUNNING and not state[0]:
+        _, status = kernels.advance(program, series, state, order, 0.0, 1, times, 0, values)
+    return float(state[0]) or span
+
+
+class Stuck(Exception):
+    """No step is possible; the argument is the time since the start."""
+
+
+class TooManySteps(Exception):
+    """Steps are too short; the arguments are their approximate number, and the number allowed."""
+
+
+def _solve(
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float
+) -> np.ndarray:
+    """The solution at some times.
+
+    Args:
+        program: The operations of a scene.
+        y: The start (variables, 2), double-double numbers.
+        times: Times since the start (n, 2), double-double numbers of one sign and increasing in size.
+        digits: The error of a step is below 10^−digits of each variable, apart from rounding.
+        first_unit: The first trial step, as a fraction of the last time.
+        perturbation: Relative change of each variable after each step, of random sign, and relative extension of steps:
+            they show the growth of random and of systematic errors.
+
+    Returns:
+        An array (variables, n, 3): double-double numbers, and the size of the variable in the step around each time,
+        the sum of the absolute terms of its series.
+
+    Raises:
+        Stuck: The solution could not be continued.
+        TooManySteps: At the pace so far, the work would exceed `MOST_WORK`.
+    """
+    import numpy as np
+
+    from integrators.reference import taylor_kernels as kernels
+
+    order = order_for(digits)
+    series, state = _initial_series(program, y, times, order, first_unit)
+    values = np.empty((program.dimension, len(times), 3))
+    work = len(series) * order**2
+    steps, most = max(1, int(WORK / work)), MOST_WORK / work
+    index, status, done = 0, kernels.RUNNING, 0
+    while status == kernels.RUNNING:
+        index, status = kernels.advance(program, series, state, order, perturbation, steps, times, index, values)
+        done += steps
+        needed = done * (times[-1, 0] / state[0]) if status == kernels.RUNNING and done >= LEAST_STEPS else 0.0
+        if needed > most:
+            raise TooManySteps(needed, most)
+    if status == kernels.STUCK:
+        raise Stuck(float(state[0]))
+    return values
+
+
+def _initial_series(
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, order: int, first_unit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The series, with the start in its first coefficients, and the state before the first step."""
+    import numpy as np
+
+    series = np.zeros((program.dimension + 1 + len(program.operations), order + 1, 2))
+    series[: program.dimension, 0] = y
+    span = float(times[-1, 0])
+    return series, np.array([0.0, 0.0, copysign(ldexp(first_unit, frexp(span)[1]), span)])
+
+
+def order_for(digits: int) -> int:
+    """The order at which a step of radius/e² has the error 10^−digits (Jorba and Zou, 2005, section 3.2)."""
+    return ceil(1 + digits * log(10) / 2)
 
 
 def _read_number(value: Any, argument: str) -> Fraction:
-    """An exact number, or one with all digits that count; a double is the number that it is."""
+    """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
     from integrators.reference.taylor_program import fraction_of
 
     if isinstance(value, str) or is_sympy(value):  # as scenes have them: pi/2, cos(11/10)
@@ -202,7 +281,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
 
 
 def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
-    """The start, and its time."""
+    """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
     if y0 is None:
@@ -240,7 +319,7 @@ def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
 
 
 def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
-    """The times with others before and between them, and the places of those wanted."""
+    """The times with further ones before and between them, and the indices of the requested ones."""
     checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
     for before, after in pairwise([origin, *times]):
         parts = later if checked else CHECKS
@@ -252,7 +331,7 @@ def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction
 def _check_certain(
     solution: ReferenceSolution, scene: Scene, start: np.ndarray, times: Sequence[float], digits: int
 ) -> None:
-    """Refuse a solution whose error doubles would show."""
+    """Refuse a solution whose error is visible in doubles."""
     import numpy as np
 
     sizes = np.abs(np.hstack([start, solution.high])).max(axis=1)

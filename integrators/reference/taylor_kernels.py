@@ -1,7 +1,7 @@
-"""Compiled Taylor series: a list of operations is run order by order, and the series summed at the end of each step.
+"""Compiled Taylor steps: expand all series order by order, then sum them at the end of the step.
 
-Series are in powers of s = (t − t_n)/unit, where the unit is a signed power of two near the step: coefficients in t
-itself may leave the range of doubles.
+Series are in powers of s = (t − t_n)/unit, with a signed power of two near the step as unit: coefficients in t itself
+may leave the range of doubles.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from integrators.compile import machine
 from integrators.compile.machine import fma
 from integrators.exact import expressions
 from integrators.exact.expressions import ELEMENTARY
-from integrators.reference import double_double, taylor_operations, taylor_program
-from integrators.reference import double_double_functions as functions
+from integrators.reference import double_double, taylor_program
 from integrators.reference.double_double import (
     DoubleDouble,
     add,
@@ -35,20 +34,19 @@ from integrators.reference.double_double import (
     two_product,
     two_sum,
 )
-from integrators.reference.taylor_operations import FUNCTION, LINEAR, POWER, PRODUCT
-from integrators.reference.taylor_program import TaylorProgram
+from integrators.reference.taylor_program import FUNCTION, LINEAR, POWER, PRODUCT, TaylorProgram
 
-SOURCES = (double_double, functions, expressions, machine, taylor_operations, taylor_program)
+SOURCES = (double_double, expressions, machine, taylor_program)
 
 RUNNING, DONE, STUCK = range(3)
 LARGEST_STEP = 16.0
-"""In units: where all high coefficients vanish, as at a point of symmetry, the radius seems infinite."""
+"""In units; needed where all high coefficients vanish, as at a point of symmetry."""
 SMALLEST_STEP = 2.0**-64
-"""Of the whole interval; near a pole, steps shrink by a constant factor."""
+"""As a fraction of the whole interval; near a pole, steps shrink by a constant factor."""
 STEP_BITS = 24
-"""Steps have so few bits that the time after any number of them is exact."""
+"""Bits of a step, few enough that the time stays exact."""
 BIAS = 2.0**-6
-"""What kicks have in common besides longer steps: amplitudes grow by 2^-110 a step, as 1/n is always rounded alike."""
+"""Relative bias of the perturbations: 1/n is always rounded alike, so amplitudes grow by 2^-110 a step."""
 INVERSES = np.array([split(Fraction(1, max(n, 1))) for n in range(64)])
 
 SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG = range(
@@ -58,7 +56,7 @@ SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG
 
 @inlined
 def convolution(series: Any, x: int, y: int, first: int, end: int, k: int) -> DoubleDouble:
-    """Σ_{first ≤ j < end} x_j y_{k−j}: the high parts without error, the rest in doubles."""
+    """Σ_{first ≤ j < end} x_j y_{k−j}: the high parts exactly, the rest in doubles."""
     total, rest = 0.0, 0.0
     for j in range(first, end):
         product, error = two_product(series[x, j, 0], series[y, k - j, 0])
@@ -68,11 +66,11 @@ def convolution(series: Any, x: int, y: int, first: int, end: int, k: int) -> Do
 
 
 @inlined
-def weighted(series: Any, x: int, y: int, first: int, end: int, k: int, start: float, slope: float) -> DoubleDouble:
-    """Σ_{first ≤ j < end} (start + slope·j) x_j y_{k−j}; the weights are integers."""
+def weighted(series: Any, x: int, y: int, first: int, end: int, k: int, start: float, increment: float) -> DoubleDouble:
+    """Σ_{first ≤ j < end} (start + increment·j) x_j y_{k−j}; the weights are integers."""
     total, rest = 0.0, 0.0
     for j in range(first, end):
-        weight = start + slope * j
+        weight = start + increment * j
         high, low = two_product(weight, series[x, j, 0])
         low = fma(weight, series[x, j, 1], low)
         product, error = two_product(high, series[y, k - j, 0])
@@ -95,7 +93,7 @@ def linear(series: Any, registers: Any, weights: Any, first: int, end: int, k: i
 
 @inlined
 def product(series: Any, x: int, y: int, k: int) -> DoubleDouble:
-    """The k-th coefficient of a product; that of a square takes half the work."""
+    """The k-th coefficient of a product; a square takes half the work."""
     square = x == y
     total = convolution(series, x, y, 0, (k + 1) // 2 if square else k + 1, k)
     if square:
@@ -129,40 +127,40 @@ def first_of_function(u: DoubleDouble, kind: int, numerator: int, denominator: i
         if denominator == 2:
             return integer_power(square_root(u), numerator)
         exponent = divide((float(numerator), 0.0), (float(denominator), 0.0))
-        return functions.exp(multiply(exponent, functions.log(u)))
+        return double_double.exp(multiply(exponent, double_double.log(u)))
     if kind == SIN:
-        return functions.sin(u)
+        return double_double.sin(u)
     if kind == COS:
-        return functions.cos(u)
+        return double_double.cos(u)
     if kind == TAN:
-        return functions.tan(u)
+        return double_double.tan(u)
     if kind == ASIN:
-        return functions.asin(u)
+        return double_double.asin(u)
     if kind == ACOS:
-        return functions.acos(u)
+        return double_double.acos(u)
     if kind == ATAN:
-        return functions.atan(u)
+        return double_double.atan(u)
     if kind == SINH:
-        return functions.sinh(u)
+        return double_double.sinh(u)
     if kind == COSH:
-        return functions.cosh(u)
+        return double_double.cosh(u)
     if kind == TANH:
-        return functions.tanh(u)
+        return double_double.tanh(u)
     if kind == ASINH:
-        return functions.asinh(u)
+        return double_double.asinh(u)
     if kind == ACOSH:
-        return functions.acosh(u)
+        return double_double.acosh(u)
     if kind == ATANH:
-        return functions.atanh(u)
+        return double_double.atanh(u)
     if kind == EXP:
-        return functions.exp(u)
-    return functions.log(u)
+        return double_double.exp(u)
+    return double_double.log(u)
 
 
 @strict
 def expand(program: TaylorProgram, series: Any, unit: float, order: int) -> None:
-    """All coefficients to this order, given the first ones of the variables."""
-    one, operations, slopes, registers, weights = program
+    """Compute all coefficients to this order from the values of the variables."""
+    one, operations, derivatives, registers, weights = program
     for k in range(order + 1):
         for i in range(len(operations)):
             kind, a, b, c = operations[i, 0], operations[i, 1], operations[i, 2], operations[i, 3]
@@ -180,17 +178,17 @@ def expand(program: TaylorProgram, series: Any, unit: float, order: int) -> None
             series[target, k, 0], series[target, k, 1] = value
         if k < order:
             for i in range(one):
-                slope = scale(linear(series, registers, weights, slopes[i], slopes[i + 1], k), unit)
-                value = multiply(slope, (INVERSES[k + 1, 0], INVERSES[k + 1, 1]))
+                derivative = scale(linear(series, registers, weights, derivatives[i], derivatives[i + 1], k), unit)
+                value = multiply(derivative, (INVERSES[k + 1, 0], INVERSES[k + 1, 1]))
                 series[i, k + 1, 0], series[i, k + 1, 1] = value
 
 
 @strict
 def step_size(series: Any, dimension: int, order: int) -> float:
-    """The step in units that the second half of the coefficients allows; nan if some are not finite.
+    """The step, in units, from the second half of the coefficients; nan if some are not finite.
 
-    They show the radius of convergence, each variable being compared with its own size, the largest of its first
-    coefficients. At radius/e² the fewest operations are done for a digit and a unit of time (Jorba, Zou 2005).
+    These show the radius of convergence, relative to the size of each variable, the largest of its first coefficients.
+    A step of radius/e² needs the fewest operations per digit and unit of time (Jorba, Zou 2005).
     """
     radius = math.inf
     for i in range(dimension):
@@ -208,7 +206,7 @@ def step_size(series: Any, dimension: int, order: int) -> float:
 
 @strict
 def at(series: Any, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
-    """The value of a variable, by Horner's rule."""
+    """The value of a variable by Horner's rule."""
     total = (0.0, 0.0)
     for k in range(order, -1, -1):
         total = add(multiply(total, s), (series[i, k, 0], series[i, k, 1]))
@@ -219,7 +217,7 @@ def at(series: Any, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
 def evaluate(
     series: Any, dimension: int, order: int, step: float, unit: float, state: Any, times: Any, first: int, values: Any
 ) -> int:
-    """Evaluate the solution at the times that a step passes, and its size Σ |c_k step^k|; the first time beyond."""
+    """Evaluate the solution and its size Σ |c_k step^k| at the times within a step; the index of the next time."""
     while first < len(times):
         s = scale(subtract((times[first, 0], times[first, 1]), (state[0], state[1])), 1 / unit)
         if s[0] > step:
@@ -236,25 +234,24 @@ def evaluate(
 
 @njit(sources=SOURCES, nogil=True, error_model="numpy", fastmath=False)
 def advance(
-    program: TaylorProgram, series: Any, state: Any, order: int, kick: float, steps: int, times: Any, first: int,
-    values: Any,
+    program: TaylorProgram, series: Any, state: Any, order: int, perturbation: float, steps: int, times: Any,
+    first: int, values: Any,
 ) -> tuple[int, int]:  # fmt: skip
-    """Take some steps from where `state` is, and evaluate the solution at the times that they pass.
+    """Make some steps, and evaluate the solution at the times that they pass.
 
     Args:
         program: The operations.
-        series: An array (registers, order + 1, 2) with the state in its first coefficients; it is changed.
-        state: The time since the start as a double-double number, and the unit; it is changed.
+        series: An array (registers, order + 1, 2) with the state in its first coefficients; overwritten.
+        state: The time since the start as a double-double number, and the unit; updated.
         order: The order of the series.
-        kick: By what part of itself each variable is changed after each step, up or down, and each step made longer.
+        perturbation: Relative change of each variable after each step, of random sign, and relative extension of steps.
         steps: The largest number of expansions.
-        times: Times since the start as double-double numbers (n, 2), all of one sign, growing in size.
-        first: The first of them that is still wanted.
-        values: An array (variables, n, 3) for the solution at these times, and its size within the step.
+        times: Times since the start as double-double numbers (n, 2), of one sign and increasing in size.
+        first: The index of the next time.
+        values: An array (variables, n, 3) that receives the solution at these times, and its size within the step.
 
     Returns:
-        The first time that is still wanted, and whether there are more to come: RUNNING, DONE, STUCK (no step is
-        possible).
+        The index of the next time, and the status: RUNNING, DONE, or STUCK (no step is possible).
     """
     dimension = program.dimension
     series[dimension, :, :] = 0.0
@@ -275,9 +272,9 @@ def advance(
             if first == len(times):
                 return first, DONE
             for i in range(dimension):
-                value = at(series, i, order, (step, kick * step))
-                sign = math.copysign(1.0, value[0]) * math.copysign(1.0, value[1])  # the next bits are random
-                series[i, 0, 0], series[i, 0, 1] = multiply(value, (1.0, (sign + BIAS) * kick))
+                value = at(series, i, order, (step, perturbation * step))
+                sign = math.copysign(1.0, value[0]) * math.copysign(1.0, value[1])  # its low bits are random
+                series[i, 0, 0], series[i, 0, 1] = multiply(value, (1.0, (sign + BIAS) * perturbation))
             state[0], state[1] = add((state[0], state[1]), (step * unit, 0.0))
         state[2] = math.ldexp(unit, exponent - 1 if exponent > 0 else exponent)
     return first, RUNNING

@@ -1,7 +1,9 @@
-"""A scene as a list of operations on power series, from which the Taylor series of its solutions follow.
+"""A scene as a list of operations on power series, which gives the Taylor series of its solutions.
 
-Sums over sites are written out row by row from the graph of the local formula, so that a scene of many particles is
-read as fast as one of two.
+A register holds the series of a quantity: first those of the variables, then the constant 1, then one for each
+operation. Every elementary function f satisfies f(u)' = g u' with another register g, so one operation covers them all.
+Each operation is done once. Sums over particles are expanded row by row from the graph of the local formula, so a scene
+of many particles is read quickly.
 """
 
 from __future__ import annotations
@@ -9,51 +11,59 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import accumulate, chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.expressions import ELEMENTARY
 from integrators.reference.double_double import split
-from integrators.reference.taylor_operations import LINEAR, Operations
 from integrators.scenes.model.local_terms import VALUE
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.reference.taylor_operations import Term
     from integrators.scenes.model.local_terms import LocalTerm
     from integrators.scenes.scene import Scene
 
 WORKING_DIGITS = 60
-"""Numbers in formulas are known to so many digits, twice as many as they are rounded to in the end."""
+"""Precision of numbers in formulas, twice that of the result."""
+
+Term: TypeAlias = tuple[Any, int]
+"""An mpmath number times a register."""
+
+LINEAR, PRODUCT, POWER, FUNCTION = range(4)
+"""The kinds of operations; `FUNCTION` + k is the function ELEMENTARY[k]."""
+MAX_OPERATIONS = 1_000_000
+"""Limit of 600 megabytes for their series."""
+PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
 class TaylorProgram(NamedTuple):
     """The operations of a scene as arrays.
 
     Attributes:
-        dimension: The number of variables: the registers before the one of the constant 1.
+        dimension: The number of variables, hence the register of the constant 1.
         operations: The rows of `Operations`; LINEAR has the first and the end of its terms.
-        slopes: Where the terms of each derivative y_i' begin, and where the last ones end.
+        derivatives: The index of the first term of each derivative y_i', then the end of the last.
         registers: The register of each term of a linear combination.
-        weights: Its coefficient, as a double-double number.
+        weights: The coefficient of each term, as a double-double number.
     """
 
     dimension: int
     operations: np.ndarray
-    slopes: np.ndarray
+    derivatives: np.ndarray
     registers: np.ndarray
     weights: np.ndarray
 
 
 def taylor_program(scene: Scene) -> TaylorProgram:
-    """The operations that give f(y) for a scene.
+    """The operations that compute f(y) for a scene.
 
     Args:
         scene: The scene; its parameters must be numbers.
 
     Raises:
-        IntegratorError: A parameter is a symbol, a number is not real or beyond the range of doubles, or a formula is
+        IntegratorError: A parameter is a symbol, a number is not real or exceeds the range of doubles, or a formula is
             nested too deeply.
 
     Example:
@@ -61,18 +71,18 @@ def taylor_program(scene: Scene) -> TaylorProgram:
         >>> program = taylor_program(Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)"))
         >>> len(program.operations)  # sin q, cos q and −sin q
         3
-        >>> program.slopes - program.slopes[0], program.registers[program.slopes[0] :]
+        >>> program.derivatives - program.derivatives[0], program.registers[program.derivatives[0] :]
         (array([0, 1, 2]), array([3, 0]))
     """
     import mpmath
 
     operations = Operations(scene.dimension)
-    slopes: list[list[Term]] = [[] for _ in range(scene.dimension)]
+    derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]
     try:
         with mpmath.workdps(WORKING_DIGITS):
             for term in scene.numeric_terms:
-                _add(term, operations, slopes)
-            return _arrays(operations, [operations.merged(slope) for slope in slopes])
+                _add(term, operations, derivatives)
+            return _arrays(operations, [operations.merged(terms) for terms in derivatives])
     except RecursionError:
         raise IntegratorError("formula must be nested less deeply, but was nested beyond the limit of Python") from None
     except ZeroDivisionError:
@@ -80,10 +90,10 @@ def taylor_program(scene: Scene) -> TaylorProgram:
 
 
 def fraction_of(value: Any) -> Fraction:
-    """A real number of Python or mpmath as the fraction that it is, one of SymPy to 60 digits if it is irrational.
+    """A real number of Python or mpmath as an exact fraction, one of SymPy to 60 digits if irrational.
 
     Raises:
-        IntegratorError: It is infinite, or cannot be told from zero.
+        IntegratorError: The number is infinite, or cannot be distinguished from zero.
     """
     if isinstance(value, int | Fraction):
         return Fraction(value)
@@ -95,14 +105,14 @@ def fraction_of(value: Any) -> Fraction:
     try:
         number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
     except ArithmeticError:
-        raise IntegratorError(f"numbers must be told from zero, but one was {shorten(str(value))}") from None
+        raise IntegratorError(f"numbers must be distinguishable from zero, but one was {shorten(str(value))}") from None
     if not isfinite(number):
         raise IntegratorError(f"numbers must be finite, but one was {number}")
     return Fraction(*to_rational(number._mpf_))
 
 
-def _add(term: LocalTerm, operations: Operations, slopes: list[list[Term]]) -> None:
-    """Add what a term gives at every row of its sites to the slopes."""
+def _add(term: LocalTerm, operations: Operations, derivatives: list[list[Term]]) -> None:
+    """Add the contribution of a term, at every row of its index set, to the derivatives."""
     import sympy
 
     locals_ = [*(f"x{k}" for k in range(len(term.arguments))), *(f"d{k}" for k in range(len(term.data)))]
@@ -122,7 +132,7 @@ def _add(term: LocalTerm, operations: Operations, slopes: list[list[Term]]) -> N
         values = _evaluated(graph, nodes, leaves, operations)
         for k, place, sign in term.outputs:
             coefficient, register = values[wanted[k][1]]
-            slopes[place.at(row)].append((sign * _number(wanted[k][0]) * coefficient, register))
+            derivatives[place.at(row)].append((sign * _number(wanted[k][0]) * coefficient, register))
 
 
 def _number(value: Any) -> Any:
@@ -136,7 +146,7 @@ def _number(value: Any) -> Any:
 def _evaluated(
     graph: OperationGraph, nodes: Iterable[int], leaves: Mapping[str, Term], operations: Operations
 ) -> dict[int, Term]:
-    """What the nodes of a graph are, given its variables and data."""
+    """The values of the nodes of a graph, given its variables and data."""
     values: dict[int, Term] = {}
 
     def scaled(term: Any) -> Term:
@@ -158,17 +168,17 @@ def _evaluated(
     return values
 
 
-def _arrays(operations: Operations, slopes: list[tuple[Term, ...]]) -> TaylorProgram:
+def _arrays(operations: Operations, derivatives: list[tuple[Term, ...]]) -> TaylorProgram:
     import numpy as np
 
-    combinations = [*operations.combinations, *slopes]
+    combinations = [*operations.combinations, *derivatives]
     ends = [0, *accumulate(map(len, combinations))]
     rows = [[LINEAR, ends[row[1]], ends[row[1] + 1], 0] if row[0] == LINEAR else row for row in operations.rows]
     terms = list(chain.from_iterable(combinations))
     return TaylorProgram(
         dimension=operations.one,
         operations=np.array(rows, dtype=np.int64).reshape(-1, 4),
-        slopes=np.array(ends[len(operations.combinations) :], dtype=np.int64),
+        derivatives=np.array(ends[len(operations.combinations) :], dtype=np.int64),
         registers=np.array([register for _, register in terms], dtype=np.int64),
         weights=np.array([_weight(coefficient) for coefficient, _ in terms], dtype=float).reshape(-1, 2),
     )
@@ -181,3 +191,137 @@ def _weight(number: Any) -> tuple[float, float]:
         raise IntegratorError(
             f"formula must have numbers in the range of doubles, but has {shorten(str(number))}"
         ) from None
+
+
+class Operations:
+    """A growing list of operations.
+
+    Attributes:
+        one: The register of the constant 1.
+        rows: For each operation its kind, then for LINEAR the index in `combinations`, for PRODUCT two registers, for
+            POWER a register, the numerator and the denominator of the exponent, for FUNCTION + k the registers u and g.
+        combinations: Linear combinations of registers.
+    """
+
+    def __init__(self, dimension: int):
+        from mpmath import mpf
+
+        self.one = dimension
+        self.rows: list[list[int]] = []
+        self.combinations: list[tuple[Term, ...]] = []
+        self.unit = mpf(1)
+        self._known: dict[Any, int] = {}
+
+    def sum(self, terms: Iterable[Term]) -> Term:
+        """The sum of terms."""
+        kept = self.merged(terms)
+        if len(kept) < 2:
+            return kept[0] if kept else (0 * self.unit, self.one)
+        return self.unit, self._combination(kept)
+
+    def merged(self, terms: Iterable[Term]) -> tuple[Term, ...]:
+        """The terms of a sum, one for each register."""
+        total: dict[int, Any] = {}
+        for coefficient, register in terms:
+            total[register] = total.get(register, 0) + coefficient
+        return tuple((coefficient, register) for register, coefficient in sorted(total.items()) if coefficient)
+
+    def product(self, factors: Iterable[Term]) -> Term:
+        """The product of terms."""
+        number, product = self.unit, self.one
+        for coefficient, register in factors:
+            number *= coefficient
+            if product == self.one:
+                product = register
+            elif register != self.one:
+                product = self._operation(PRODUCT, *sorted((product, register)))
+        return number, product
+
+    def power(self, term: Term, exponent: Fraction) -> Term:
+        """A rational power of a term; positive integer powers are products, whose factors may vanish."""
+        number, register = term
+        whole = exponent.denominator == 1
+        if number < 0 and register != self.one and not whole:  # (−x)^(1/2) is not a multiple of x^(1/2)
+            number, register = self.unit, self.register(term)
+        number **= exponent.numerator if whole else self.unit * exponent.numerator / exponent.denominator
+        if register == self.one:
+            return _real(number), self.one
+        if whole and exponent > 0:
+            return number, self._integer_power(register, exponent.numerator)
+        return number, self._operation(POWER, register, exponent.numerator, exponent.denominator)
+
+    def general_power(self, base: Term, exponent: Term) -> Term:
+        """The power of a term by a term."""
+        return self.function("exp", self.product([exponent, self.function("log", base)]))
+
+    def function(self, name: str, term: Term) -> Term:
+        """An elementary function of a term."""
+        if term[1] == self.one:
+            import mpmath
+
+            return _real(getattr(mpmath, name)(term[0])), self.one
+        u = self.register(term)
+        if (name, u) not in self._known:
+            value = self._known[name, u] = self._append(FUNCTION + ELEMENTARY.index(name), u)
+            derivative = self.register(self._derivative(name, (self.unit, u), (self.unit, value)))
+            self.rows[value - self.one - 1][2] = derivative
+        return self.unit, self._known[name, u]
+
+    def register(self, term: Term) -> int:
+        """A register that holds a term."""
+        return term[1] if term[0] == 1 else self._combination((term,))
+
+    def _derivative(self, name: str, u: Term, value: Term) -> Term:
+        """The derivative of a function with this value at u."""
+        one, minus = (self.unit, self.one), (-self.unit, self.one)
+        if name == "exp":
+            return value
+        if name in ("sin", "cos", "sinh", "cosh"):
+            factor = minus if name == "cos" else one
+            return self.product([factor, self.function(PARTNERS[name], u)])
+        if name in ("tan", "tanh"):
+            return self.sum([one, self.product([one if name == "tan" else minus, value, value])])
+        if name == "log":
+            return self.power(u, Fraction(-1))
+        if name in ("atan", "asinh"):
+            square = self.sum([one, self.product([u, u])])
+        else:
+            factor = one if name == "acosh" else minus
+            square = self.product([factor, self.sum([u, one]), self.sum([u, minus])])  # 1 − u² loses digits near 1
+        power = self.power(square, Fraction(-1) if name in ("atan", "atanh") else Fraction(-1, 2))
+        return self.product([minus, power]) if name == "acos" else power
+
+    def _integer_power(self, register: int, n: int) -> int:
+        if n == 1:
+            return register
+        half = self._integer_power(register, n // 2)
+        square = self._operation(PRODUCT, half, half)
+        return self._operation(PRODUCT, *sorted((register, square))) if n % 2 else square
+
+    def _combination(self, terms: tuple[Term, ...]) -> int:
+        if terms not in self._known:
+            self._known[terms] = self._append(LINEAR, len(self.combinations))
+            self.combinations.append(terms)
+        return self._known[terms]
+
+    def _operation(self, *content: int) -> int:
+        if content not in self._known:
+            self._known[content] = self._append(*content)
+        return self._known[content]
+
+    def _append(self, *content: int) -> int:
+        if len(self.rows) == MAX_OPERATIONS:
+            raise IntegratorError(
+                f"scene must take at most {MAX_OPERATIONS:,} operations for its Taylor series, but takes more"
+            )
+        self.rows.append([*content, *[0] * (4 - len(content))])
+        return self.one + len(self.rows)
+
+
+def _real(number: Any) -> Any:
+    """The number, refused unless real and finite."""
+    import mpmath
+
+    if isinstance(number, mpmath.mpf) and mpmath.isfinite(number):
+        return number
+    raise IntegratorError(f"parameters must make the field real and finite, but gave {shorten(str(number))}")

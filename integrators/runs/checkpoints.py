@@ -1,8 +1,7 @@
-"""Checkpoints: all that a run goes on from, and what tells that it is the same run."""
+"""Checkpoints: files from which a run resumes, and the identity of the run."""
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from collections.abc import Mapping
@@ -13,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 from foundation.machine_code import PACKAGE, package_version
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading
-from integrators.core.text_files import atomic_write, remove_unfinished
+from integrators.core.text_files import remove_unfinished
 from integrators.methods.program.program import program_text
 from integrators.methods.tableaux.files import dumps_method
-from integrators.runs.recordings import Counts
+from integrators.runs.storage import Counts
+from integrators.runs.trajectory import write_arrays
 from integrators.steppers.run_input import MOST_STEPS
 from integrators.steppers.states import State
 
@@ -24,42 +24,41 @@ if TYPE_CHECKING:
     from integrators.methods.program.program import Method
     from integrators.runs.observers import Observers
     from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
     from integrators.steppers.stepping import Stepper
 
 
-def description(made: Stepper, seen: Observers, options: dict[str, Any]) -> dict[str, Any]:
-    """The scene, the method and the options, as JSON can hold them; there is no date, so that runs can be compared."""
+def description(compiled: Stepper, observer: Observers, options: dict[str, Any]) -> dict[str, Any]:
+    """The scene, the method and the options, as JSON values; without a date, so that runs can be compared."""
     return {
-        "scene": _scene(made.scene),
-        "method": _method(made.method),
-        "observe": list(seen.names),
+        "scene": _scene(compiled.scene),
+        "method": _method(compiled.method),
+        "observe": list(observer.names),
         **options,
         "version": f"{PACKAGE} {package_version()}".rstrip(),
     }
 
 
-def identity(made: Stepper, seen: Observers, options: dict[str, Any], start: State) -> dict[str, Any]:
-    """What must be the same where a run goes on from a checkpoint."""
+def identity(compiled: Stepper, observer: Observers, options: dict[str, Any], start: State) -> dict[str, Any]:
+    """Everything that must be the same when a run resumes from a checkpoint."""
     return {
-        "scene": made.scene.name,
-        "method": made.method.name,
-        "observe": list(seen.names),
+        "scene": compiled.scene.name,
+        "method": compiled.method.name,
+        "observe": list(observer.names),
         **{key: value for key, value in options.items() if key != "steps"},
         "start": sha256(start.y.tobytes()).hexdigest(),
-        "compiled steps": sha256(made.source.encode()).hexdigest(),
+        "compiled steps": sha256(compiled.source.encode()).hexdigest(),
     }
 
 
 def _scene(scene: Scene) -> dict[str, Any]:
     try:
         return {"name": scene.name} | scene.to_dict()
-    except IntegratorError:  # a formula is too long for a file
+    except IntegratorError:  # a formula too long for a file
         return {"name": scene.name, "active": list(scene.active)}
 
 
 def _method(method: Method) -> dict[str, Any]:
-    """The content of a tableau file, or the program of a method of another kind."""
+    """The content of a tableau file, or the program of a method without a tableau."""
     try:
         return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
     except IntegratorError:
@@ -67,17 +66,17 @@ def _method(method: Method) -> dict[str, Any]:
 
 
 DIGESTS = ("start", "compiled steps")
-"""What is compared without being shown."""
+"""Entries that messages do not show."""
 VECTORS = ("values", "carry", "memory", "control")
 
 
 class Checkpoint:
-    """The file that a run can go on from.
+    """The file from which a run resumes.
 
     Args:
         path: The file.
-        identity: What must be the same when the run goes on.
-        every: Seconds between two checkpoints.
+        identity: Everything that must be the same when the run resumes.
+        every: Seconds between checkpoints.
     """
 
     def __init__(self, path: str, identity: Mapping[str, Any], every: float):
@@ -86,15 +85,11 @@ class Checkpoint:
 
     @property
     def is_due(self) -> bool:
-        """Whether the last one is old enough."""
+        """Whether the last checkpoint is old enough."""
         return monotonic() - self._last >= self._every
 
     def write(self, state: State, counts: Counts) -> None:
-        """Write the file, so that there is always a whole one.
-
-        Args:
-            state: The run.
-            counts: How many rows have been recorded.
+        """Write the state and the numbers of recorded rows; the old file is replaced by a complete one.
 
         Raises:
             IntegratorError: The file cannot be written.
@@ -103,23 +98,21 @@ class Checkpoint:
 
         arrays = {name: np.asarray(getattr(state, name)) for name in State.__slots__}
         arrays |= {"counts": np.asarray(counts), "run": np.asarray(json.dumps(self._identity, ensure_ascii=False))}
-        file = io.BytesIO()
-        np.savez(file, digest=_digest(arrays), **arrays)  # type: ignore[arg-type]
-        atomic_write(self.path, file.getvalue())
+        write_arrays(self.path, {"digest": _digest(arrays), **arrays})
         self._last = monotonic()
 
     def restore(self, state: State, steps: int) -> Counts | None:
-        """Bring a run to where the file says that it was.
+        """Restore the state of a run.
 
         Args:
-            state: The run at its start.
-            steps: How many steps it is to make in all.
+            state: The state at the start; overwritten.
+            steps: The total number of steps.
 
         Returns:
-            How many rows had been recorded; None if there is no file.
+            The numbers of recorded rows; None if there is no file.
 
         Raises:
-            IntegratorError: The file is no checkpoint, or one of another run; the message says what differs.
+            IntegratorError: The file is not a checkpoint of this run; the message says what differs.
         """
         import numpy as np
 
@@ -148,14 +141,14 @@ class Checkpoint:
                 raise IntegratorError(f"checkpoint must be of the same run, but had as {key} {was}")
 
     def remove(self) -> None:
-        """Take the file away, if there is one: the run has ended."""
+        """Remove the file, if it exists."""
         remove_unfinished(self.path)
         if os.path.exists(self.path):
             os.unlink(self.path)
 
 
 def _forms(state: State) -> dict[str, Form]:
-    """What a checkpoint holds of the run that a state begins; each array is as long as that of the state."""
+    """The forms of the arrays in a checkpoint, given the state at the start."""
     forms = {name: Form("f", (name,)) for name in VECTORS}
     forms |= {name: Form("f", (), (value, value)) for name, value in (("step_size", state.h), ("t0", state.t0))}
     forms |= {"n": Form("i", (), (0, MOST_STEPS)), "counts": Form("i", (2,), (0, MOST_STEPS)), "is_fresh": Form("b")}
@@ -163,7 +156,7 @@ def _forms(state: State) -> dict[str, Form]:
 
 
 def _digest(arrays: Mapping[str, Any]) -> str:
-    """What tells that nothing in a checkpoint was changed."""
+    """A hash that detects changes of a checkpoint."""
     import numpy as np
 
     return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()

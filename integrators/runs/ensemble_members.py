@@ -1,4 +1,4 @@
-"""What workers do: the members of a block, one after the other, and their statistics."""
+"""The work of one task of an ensemble: run the members of a block, and collect their statistics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from integrators.steppers.stepping import Stepper
 
 PATIENCE = 0.1
-"""Seconds of steps between two looks at whether the work is still wanted."""
+"""Seconds between checks whether the ensemble was cancelled."""
 
 
 class Failure(NamedTuple):
@@ -33,10 +33,10 @@ class Failure(NamedTuple):
 
     Attributes:
         member: Its number, from 0.
-        step: The step that failed, from 1; 0 if it could not start, None if its worker was lost.
-        t: The time at which that step began, if known.
-        y: The state at which it began, if known.
-        reason: What happened.
+        step: The step that failed, from 1; 0 if there was no start, None if the worker was lost.
+        t: The time before that step, if known.
+        y: The state before that step, if known.
+        reason: The cause.
     """
 
     member: int
@@ -47,13 +47,13 @@ class Failure(NamedTuple):
 
 
 class Block(NamedTuple):
-    """What is known of a block of members.
+    """The results of a block of members.
 
     Attributes:
-        statistics: Over its members.
-        series: The quantities of those that are kept, (members, times, quantities).
-        ends: The last states, (members, variables), nan for those that failed; without rows if they are not saved.
-        failures: The members that failed.
+        statistics: Statistics over the members.
+        series: The observations of the members to be kept, (members, times, quantities).
+        ends: The last states, (members, variables), nan for failed members; no rows if they are not saved.
+        failures: The failed members.
     """
 
     statistics: Statistics
@@ -63,7 +63,7 @@ class Block(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What all members have in common; see `ensemble`."""
+    """The common arguments of all members; see `ensemble`."""
 
     scene: Scene
     method: Method
@@ -81,33 +81,33 @@ class Settings(NamedTuple):
 
 
 class Members:
-    """The members of an ensemble, which travel to other processes as one text that is read there once.
+    """The members of an ensemble, pickled as one byte string that each process unpacks once.
 
     Attributes:
-        settings: What they have in common.
-        is_stopped: Set when their results are no longer wanted; threads that work on them see it.
+        settings: The common arguments.
+        is_stopped: Set to cancel members that run in threads.
     """
 
     def __init__(self, *settings: Any):
         self.settings = Settings(*settings)
         self.is_stopped = False
-        self._piece = 1000  # steps between two such looks
+        self._chunk = 1000  # steps between checks of `is_stopped`
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.packed,)
 
     @cached_property
     def packed(self) -> bytes:
-        """The settings; functions of the user are packed by value, even those without a name.
+        """The pickled settings; functions of the user are pickled by value, lambdas included.
 
         Raises:
-            IntegratorError: Something cannot be packed.
+            IntegratorError: Something cannot be pickled.
         """
         from numba import cloudpickle
 
         try:
             return cloudpickle.dumps(tuple(self.settings))
-        except Exception as error:  # whatever the objects of the user raise
+        except Exception as error:  # objects of the user may raise anything
             raise IntegratorError(
                 "sample and observe must be functions that can be sent to other processes, but were not: "
                 f"{shorten(str(error), 120)}"
@@ -120,7 +120,7 @@ class Members:
 
     @cached_property
     def step_numbers(self) -> np.ndarray:
-        """The steps after which members are observed: 0, every `observe_every`-th, and the last."""
+        """The observed steps: 0, every `observe_every`-th, and the last."""
         import numpy as np
 
         steps, every = self.settings.steps, self.settings.observe_every
@@ -131,11 +131,11 @@ class Members:
 
         Args:
             member: Its number.
-            y0: Its start, (variables,), if that is not drawn.
+            y0: Its start, (variables,), unless it is drawn.
 
         Raises:
-            IntegratorError: The start is not as many finite numbers as there are variables.
-            Exception: What `sample` raises.
+            IntegratorError: The start is not one finite number for each variable.
+            Exception: Any error of `sample`.
         """
         s = self.settings
         start = y0 if s.sample is None else s.sample(member_generator(s.seed, member))
@@ -147,32 +147,32 @@ class Members:
         """Make all steps of a member.
 
         Args:
-            state: Its start; in the end, where it got.
-            values: Where its quantities go, (times, quantities).
+            state: Its start, replaced by its last state.
+            values: Receives the observations, (times, quantities).
 
         Raises:
-            StepError: A step failed; times before it have their quantities.
+            StepError: A step failed; earlier observations are filled in.
         """
-        s, seen = self.settings, self.settings.observers
-        values[0] = seen(state.t, state.y)
+        s, observer = self.settings, self.settings.observers
+        values[0] = observer(state.t, state.y)
         while state.n < s.steps:
             if self.is_stopped:
                 raise CancelledError
-            began, piece = monotonic(), self._piece
+            began, chunk = monotonic(), self._chunk
             self.stepper.record(
-                state, min(piece, s.steps - state.n), o_every=s.observe_every if seen else 0, observer=seen.address,
-                o_rows=values[1 + state.n // s.observe_every :],
+                state, min(chunk, s.steps - state.n), o_every=s.observe_every if observer else 0,
+                observer=observer.address, o_rows=values[1 + state.n // s.observe_every :],
             )  # fmt: skip
             is_short = monotonic() - began < PATIENCE / 2
-            self._piece = min(piece * 2, s.steps) if is_short else max(1, piece // 2)
-        values[-1] = seen(state.t, state.y)
+            self._chunk = min(chunk * 2, s.steps) if is_short else max(1, chunk // 2)
+        values[-1] = observer(state.t, state.y)
 
     def changes(self, values: np.ndarray) -> np.ndarray:
-        """The quantities themselves, or how far they are from the first of each, as the settings say."""
+        """The quantities, or their changes since the start, as the settings say."""
         import numpy as np
 
         result = values.copy()
-        with np.errstate(all="ignore"):  # a quantity that starts at zero has no relative change
+        with np.errstate(all="ignore"):  # initial values may be zero
             for k, change in enumerate(self.settings.change):
                 if change is not None:
                     result[:, k] -= values[0, k]
@@ -187,7 +187,7 @@ def _restored(packed: bytes) -> Members:
 
 
 def member_generator(seed: int, member: int) -> np.random.Generator:
-    """The random numbers of a member: ``SeedSequence(seed).spawn(…)[member]``, without those before it.
+    """The generator of a member: that of ``SeedSequence(seed).spawn(…)[member]``, made directly.
 
     Args:
         seed: The seed of the ensemble.
@@ -208,10 +208,10 @@ def run_block(number: int, members: Members, first: int, starts: Iterable[np.nda
     """Run the members of a block.
 
     Args:
-        number: That of the block, which tells it apart.
+        number: The number of the block, its key in `Workers.run`.
         members: All members.
-        first: The number of the first one.
-        starts: Their starts, one for each; None if it is drawn.
+        first: The number of the first member of the block.
+        starts: The start of each member; None if it is drawn.
     """
     import numpy as np
 
@@ -245,7 +245,7 @@ def run_block(number: int, members: Members, first: int, starts: Iterable[np.nda
 
 
 def lost_block(members: Members, first: int, count: int) -> Block:
-    """What a block comes to whose workers were lost: failures only."""
+    """The result of a block whose workers were lost: failures only."""
     import numpy as np
 
     s = members.settings
@@ -260,12 +260,12 @@ def lost_block(members: Members, first: int, count: int) -> Block:
 
 
 def block_sizes(members: Members, span: range) -> dict[str, int]:
-    """How long the arrays of the block of some members are, by what is along them."""
+    """Lengths of the axes of the arrays of a block."""
     s = members.settings
     sizes = {"times": len(members.step_numbers), "quantities": len(s.observers), "variables": s.scene.dimension}
     return {**sizes, "kept": _kept(s, span.start, len(span)), "ends": len(span) if s.final else 0}
 
 
 def _kept(settings: Settings, first: int, count: int) -> int:
-    """How many members of a block are among those whose series are kept."""
+    """The number of members of a block whose series are kept."""
     return max(0, min(count, settings.keep - first))

@@ -1,8 +1,7 @@
-"""What an ensemble has given, in memory and in files."""
+"""Results of ensembles, in memory and in files, and the folder of finished blocks."""
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import sys
@@ -16,6 +15,7 @@ from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, 
 from integrators.core.text_files import atomic_write, check_path, read_text
 from integrators.runs.ensemble_members import Block, Failure
 from integrators.runs.ensemble_statistics import Statistics
+from integrators.runs.trajectory import write_arrays
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,18 +32,18 @@ BLOCK = {
 }
 NUMBER = int, float
 FAILURE = {"member": int, "step": (None, int), "t": (None, *NUMBER), "y": (None, [NUMBER]), "reason": str}
-"""What files hold of these."""
+"""The content of the files."""
 
 
 class EnsembleResult:
     """Statistics of an ensemble; made by `ensemble`, and by `load_ensemble`.
 
-    A member that fails counts up to where it failed. All mappings are by name of quantity.
+    A member that failed counts up to its failure. All mappings are from the names of quantities.
 
     Attributes:
         t: The times, (times,).
         names: The quantities.
-        meta: What was computed: scene, method, step size, …
+        meta: The scene, the method and the options.
         failures: The members that did not reach the end.
 
     Example:
@@ -70,7 +70,7 @@ class EnsembleResult:
 
     @property
     def count(self) -> np.ndarray:
-        """How many members have reached each time, (times,)."""
+        """The number of members that reached each time, (times,)."""
         return self._whole.statistics.count
 
     @property
@@ -80,19 +80,19 @@ class EnsembleResult:
 
     @property
     def variance(self) -> dict[str, np.ndarray]:
-        """Variances at each time, with count − 1 below; nan where there are fewer than two members."""
+        """Unbiased variances at each time; nan where there are fewer than two members."""
         return self._columns(self._whole.statistics.variance)
 
     @property
     def std(self) -> dict[str, np.ndarray]:
-        """Standard deviations at each time, the roots of the variances."""
+        """Standard deviations at each time."""
         import numpy as np
 
         return self._columns(np.sqrt(self._whole.statistics.variance))
 
     @property
     def minimum(self) -> dict[str, np.ndarray]:
-        """Least values at each time; nan where there is no member."""
+        """Smallest values at each time; nan where there is no member."""
         return self._where(self._whole.statistics.minimum)
 
     @property
@@ -102,12 +102,12 @@ class EnsembleResult:
 
     @cached_property
     def series(self) -> dict[str, np.ndarray]:
-        """The quantities of the members that were to be kept, (members, times); nan where one has failed."""
+        """The quantities of the first `keep` members, (members, times); nan after a failure."""
         return {name: self._whole.series[:, :, k] for k, name in enumerate(self.names)}
 
     @property
     def final(self) -> np.ndarray:
-        """The last states, (members, variables), nan for those that failed; without rows if they were not saved."""
+        """The last states, (members, variables), nan for failed members; no rows if they were not saved."""
         return self._whole.ends
 
     def _columns(self, array: np.ndarray) -> dict[str, np.ndarray]:
@@ -147,25 +147,23 @@ class EnsembleResult:
         return xarray.Dataset(data, coords={"time": self.t, "quantity": list(self.names)}, attrs=attributes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an NPZ file, whole or not at all.
+        """Write an NPZ file, which replaces an old one only when it is complete.
 
         Raises:
             IntegratorError: The file cannot be written.
         """
-        import numpy as np
-
         head = {"kind": KIND, "names": list(self.names), "meta": self.meta}
-        atomic_write(path, _packed({"t": self.t, "head": np.array(json.dumps(head)), **_arrays(self._whole)}))
+        write_arrays(path, {"t": self.t, "head": json.dumps(head), **_arrays(self._whole)})
 
 
 def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
-    """Read what `EnsembleResult.save` has written.
+    """Read a file of `EnsembleResult.save`.
 
     Args:
         path: The file.
 
     Raises:
-        IntegratorError: It is no such file.
+        IntegratorError: The file is not that of an ensemble.
 
     Example:
         >>> import tempfile
@@ -187,23 +185,13 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
 
 
-def _arrays(block: Block) -> dict[str, np.ndarray]:
-    import numpy as np
-
-    failures = np.array(json.dumps([failure._asdict() for failure in block.failures]))
+def _arrays(block: Block) -> dict[str, Any]:
+    failures = json.dumps([failure._asdict() for failure in block.failures])
     return {**block.statistics._asdict(), "series": block.series, "ends": block.ends, "failures": failures}
 
 
-def _packed(arrays: Mapping[str, np.ndarray]) -> bytes:
-    import numpy as np
-
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
-
-
 def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
-    """A block in a file, whose arrays have lengths as they are known."""
+    """Read a block whose arrays have the given lengths."""
     found = arrays.read(BLOCK, sizes)
     records = read_json(found["failures"], [FAILURE], "failures")
     failures = (
@@ -215,14 +203,14 @@ def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
 
 
 class BlockFolder:
-    """A folder where finished blocks of an ensemble are kept, so that it can be gone on with.
+    """The folder of finished blocks, from which an ensemble resumes.
 
     Args:
-        path: The folder; it is made if it is not there.
-        identity: What the ensemble is: names and numbers.
+        path: The folder; created if missing.
+        identity: Everything that must be the same when the ensemble resumes.
 
     Raises:
-        IntegratorError: It is the folder of another ensemble, or cannot be written.
+        IntegratorError: The folder belongs to another ensemble, or is not writable.
     """
 
     def __init__(self, path: str | os.PathLike[str], identity: Mapping[str, Any]):
@@ -246,7 +234,7 @@ class BlockFolder:
                 )
 
     def load(self, number: int, sizes: Mapping[str, int]) -> Block | None:
-        """A block whose arrays have these lengths; None if it is not there, or not whole."""
+        """A block whose arrays have these lengths; None if it is missing or damaged."""
         try:
             with reading("a block must be whole"):
                 return _block(StoredArrays(self._file(number), ""), sizes)
@@ -254,8 +242,8 @@ class BlockFolder:
             return None
 
     def save(self, number: int, block: Block) -> None:
-        """Keep a block."""
-        atomic_write(self._file(number), _packed(_arrays(block)))
+        """Write a block."""
+        write_arrays(self._file(number), _arrays(block))
 
     def _file(self, number: int) -> str:
         return os.path.join(self._path, f"block-{number:06d}.npz")

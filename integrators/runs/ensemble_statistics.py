@@ -1,8 +1,8 @@
-"""Mean, variance and extremes over the members of an ensemble, the same to the last bit however they are gathered.
+"""Mean, variance and extremes over the members of an ensemble, reproducible to the last bit.
 
 Floating-point sums depend on their order, so the order is fixed: members are the leaves of a binary tree, in the order
-of their numbers, and statistics go up from two neighbours to their parent. Members 2^k·j … 2^k·(j + 1) − 1 make up one
-subtree, so blocks of 2^k members can be gathered anywhere, in any order.
+of their numbers, and the statistics of two neighbours are merged into their parent. Members 2^k·j … 2^k·(j + 1) − 1
+form one subtree, so blocks of 2^k members can be computed anywhere, in any order.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 class Statistics(NamedTuple):
-    """Statistics of some quantities at some times, over some members.
+    """Statistics of quantities over some members.
 
     Attributes:
-        count: How many members there are at each time, (times,).
-        mean: Their mean, (times, quantities).
-        squares: The sum of squared differences from the mean, (times, quantities).
-        minimum: The least value, (times, quantities).
+        count: The number of members at each time, (times,).
+        mean: The mean, (times, quantities).
+        squares: The sum of squared deviations from the mean, (times, quantities).
+        minimum: The smallest value, (times, quantities).
         maximum: The largest value, (times, quantities).
     """
 
@@ -32,7 +32,7 @@ class Statistics(NamedTuple):
 
     @property
     def variance(self) -> np.ndarray:
-        """The unbiased estimate, squares / (count − 1); nan where there are fewer than two members."""
+        """The unbiased variance, squares / (count − 1); nan where there are fewer than two members."""
         import numpy as np
 
         freedom = (self.count - 1.0)[:, None]
@@ -44,7 +44,7 @@ def member_statistics(values: np.ndarray, rows: int) -> Statistics:
 
     Args:
         values: Its quantities, (times, quantities).
-        rows: The number of times that it has reached; what stands in `values` beyond does not count.
+        rows: The number of times that it reached; later rows of `values` are ignored.
     """
     import numpy as np
 
@@ -56,7 +56,7 @@ def member_statistics(values: np.ndarray, rows: int) -> Statistics:
 
 
 def merged(a: Statistics, b: Statistics) -> Statistics:
-    """The statistics of the members of both.
+    """The statistics over both sets of members.
 
     References:
         T. F. Chan, G. H. Golub, R. J. LeVeque, Amer. Statist. 37 (1983) 242–247, doi:10.1080/00031305.1983.10483115.
@@ -73,15 +73,15 @@ def merged(a: Statistics, b: Statistics) -> Statistics:
 
 
 class Gathering:
-    """The tree of statistics over leaves 0 … count − 1, which may come in any order.
+    """Merge of the statistics of leaves 0 … count − 1, added in any order.
 
-    Only subtrees whose neighbours have not come yet are kept.
+    Only subtrees that wait for their neighbours are kept.
 
     Args:
         count: The number of leaves: members, or blocks of members.
 
     Attributes:
-        total: The statistics of all leaves, as soon as all have come.
+        total: The statistics of all leaves; None until all are added.
 
     Example:
         >>> import numpy as np
@@ -98,7 +98,7 @@ class Gathering:
         self.total: Statistics | None = None
 
     def add(self, leaf: int, statistics: Statistics) -> None:
-        """Bring the statistics of a leaf, and of all subtrees that it completes."""
+        """Add the statistics of a leaf, and merge all subtrees that it completes."""
         level, index, count = 0, leaf, self._count
         while count > 1:
             neighbour = index ^ 1

@@ -1,4 +1,4 @@
-"""Ensembles: many runs of one method on one scene, from different starts, on all cores or a cluster."""
+"""Ensembles: runs of one method on one scene from many starts, on all cores or a cluster."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from integrators.runs.ensemble_members import Block, Members, Settings, block_si
 from integrators.runs.ensemble_results import BlockFolder, EnsembleResult
 from integrators.runs.ensemble_statistics import Gathering, Statistics
 from integrators.runs.executors import Workers
-from integrators.runs.loop import Grid
+from integrators.runs.integration import OutputSteps
 from integrators.runs.observers import observers
 from integrators.steppers.run_input import check_end, read_array, read_whole
 from integrators.steppers.states import StepError
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 BLOCKS = 64
-"""About how many blocks there are: enough that workers end together, few enough that their statistics weigh little."""
+"""Approximate number of blocks: enough to balance the load, few enough that their statistics take little memory."""
 BOOKKEEPING = 2
-"""Entries of lists for each member: its start among the tasks, and with the one who works on it."""
+"""List entries for each member: its start in the tasks, and in a worker."""
 TIMES = 1000
-"""About how often members are observed unless something else is said."""
+"""Approximate number of observations by default."""
 CHANGES = (None, "absolute", "relative")
 
 
@@ -67,49 +67,49 @@ def ensemble(
     checkpoint: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> EnsembleResult:
-    """Run a method on a scene from many starts, and take statistics of what is observed.
+    """Integrate a scene from many starts, and return statistics of the observed quantities.
 
-    Results do not depend on the executor, on the number of workers, nor on the order in which they finish: members
-    have random numbers of their own, and statistics are taken along a fixed tree. Each member is, to the last bit, what
-    `integrate` gives from its start. (Processors of different kinds may round differently.)
+    Results do not depend on the executor, the number of workers, or the order in which they finish: each member has its
+    own random numbers, and statistics are merged along a fixed tree. Each member agrees to the last bit with
+    `integrate` from its start. (Different processors may round differently.)
 
     Args:
         scene: The scene.
         method: The method, or its name.
         h: The step size.
         steps: The number of steps of each member.
-        y0: The starts, (members, variables); or
-        sample: a function that draws a start, (variables,), given a generator of NumPy: `thermal_momenta`,
-            `perturbed_start`, or one of the user. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
-        members: How many there are; needed with `sample`.
-        seed: Of the random numbers, from 0.
+        y0: The starts, (members, variables), unless `sample` is given.
+        sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
+            `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
+        members: The number of members; required with `sample`.
+        seed: The seed of the random numbers, 0 or more.
         t0: The time at the start.
         observe: Quantities, as for `integrate`.
-        observe_every: Steps between two observations; by default there are about a thousand. The start and the last
-            step are always observed.
-        change: What statistics are of: None, the quantities themselves; ``"absolute"``, their differences
-            E(t) − E(0) from the start of the member; ``"relative"``, E(t)/E(0) − 1. Or a mapping from quantities.
-        keep: The number of members, the first ones, whose observed series are kept one by one.
-        final: Whether the last state of each member is kept.
-        parts: What the parts of the method are in the scene; see `stepper`.
-        compensated: Whether rounding errors of sums are carried on.
-        split: Whether coefficients of implicit methods are split, so that their rounding causes no drift.
-        solver: How implicit stages are found; see `stepper`.
-        average_nodes: How many nodes the quadrature of averages of the field has; see `stepper`.
+        observe_every: Steps between observations; by default there are about a thousand. The start and the last step
+            are always observed.
+        change: The values in the statistics: None, the quantities themselves; ``"absolute"``, their changes
+            E(t) − E(0) since the start of the member; ``"relative"``, E(t)/E(0) − 1. Or a mapping from quantities.
+        keep: The number of members, the first ones, whose observations are returned individually.
+        final: Whether to return the last state of each member.
+        parts: The parts of the scene that the parts of the method stand for; see `stepper`.
+        compensated: Whether to use compensated summation.
+        split: Whether to split the coefficients of implicit methods, so that their rounding causes no drift.
+        solver: The solver for implicit stages; see `stepper`.
+        average_nodes: The number of quadrature nodes for averages of the field; see `stepper`.
         executor: ``"threads"``, ``"processes"``, or an executor: of `concurrent.futures`, or `cluster_executor`.
-        workers: The number of threads or processes; by default as many as there are cores.
-        checkpoint: A folder where finished blocks of members are kept: called again, this goes on from there.
-        progress: Called with the number of members that are done, and of all.
+        workers: The number of threads or processes; by default the number of cores.
+        checkpoint: A folder for finished blocks of members; a later call with the same arguments resumes from it.
+        progress: Called with the number of finished members and the total.
 
     Returns:
-        The statistics. Members that failed are listed, and count up to where they failed; a member whose worker was
-        lost is run again.
+        The statistics. Failed members are listed, and count up to their failure; a member whose worker was lost is run
+        again.
 
     Raises:
-        IntegratorError: An argument cannot be used, or the folder is that of another ensemble.
+        IntegratorError: An argument is invalid, or the folder belongs to another ensemble.
 
     Warns:
-        RuntimeWarning: A quantity, or its relative change, was no finite number.
+        RuntimeWarning: A quantity, or its relative change, was not finite.
 
     Example:
         >>> from integrators import scene
@@ -127,41 +127,38 @@ def ensemble(
     References:
         E. Hairer, lecture on long-time behaviour, figure 8 (statistics of energy errors over 400 trajectories).
     """
-    numerics: dict[str, Any] = {
-        "compensated": compensated,
-        "split": split,
-        "solver": solver,
-        "average_nodes": average_nodes,
-    }
-    made, seen = stepper(scene, method, parts=parts, **numerics), observers(scene, observe)
-    origin = made.start([0.0] * scene.dimension, h=h, t0=t0)
+    numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
+    compiled, observer = stepper(scene, method, parts=parts, **numerics), observers(scene, observe)
+    origin = compiled.start([0.0] * scene.dimension, h=h, t0=t0)
     steps = _whole(steps, "steps", 0)
     check_end(origin.t0, origin.h, steps)
     every = max(1, steps // TIMES) if observe_every is None else _whole(observe_every, "observe_every", 1)
     starts, count = _starts(y0, sample, members, scene.dimension)
     work = Members(
-        scene, made.method, origin.h, steps, origin.t0, {"parts": parts, **numerics}, seen, every,
-        _changes(change, seen.names), sample, _whole(seed, "seed", 0), _whole(keep, "keep", 0), bool(final),
+        scene, compiled.method, origin.h, steps, origin.t0, {"parts": parts, **numerics}, observer, every,
+        _changes(change, observer.names), sample, _whole(seed, "seed", 0), _whole(keep, "keep", 0), bool(final),
     )  # fmt: skip
     s = work.settings
     _check_memory(s, count)
     options = {"h": s.h, "t0": s.t0, "steps": steps, "observe_every": every, **numerics, "members": count}
     options |= {"seed": s.seed if starts is None else None, "change": list(s.change), "keep": s.keep, "final": s.final}
-    same = {**identity(made, seen, options, origin), "steps": steps, "start": _fingerprint(work, starts, count)}
+    same = {**identity(compiled, observer, options, origin), "steps": steps, "start": _fingerprint(work, starts, count)}
     folder = None if checkpoint is None else BlockFolder(checkpoint, same)
     spans = _spans(count)
     with Workers(executor, workers) as pool:
         try:
-            whole = _gathered(_blocks(pool, work, starts, spans, folder), spans, progress)
+            whole = _merged_blocks(_blocks(pool, work, starts, spans, folder), spans, progress)
         finally:
             work.is_stopped = True
-    result = EnsembleResult(s.t0 + s.h * work.step_numbers, seen.names, whole, description(made, seen, options))
-    _warn_of_gaps(result)
+    result = EnsembleResult(
+        s.t0 + s.h * work.step_numbers, observer.names, whole, description(compiled, observer, options)
+    )
+    _warn_of_nonfinite_means(result)
     return result
 
 
-def _warn_of_gaps(result: EnsembleResult) -> None:
-    """Say where a quantity of members that are still there has no mean."""
+def _warn_of_nonfinite_means(result: EnsembleResult) -> None:
+    """Warn of the first time at which the mean of a quantity is not finite."""
     import numpy as np
 
     for name, mean in result.mean.items():
@@ -173,7 +170,7 @@ def _warn_of_gaps(result: EnsembleResult) -> None:
 
 
 def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndarray | None, int]:
-    """The starts, None if they are to be drawn, and how many there are."""
+    """The starts (None: to be drawn), and the number of members."""
     if (y0 is None) == (sample is None):
         given = "neither" if y0 is None else "both"
         raise IntegratorError(f"an ensemble must have either y0 or sample, but had {given}")
@@ -196,7 +193,7 @@ def _whole(value: Any, argument: str, least: int) -> int:
 
 
 def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:
-    """For each quantity what its statistics are of."""
+    """The kind of change for each quantity."""
     given = change if isinstance(change, Mapping) else dict.fromkeys(names, change)
     for name, kind in given.items():
         if name not in names:
@@ -207,20 +204,20 @@ def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:
 
 
 def _check_memory(s: Settings, count: int) -> None:
-    """Refuse what would not fit: series, last states, statistics that wait for neighbours, and lists of starts."""
-    cells = Grid(s.observe_every).count(s.steps) * len(s.observers)
+    """Refuse ensembles that would not fit in memory: series, last states, unmerged statistics, lists of starts."""
+    values = OutputSteps(s.observe_every).count(s.steps) * len(s.observers)
     waiting = len(Statistics._fields) * min(count, 2 * BLOCKS.bit_length())
-    rows = 2 * (cells * min(s.keep, count) + s.final * count * s.scene.dimension)  # of the blocks, and gathered
+    rows = 2 * (values * min(s.keep, count) + s.final * count * s.scene.dimension)  # in blocks, and merged
     refuse_beyond_memory(
-        8 * (cells * waiting + rows + BOOKKEEPING * count), IntegratorError,
+        8 * (values * waiting + rows + BOOKKEEPING * count), IntegratorError,
         "observe_every must be larger, or members, keep and final less: an ensemble",
     )  # fmt: skip
 
 
 def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
-    """A text that tells apart what users' functions do: of the starts (of those drawn, the first and last) and a step.
+    """A hash of the starts (if drawn, the first and the last) and of one step, which identifies functions of the user.
 
-    The step also compiles everything before workers begin.
+    The step also compiles everything before workers start.
 
     Raises:
         IntegratorError: Neither the first member nor the last can start.
@@ -232,7 +229,7 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
     for member in (0, count - 1):
         try:
             state = work.start(member, None if starts is None else starts[member])
-        except Exception as error:  # whatever a function of the user raises
+        except Exception as error:  # a function of the user may raise anything
             reasons.append(f"{type(error).__name__}: {error}")
             continue
         s.observers.check(state.t, state.y)
@@ -248,7 +245,7 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 
 
 def _spans(count: int) -> list[range]:
-    """Blocks of members. Their size depends on nothing but `count`; a power of two cuts the tree into subtrees."""
+    """Blocks of members, whose size depends on `count` alone: a power of two, so that each is a subtree."""
     size = 1 << (-(-count // BLOCKS) - 1).bit_length()
     return [range(first, min(first + size, count)) for first in range(0, count, size)]
 
@@ -256,7 +253,7 @@ def _spans(count: int) -> list[range]:
 def _blocks(
     pool: Workers, work: Members, starts: np.ndarray | None, spans: Sequence[range], folder: BlockFolder | None
 ) -> Iterator[tuple[int, Block]]:
-    """All blocks and their numbers, as they come."""
+    """All blocks and their numbers, in the order in which they finish."""
     tasks = []
     for number, span in enumerate(spans):
         block = None if folder is None else folder.load(number, block_sizes(work, span))
@@ -266,7 +263,7 @@ def _blocks(
             own = [None] * len(span) if starts is None else starts[span.start : span.stop]
             tasks.append((number, work, span.start, own))
     if tasks and not pool.share_memory:
-        _ = work.packed  # refuses here what could not travel
+        _ = work.packed  # refused here if it cannot be pickled
     for number, block in pool.run(run_block, tasks):
         if block is None:
             block = lost_block(work, spans[number].start, len(spans[number]))
@@ -275,24 +272,19 @@ def _blocks(
         yield number, block
 
 
-def _gathered(
+def _merged_blocks(
     blocks: Iterator[tuple[int, Block]], spans: Sequence[range], progress: Callable[[int, int], None] | None
 ) -> Block:
-    """All blocks as one."""
+    """Merge all blocks into one."""
     import numpy as np
 
-    gathering, done, come = Gathering(len(spans)), 0, list[tuple[Any, ...]]()
+    gathering, done, found = Gathering(len(spans)), 0, list[tuple[Any, ...]]()
     for number, block in blocks:
         gathering.add(number, block.statistics)
-        come.append((number, block.series, block.ends, block.failures))
+        found.append((number, block.series, block.ends, block.failures))
         done += len(spans[number])
         if progress is not None:
             progress(done, spans[-1].stop)
-    _, series, ends, failures = zip(*sorted(come, key=operator.itemgetter(0)), strict=True)
+    _, series, ends, failures = zip(*sorted(found, key=operator.itemgetter(0)), strict=True)
     assert gathering.total is not None
-    return Block(
-        gathering.total,
-        np.concatenate(series),
-        np.concatenate(ends),
-        tuple(chain.from_iterable(failures)),
-    )
+    return Block(gathering.total, np.concatenate(series), np.concatenate(ends), tuple(chain.from_iterable(failures)))

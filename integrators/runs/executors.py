@@ -1,4 +1,4 @@
-"""Where work is done: threads, processes, a cluster; and getting all of it done although workers may be lost."""
+"""Executors: threads, processes or a cluster, with tasks repeated when workers are lost."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ T = TypeVar("T")
 
 KINDS = ("threads", "processes")
 MOST_LOSSES = 3
-"""How often a task is begun again on another worker, or workers that have never done anything are replaced."""
+"""Number of workers that a task may lose, and of times that workers which never finished a task are replaced."""
 
 
 class Workers:
-    """An executor that gets its tasks done although workers may be lost. Use it in a `with` statement.
+    """An executor that repeats tasks whose workers are lost; to be used in a `with` statement.
 
     Args:
-        executor: ``"threads"`` or ``"processes"`` for a pool of its own, or any `concurrent.futures.Executor`, which
-            stays open.
-        count: The number of workers; by default as many as there are cores for this process.
+        executor: ``"threads"`` or ``"processes"`` for a new pool, or any `concurrent.futures.Executor`, which stays
+            open.
+        count: The number of workers; by default the number of cores available to this process.
 
     Raises:
-        IntegratorError: It is no executor, or `count` is not positive.
+        IntegratorError: `executor` is not an executor, or `count` is not positive.
     """
 
     def __init__(self, executor: Executor | str, count: int | None = None):
@@ -52,7 +52,7 @@ class Workers:
 
     @property
     def executor(self) -> Executor:
-        """Where tasks go now."""
+        """The present executor."""
         if self._given is not None:
             return self._given
         if self._own is None:
@@ -68,27 +68,27 @@ class Workers:
 
     @property
     def _most_at_once(self) -> int:
-        """How many tasks are handed out: a scheduler knows best how to share them among its workers."""
-        knows = self._given is not None and not hasattr(self._given, "_max_workers")
-        return sys.maxsize if knows else 2 * self._count
+        """The number of tasks submitted at once: all of them to a scheduler, which distributes them itself."""
+        is_scheduler = self._given is not None and not hasattr(self._given, "_max_workers")
+        return sys.maxsize if is_scheduler else 2 * self._count
 
     def run(self, function: Callable[..., T], tasks: Iterable[tuple[Any, ...]]) -> Iterator[tuple[Any, T | None]]:
         """Call a function with the arguments of each task.
 
-        A task whose worker is lost is begun again, after all others and alone, so that one that kills its workers takes
-        no other with it.
+        A task whose worker is lost is repeated after all others, alone, so that a task that kills its workers harms no
+        other.
 
         Args:
             function: The function.
-            tasks: Arguments; the first tells tasks apart.
+            tasks: Arguments; the first one identifies the task.
 
         Yields:
-            The first argument of each task and its result, as they come; None for a task that has lost `MOST_LOSSES`
+            The first argument of each task and its result, as they finish; None for a task that lost `MOST_LOSSES`
             workers.
 
         Raises:
-            IntegratorError: Workers are lost before any of them has done a task.
-            Exception: What the function raises.
+            IntegratorError: Workers are lost before any of them has finished a task.
+            Exception: Any error of the function.
         """
         waiting, running = deque(tasks), dict[Future[T], tuple[Any, ...]]()
         losses, is_proven = Counter[Any](), False
@@ -140,7 +140,7 @@ def _check_workers(count: Any) -> None:
 
 
 def _pool(kind: str, count: int) -> Executor:
-    """A pool of threads or processes; the latter begin from nothing, since a fork would copy locks of other threads."""
+    """A pool of threads, or of spawned processes: a fork would copy the locks of other threads."""
     from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
     from multiprocessing import get_context
 
@@ -150,14 +150,14 @@ def _pool(kind: str, count: int) -> Executor:
 
 
 def _end_when_interrupted() -> None:
-    """Let Ctrl-C end a worker without a traceback; the parent says what there is to say."""
+    """Let Ctrl-C end a worker without a traceback: the parent reports it."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _loss() -> tuple[type[BaseException], ...]:
-    """What is raised when a worker is lost."""
+    """The exceptions for a lost worker."""
     distributed = sys.modules.get("distributed")
     return (BrokenExecutor,) if distributed is None else (BrokenExecutor, distributed.KilledWorker)
 
@@ -171,15 +171,15 @@ def _lost_from_the_start(error: BaseException) -> IntegratorError:
 
 @contextmanager
 def cluster_executor(address: str | None = None, *, workers: int | None = None) -> Iterator[Executor]:
-    """An executor on a cluster of Dask: a local one, or the one of a scheduler that runs elsewhere.
+    """An executor on a Dask cluster, local or remote.
 
     Args:
-        address: That of a scheduler, as in ``"tcp://10.0.0.1:8786"``; by default a local cluster is started, and
-            stopped at the end.
-        workers: The number of processes of a local cluster; by default as many as there are cores for this process.
+        address: The address of a scheduler, such as ``"tcp://10.0.0.1:8786"``; by default a local cluster is started,
+            and stopped at the end.
+        workers: The number of processes of a local cluster; by default the number of cores available to this process.
 
     Yields:
-        The executor, for `ensemble` and everything else that takes one.
+        The executor, for `ensemble` and every other function that accepts one.
 
     Raises:
         IntegratorError: Dask is not installed, there is no scheduler at the address, or both arguments are given.
@@ -208,7 +208,7 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
             yield client.get_executor(pure=False)
         return
     options = {"threads_per_worker": 1, "dashboard_address": ":0", "memory_limit": 0, "silence_logs": 50}
-    # else workers look a hundred times a second what they are at, and ten times how much memory they have
+    # Without profiles a hundred times a second and memory checks ten times a second.
     with (
         dask.config.set({"distributed.worker.profile.enabled": False}),
         LocalCluster(n_workers=workers or available_cores(), **options) as cluster,  # type: ignore[arg-type]

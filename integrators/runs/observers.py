@@ -1,4 +1,4 @@
-"""What is observed along a run: the energy, first integrals, and functions of the user, as one C function."""
+"""Observed quantities: the energy, first integrals, and functions of the user, as one C function."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ENERGY, INVARIANTS = "energy", "invariants"
 
 FORMULAS = '''\
-"""What is observed of a scene.
+"""Observed quantities of a scene.
 
 {state}
 """
@@ -38,7 +38,7 @@ OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
 '''
 
 FUNCTIONS = '''\
-"""An observer that calls functions which others have compiled."""
+"""An observer that calls compiled functions."""
 
 from numba import carray, cfunc, types
 from integrators.compile.machine import DOUBLES, OPTIONS
@@ -59,11 +59,11 @@ def bound({arguments}):
 
 
 class Observers:
-    """Quantities observed together, compiled; made by `observers`.
+    """Compiled functions of (t, y), evaluated together; made by `observers`.
 
     Attributes:
         scene: The scene.
-        names: What the quantities are called.
+        names: The names of the quantities.
     """
 
     def __init__(self, scene: Scene, quantities: Mapping[str, str | Callable[..., Any]]):
@@ -91,7 +91,7 @@ class Observers:
 
     @property
     def address(self) -> int:
-        """Where the C function ``void (double t, double *y, double *out)`` is while this object lives; 0: nowhere."""
+        """The address of the C function ``void (double t, double *y, double *out)``; 0: no quantities."""
         return 0 if self._function is None else self._function.address
 
     @cached_property
@@ -99,10 +99,10 @@ class Observers:
         return _c_function(self.scene, self.names, self._quantities) if self.names else None
 
     def check(self, t: float, y: np.ndarray) -> None:
-        """Call the functions of the user once, since a C function cannot raise.
+        """Call the functions of the user once, since the C function cannot raise.
 
         Raises:
-            IntegratorError: One raised an exception.
+            IntegratorError: A function raised an exception.
         """
         for name, quantity in zip(self.names, self._quantities, strict=True):
             if not isinstance(quantity, str):
@@ -116,20 +116,20 @@ class Observers:
 
 
 def observers(scene: Scene, observe: Any) -> Observers:
-    """What is to be observed on a scene.
+    """Compile the quantities to observe on a scene.
 
     Args:
         scene: The scene.
-        observe: One of these, a list of them, or a mapping of names to them: ``"energy"``, the Hamiltonian, or where an
-            effect has taken it that of the base system; the name of a first integral, even one that an effect breaks;
-            a function of (t, y), with y (variables,), that numba can compile. A list may have ``"invariants"``, the
+        observe: One of these, a list of them, or a mapping from names to them: ``"energy"``, the Hamiltonian, or that
+            of the base system if an effect removes it; the name of a first integral, even one that an effect breaks; a
+            function of (t, y), with y (variables,), that numba can compile. A list may contain ``"invariants"``, the
             energy and all other first integrals that hold. None: nothing.
 
     Returns:
         The observers.
 
     Raises:
-        IntegratorError: There is no such quantity, a function cannot be compiled, or a name cannot be used.
+        IntegratorError: A quantity is unknown, a function cannot be compiled, or a name is invalid.
 
     Example:
         >>> import math
@@ -153,7 +153,7 @@ def observers(scene: Scene, observe: Any) -> Observers:
 
 
 def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
-    """Names and what they stand for."""
+    """Pairs of a name and a quantity."""
     if observe is None:
         return []
     given = observe if isinstance(observe, Sequence) and not isinstance(observe, str) else [observe]
@@ -201,13 +201,13 @@ def _base(scene: Scene) -> Scene:
 
 
 def _with_energy(scene: Scene) -> Scene | None:
-    """The scene or its base, whichever has a Hamiltonian."""
+    """The scene, or else its base, if it has a Hamiltonian."""
     return next((system for system in (scene, _base(scene)) if system.is_hamiltonian), None)
 
 
 @lru_cache(maxsize=64)
 def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> Any:
-    """The C function; that of formulas is kept on disk."""
+    """The C function; the machine code of formulas is kept on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
     functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
     module: Any = _formulas(scene, formulas) if formulas else None
@@ -224,7 +224,7 @@ def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...
 
 
 def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
-    """The module with the functions ``formulas`` and ``observe``, which write quantities of a scene to their places."""
+    """The module with the functions ``formulas`` and ``observe``, which write the quantities to an array."""
     from integrators.compile import machine
 
     writer, lines, base = ModuleText(precise=False, lanes=True, plain=True), [], _base(scene)
@@ -250,11 +250,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
 
 @lru_cache(maxsize=256)
 def _compiled(name: str, function: Any) -> Any:
-    """A function of (t, y), compiled so that it cannot write to y.
-
-    Raises:
-        IntegratorError: It cannot be compiled, or its value is no number.
-    """
+    """Compile a function of (t, y), with y read-only; refused unless its value is a number."""
     import numba
     from numba import types
     from numba.core.errors import NumbaError

@@ -1,4 +1,4 @@
-"""Random start values for the members of an ensemble."""
+"""Random starts for the members of an ensemble."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ if TYPE_CHECKING:
 
 
 class NormalStart(NamedTuple):
-    """Start values with a normal distribution: a function of NumPy's generator.
+    """Normally distributed starts, as a function of a NumPy generator.
 
     Attributes:
-        mean: Their mean, (variables,).
-        root: What independent standard normal numbers are multiplied by: a matrix with a row for each variable, or the
-            diagonal of one.
+        mean: The mean, (variables,).
+        root: A square root of the covariance: a matrix with a row for each variable, or the diagonal of one.
 
     Example:
         >>> import numpy as np
@@ -37,7 +36,7 @@ class NormalStart(NamedTuple):
     def __call__(self, rng: np.random.Generator) -> np.ndarray:
         """Draw a start."""
         deviation = self.root * rng.standard_normal(self.root.shape[-1])
-        # A sum, unlike a product of matrices, is the same whatever the number of threads.
+        # Unlike a matrix product, a sum does not depend on the number of threads.
         return self.mean + (deviation if self.root.ndim == 1 else deviation.sum(axis=1))
 
 
@@ -49,7 +48,7 @@ def perturbed_start(scene: Scene, spread: float) -> NormalStart:
         spread: The standard deviation.
 
     Raises:
-        IntegratorError: The scene has no start, or the spread is no number from 0 on.
+        IntegratorError: The scene has no start, or the spread is not a number ≥ 0.
 
     Example:
         >>> import numpy as np
@@ -66,18 +65,18 @@ def perturbed_start(scene: Scene, spread: float) -> NormalStart:
 
 
 def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
-    """Momenta from the Maxwell–Boltzmann distribution of a temperature, with the positions of the scene's start.
+    """Momenta from the Maxwell–Boltzmann distribution, at the positions of the scene's start.
 
-    Their density is proportional to exp(−H/T), under the condition that first integrals that are linear in the momenta
-    alone, such as the total momentum, have the values of the scene's start. Boltzmann's constant is 1. What effects do
-    to the energy does not matter.
+    Their density is proportional to exp(−H/T), on condition that first integrals linear in the momenta alone, such as
+    the total momentum, keep the values of the scene's start. Boltzmann's constant is 1. H is the Hamiltonian without
+    effects.
 
     Args:
         scene: A scene whose Hamiltonian is quadratic in the momenta with a constant, positive matrix.
         temperature: The temperature T, in units of energy.
 
     Raises:
-        IntegratorError: The scene is no such scene, or the temperature is no number from 0 on.
+        IntegratorError: The scene is not of this kind, or the temperature is not a number ≥ 0.
 
     Example:
         >>> import numpy as np
@@ -96,7 +95,7 @@ def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
     inverse_masses, drift = _kinetic_energy(scene, momenta)
     masses = np.linalg.inv(inverse_masses)
     free_mean, free_root = -masses @ drift, scale * np.linalg.cholesky(masses)
-    # A normal distribution with covariance T M, given that C p = c: subtract M Cᵀ (C M Cᵀ)⁻¹ (C p − c).
+    # The normal distribution with covariance T M under the condition C p = c: subtract M Cᵀ (C M Cᵀ)⁻¹ (C p − c).
     conditions = _linear_integrals(scene, momenta)
     correction = masses @ conditions.T @ np.linalg.pinv(conditions @ masses @ conditions.T)
     root = np.zeros((len(mean), momenta.dimension))
@@ -130,9 +129,9 @@ def _momenta(scene: Scene) -> Block:
 
 
 def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix A and the vector b of H = ½ pᵀA p + bᵀp + …, where only b may depend on q, which is at the start.
+    """The matrix A and the vector b of H = ½ pᵀA p + bᵀp + …, where b may depend on q, taken at the start.
 
-    Only the summands with momenta are written out: others may be many more.
+    Only the summands with momenta are expanded.
     """
     import numpy as np
     import sympy
@@ -150,27 +149,27 @@ def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarra
     matrix, drift = np.zeros((len(places), len(places))), np.zeros(len(places))
     for formula in kinetic:
         for x in _symbols(formula) & places.keys():
-            slope = formula.diff(x)
-            drift[places[x]] += _number(slope.xreplace(at_rest), scene)
-            for z in _symbols(slope) & places.keys():
-                matrix[places[x], places[z]] += _number(slope.diff(z).simplify(), scene)
+            derivative = formula.diff(x)
+            drift[places[x]] += _number(derivative.xreplace(at_rest), scene)
+            for z in _symbols(derivative) & places.keys():
+                matrix[places[x], places[z]] += _number(derivative.diff(z).simplify(), scene)
     if not (np.linalg.eigvalsh(matrix) > 0).all():
         raise IntegratorError(f"scene must have a kinetic energy that is positive, but that of {scene.name} is not")
     return matrix, drift
 
 
 def _linear_integrals(scene: Scene, momenta: Block) -> np.ndarray:
-    """The coefficients of first integrals that are linear in the momenta alone, a row for each."""
+    """The coefficients of first integrals linear in the momenta alone, a row for each."""
     import numpy as np
 
     places, rows = _places(momenta), []
     for declared in scene.invariants.values():
         formula = filled(declared, scene)
-        slopes = {x: formula.diff(x) for x in _symbols(formula)} if _symbols(formula) <= places.keys() else {}
-        if slopes and not any(map(_symbols, slopes.values())):
+        gradient = {x: formula.diff(x) for x in _symbols(formula)} if _symbols(formula) <= places.keys() else {}
+        if gradient and not any(map(_symbols, gradient.values())):
             row = np.zeros(len(places))
-            for x, slope in slopes.items():
-                row[places[x]] = as_float(slope)
+            for x, derivative in gradient.items():
+                row[places[x]] = as_float(derivative)
             rows.append(row)
     return np.array(rows).reshape(len(rows), len(places))
 

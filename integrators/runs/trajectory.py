@@ -1,4 +1,4 @@
-"""Trajectory: what is kept of a run."""
+"""Trajectories: the stored states and observations of a run, in memory and in files."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 
 class Trajectory:
-    """What is kept of a run, as arrays of doubles; made by `integrate` and `load_trajectory`.
+    """The stored states and observations of a run, in float64; made by `integrate` and `load_trajectory`.
 
     Attributes:
         t: The times of the stored states, (n,).
         y: The stored states, (variables, n).
-        observed: What was observed, by name: arrays (m,).
-        observed_t: The times of that, (m,); the array `t` itself where exactly the stored states were observed.
+        observed: The observed quantities by name, arrays (m,).
+        observed_t: The times of the observations, (m,); the array `t` itself if exactly the stored states are observed.
         h: The step size.
         variables: The names of the variables.
-        meta: The scene, the method and the options of the run, as JSON can hold them.
+        meta: The scene, the method and the options of the run, as JSON values.
 
     Example:
         >>> from integrators import scene
-        >>> from integrators.runs.loop import integrate
+        >>> from integrators.runs.integration import integrate
         >>> run = integrate(scene("pendulum"), "rk4", h=0.1, steps=200, save_every=100, observe="energy")
         >>> run
         <Trajectory of rk4 on pendulum: 3 states from t = 0 to 20, energy observed>
@@ -64,7 +64,7 @@ class Trajectory:
         return f"<Trajectory of {of}: {span}{observed}>"
 
     def copy(self) -> Trajectory:
-        """The same trajectory in arrays of its own, in memory."""
+        """A copy in memory."""
         labels = {"h": self.h, "variables": self.variables, "meta": self.meta}
         t, y, observed = self.t.copy(), self.y.copy(order="F"), {key: x.copy() for key, x in self.observed.items()}
         times = None if self.observed_t is self.t else self.observed_t.copy()
@@ -74,7 +74,7 @@ class Trajectory:
         """Write a trajectory file, which `load_trajectory` and ``numpy.load`` read.
 
         Args:
-            path: The file; it is replaced at once when everything is written, or left as it was.
+            path: The file; it is replaced only when the new one is complete.
 
         Raises:
             IntegratorError: The file cannot be written.
@@ -83,10 +83,10 @@ class Trajectory:
         save_trajectory(self, path)
 
     def to_pandas(self) -> Any:
-        """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and observation.
+        """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and quantity.
 
         Raises:
-            IntegratorError: pandas is missing, or the states were stored at other times than observed.
+            IntegratorError: pandas is not installed, or states were not observed exactly when they were stored.
         """
         if self.observed and self.observed_t is not self.t:
             raise IntegratorError(
@@ -101,10 +101,8 @@ class Trajectory:
         """The trajectory as an ``xarray.Dataset``: y (variable, time), and observations (time) or (observed_time).
 
         Raises:
-            IntegratorError: xarray is missing, or something observed has the name of a coordinate.
+            IntegratorError: xarray is not installed, or a quantity has the name of a coordinate.
         """
-        import json
-
         xarray = optional_module("xarray", "to_xarray")
         time = "time" if self.observed_t is self.t else "observed_time"
         coordinates = {"variable": list(self.variables), "time": self.t, time: self.observed_t}
@@ -117,24 +115,22 @@ class Trajectory:
 
 ALIGNMENT = 64
 PADDING = 0xD935
-"""The kind of a field in a ZIP archive that only fills up."""
+"""Identifier of a padding field in a ZIP archive."""
 ZIP64_FIELD = 20
 OBSERVED = "observed/"
 RUN = "run.json"
-"""The file that says what else is in the folder of a run."""
+"""The file that describes the other files in the folder of a run."""
 PART = ".part"
-"""What is added to a path for the folder to which a run is written while it lasts."""
+"""Suffix of the folder that a run writes to."""
 REAL = "fiu"
 SERIES = Form(REAL, ("n",), None)
 META = {key: (None, {"name": (None, str)}) for key in ("method", "scene")} | {"save_every": (None, int)}
 CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times": bool, "meta": META}
-"""What `RUN` holds."""
+"""The content of `RUN`."""
 
 
 def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a trajectory file, piece by piece, in constant memory."""
-    import numpy as np
-
+    """Write a trajectory file."""
     arrays: dict[str, Any] = {
         "t": trajectory.t,
         "y": trajectory.y,
@@ -145,9 +141,16 @@ def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Non
         arrays["observed_t"] = trajectory.observed_t
     arrays |= {OBSERVED + name: values for name, values in trajectory.observed.items()}
     arrays["meta"] = json.dumps(trajectory.meta, ensure_ascii=False)
+    write_arrays(path, arrays)
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
+    """Write an NPZ file, piece by piece, in constant memory; each array is aligned for mapping into memory."""
+    import numpy as np
+
     with replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
         for name, array in arrays.items():
-            member = zipfile.ZipInfo(f"{name}.npy")  # dated 1980, so that equal content gives equal files
+            member = zipfile.ZipInfo(f"{name}.npy")  # dated 1980: equal content gives equal files
             member.external_attr = 0o600 << 16
             before = file.tell() + LOCAL_HEADER + len(member.filename.encode()) + ZIP64_FIELD + 4
             fill = -before % ALIGNMENT
@@ -160,14 +163,14 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     """Read a trajectory file.
 
     Args:
-        path: The file that a run was or is written to. While a run lasts, or after a crash, there is no file yet but a
-            folder with ``.part`` added to the name; then what is there so far is read.
+        path: The file of a run. During the run, or after a crash, there is only a folder with ``.part`` added to the
+            name; then everything written so far is read.
 
     Returns:
         The trajectory; large arrays are read-only and mapped into memory.
 
     Raises:
-        IntegratorError: There is no such file, or it is no trajectory.
+        IntegratorError: The file does not exist, or is not a trajectory.
 
     Example:
         >>> import pathlib, tempfile
@@ -196,11 +199,11 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def read_run(folder: str) -> dict[str, Any]:
-    """What the folder of a run says that its rows are.
+    """The description of the rows in the folder of a run.
 
     Raises:
-        ValueError: It is no such folder.
-        IntegratorError: Its file cannot be read.
+        ValueError: It is not the folder of a run.
+        IntegratorError: The description cannot be read.
     """
     path = os.path.join(folder, RUN)
     if not os.path.isfile(path):
@@ -209,13 +212,13 @@ def read_run(folder: str) -> dict[str, Any]:
 
 
 def _of_folder(folder: str, sentence: str) -> Trajectory:
-    """What the folder of a run has, as far as all of it has been written; large arrays are mapped into memory."""
+    """The complete rows in the folder of a run; large arrays are mapped into memory."""
     run = read_run(folder)
     names, arrays = run["observed"], StoredArrays(folder, sentence)
     forms = {"t": SERIES, "y": Form(REAL, (len(run["variables"]), "rows"), None)}
     if names:
         forms |= {"observed_t": Form(REAL, ("m",), None), "observed": Form(REAL, (len(names), "seen"), None)}
-    found = arrays.read(forms)  # times come first here and last in the run: what belongs to them is there
+    found = arrays.read(forms)  # times are read first but written last, so their rows are complete
     t = times = found["t"]
     if names:
         times = found["observed_t"][: len(t)] if run["same_times"] else found["observed_t"]

@@ -17,7 +17,7 @@ import pytest
 
 import bseries as bs
 from bseries.algebra.stages import stages_of
-from bseries.exact import recursions, substitution_recursions
+from bseries.exact import recursions
 from bseries.exact.arithmetic import Exact, Float, floats
 
 pytestmark = pytest.mark.slow
@@ -44,7 +44,7 @@ def rounded(s: bs.BSeries) -> np.ndarray:
     """The coefficients, rounded once; read off integers, since 10^5 Fractions take a second."""
     values = s.stored
     if values.kind == "float":
-        return np.array(values.public())
+        return np.array(values.coefficients())
     orders = s.table.order.tolist()
     return np.array([int(x) / values.denominators[n] for x, n in zip(values.numerators, orders, strict=True)])
 
@@ -74,7 +74,7 @@ def terms_of_modified_equation(method: bs.RungeKutta, exact: bs.BSeries) -> np.n
 def terms_of_modifying_integrator(method: bs.RungeKutta, exact: bs.BSeries) -> np.ndarray:
     """|b| ★ |a|, stage by stage."""
     stages = stages_of(positive(method), exact.table.max_order).stages
-    return substitution_recursions.into_stages(stages, exact.table, floats(), field=abs(rounded(exact)))
+    return recursions.into_stages(stages, exact.table, floats(), field=abs(rounded(exact)))
 
 
 class Errors:
@@ -183,7 +183,7 @@ def test_cancellation_in_substitution(name, measured):
     flow, stages = rounded(bs.exact_flow(order)), stages_of(method.to_float(), order).stages
 
     def found(arithmetic: Float) -> Errors:
-        field = substitution_recursions.into_stages(stages, exact.table, arithmetic, target=flow, inverses=[1.0])
+        field = recursions.into_stages(stages, exact.table, arithmetic, target=flow, inverses=[1.0])
         return Errors(field, rounded(exact), terms, exact.table.order, order)
 
     careful, plain = found(floats()), found(Plain())

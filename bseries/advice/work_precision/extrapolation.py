@@ -13,7 +13,7 @@ from bseries.advice.prediction.prediction import predict_run
 from bseries.advice.work_precision.outlooks import Outlook
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
-from integrators.runs.loop import integrate
+from integrators.runs.integration import integrate
 
 if TYPE_CHECKING:
     import numpy as np

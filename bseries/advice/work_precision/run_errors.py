@@ -22,7 +22,7 @@ from bseries.hamiltonians.routes import modified_hamiltonian
 from integrators.core.errors import IntegratorError
 from integrators.methods.catalogue.registry import catalogue
 from integrators.methods.catalogue.registry import method as named
-from integrators.runs.loop import integrate
+from integrators.runs.integration import integrate
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:

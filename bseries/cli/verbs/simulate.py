@@ -139,7 +139,7 @@ def simulate(
       bseries simulate --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --method gauss2 --step 0.1 --steps 100
       bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
     """
-    from integrators.runs.loop import integrate
+    from integrators.runs.integration import integrate
     from integrators.steppers.states import StepError
 
     h = _number(step, "step")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from integrators import scene
-from integrators.runs.loop import integrate
+from integrators.runs.integration import integrate
 from integrators.runs.trajectory import load_trajectory
 
 RUN = ("simulate", "pendulum", "--method", "stormer-verlet", "--step", "0.1", "--steps", "1000")

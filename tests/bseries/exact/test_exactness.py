@@ -1,4 +1,4 @@
-"""The fast exact path against plain Fractions: residues, bounds, claims, and their negative controls."""
+"""The fast exact path against plain Fractions: residues, bounds, denominators, and their negative controls."""
 
 import json
 import math
@@ -17,7 +17,7 @@ import bseries as bs
 import trees.table
 from bseries.exact import operations, recursions
 from bseries.exact.arithmetic import Exact, Majorant, majorants, primes_beyond
-from bseries.exact.operations import Operation, combine, evaluate, log_claim, wider_step
+from bseries.exact.operations import Operation, combine, evaluate, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, smallest_step
 
 ORDER = 6
@@ -40,7 +40,9 @@ def modified(method, on):
     def expression(arithmetic, weights):
         return recursions.logarithm(weights(field=True), on, arithmetic)
 
-    return evaluate(on, [stages_of(method, on.max_order)], Operation(expression, log_claim, wider_step, field=True))
+    return evaluate(
+        on, [stages_of(method, on.max_order)], Operation(expression, log_denominator, wider_step, field=True)
+    )
 
 
 numbers = st.one_of(
@@ -62,7 +64,7 @@ def tableaus(draw):
 @settings(max_examples=150, deadline=None)
 @given(tableaus())
 def test_modified_equations_of_random_tableaus(method):
-    assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+    assert modified(method, FAST).coefficients() == modified(method, PLAIN).coefficients()
 
 
 @pytest.mark.parametrize("bits", [10, 20, 40, 62, 63, 64, 126, 127, 128, 300])
@@ -75,7 +77,7 @@ def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
     odd = max(3, round(2 ** (bits / ORDER)) | 1)
     method = bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
     found = modified(method, FAST)
-    assert found.fractions() == modified(method, PLAIN).fractions()
+    assert found.coefficients() == modified(method, PLAIN).coefficients()
     largest = max(abs(int(x)) for x in found.numerators).bit_length()
     assert abs(largest - bits) < 12
     assert used == ["_run_wrapped" if largest < 48 else "_run_primes"]
@@ -84,7 +86,7 @@ def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
 def test_many_stages_and_families():
     for name in ("dop853", "gauss4", "radau-ia3", "lobatto-iiib4"):
         method = bs.method(name)
-        assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+        assert modified(method, FAST).coefficients() == modified(method, PLAIN).coefficients()
 
 
 def test_bounds_hold_and_are_not_absurd():
@@ -107,7 +109,7 @@ def test_bounds_hold_and_are_not_absurd():
 def test_bounds_neither_underflow_nor_overflow():
     for entry in (Fraction(1, 10**200), Fraction(10**200), Fraction(1)):
         method = bs.RungeKutta([[0, 0], [entry, 0]], [entry, 1 / entry], warn=False)
-        assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+        assert modified(method, FAST).coefficients() == modified(method, PLAIN).coefficients()
 
 
 @pytest.mark.parametrize("bits", [1, 20, 61, 62, 63, 64, 100, 128, 1000])
@@ -134,10 +136,10 @@ def test_primes_are_prime_distinct_and_avoid_denominators():
 def test_a_denominator_that_is_a_prime_of_the_pool():
     prime = primes_beyond(10, 1)[0]
     method = bs.RungeKutta([[Fraction(1, prime)]], [1], warn=False)
-    assert modified(method, FAST).fractions() == modified(method, PLAIN).fractions()
+    assert modified(method, FAST).coefficients() == modified(method, PLAIN).coefficients()
 
 
-def test_a_wrong_claim_is_noticed():
+def test_a_wrong_denominator_bound_is_noticed():
     method = bs.method("rk4")
 
     def expression(arithmetic, weights):
@@ -146,7 +148,7 @@ def test_a_wrong_claim_is_noticed():
     from bseries.algebra.stages import stages_of
 
     wrong = Operation(expression, lambda n, step: step**n, wider_step, field=True)
-    with pytest.raises(ArithmeticError, match="claimed denominator is wrong"):
+    with pytest.raises(ArithmeticError, match="denominator bound is wrong"):
         evaluate(PLAIN, [stages_of(method, PLAIN.max_order)], wrong)
 
 
@@ -155,7 +157,7 @@ def test_growth_bounds_every_coefficient(scale):
     s = bs.series(bs.method("rk4"), 6)
     values = RationalValues.from_fractions(s.table, [x * scale for x in s.coefficients()])
     exponent, nodes = values.exponent, s.table.order.tolist()
-    found = values.fractions()
+    found = values.coefficients()
     assert all(abs(x) <= Fraction(2) ** (exponent * n) for n, x in zip(nodes, found, strict=True))
     smaller = any(abs(x) > Fraction(2) ** ((exponent - 1) * n) for n, x in zip(nodes, found, strict=True))
     assert exponent == 0 or smaller
@@ -194,7 +196,7 @@ def test_common_divisors_beyond_int64():
     numerators = np.array([{1: 1, ORDER: -(2**63)}.get(int(n), 0) for n in FAST.order])
     values = RationalValues(FAST, numerators, [1, 3, 3**50, 2**63, 2**64, 1, 2**64], 6**50)
     assert values.reduced.denominators == (1, 3, 1, 1, 1, 1, 2)
-    assert values.reduced.fractions() == values.fractions()
+    assert values.reduced.coefficients() == values.coefficients()
 
 
 def test_bounds_beyond_floats_fall_back_to_fractions():

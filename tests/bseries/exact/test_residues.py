@@ -8,7 +8,7 @@ import pytest
 
 import bseries as bs
 import trees.table
-from bseries.exact import recursions, substitution_recursions
+from bseries.exact import recursions
 from bseries.exact.arithmetic import Exact, majorants, prime_field
 from bseries.exact.recursions import Stages
 
@@ -46,7 +46,7 @@ def test_long_sums_over_stages_are_reduced(stages):
 
     def run(arithmetic):
         field = arithmetic.vector(numbers(arithmetic))
-        return substitution_recursions.into_stages(method, TABLE, arithmetic, field=field)
+        return recursions.into_stages(method, TABLE, arithmetic, field=field)
 
     alike_in_all_arithmetics(run, run(Exact()))
 
@@ -63,7 +63,7 @@ def test_long_blocks_are_reduced(length):
 
     def run(arithmetic):
         field = arithmetic.vector(numbers(arithmetic))
-        return substitution_recursions.into_stages(method, TABLE, arithmetic, field=field)
+        return recursions.into_stages(method, TABLE, arithmetic, field=field)
 
     alike_in_all_arithmetics(run, run(Exact()))
 

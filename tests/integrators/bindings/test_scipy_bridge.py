@@ -11,8 +11,7 @@ import pytest
 
 from integrators import IntegratorError, Scene, method, scene
 from integrators.bindings.embedded_pairs import embedded_pair
-from integrators.bindings.scipy_bridge import right_hand_side, scipy_solver
-from integrators.bindings.scipy_tableaux import from_scipy
+from integrators.bindings.scipy_bridge import from_scipy, right_hand_side, scipy_solver
 
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp

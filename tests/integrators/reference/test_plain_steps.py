@@ -511,12 +511,12 @@ def test_stiff_steps_need_newton():
 
 def test_flows_beyond_a_blow_up_are_refused():
     fields = {"a": lambda y: [y[0] ** 2], "b": lambda y: [0]}
-    with pytest.raises(IntegratorError, match="flow must settle to 16 digits, but did not, or does not exist"):
+    with pytest.raises(IntegratorError, match="flow must converge to 16 digits, but did not, or does not exist"):
         plain_step(method("lie-trotter"), fields, [1], 2)
 
 
 def test_averages_over_kinks_are_refused():
-    with pytest.raises(IntegratorError, match="for k1 of avf, but was 1: average of field must settle to 16 digits"):
+    with pytest.raises(IntegratorError, match="for k1 of avf, but was 1: average of field must converge to 16 digits"):
         plain_step(method("avf"), lambda y: [1 + abs(y[0])], [-0.3], 1)
 
 

@@ -20,7 +20,7 @@ from integrators.runs.ensemble_results import load_ensemble
 from integrators.runs.ensemble_statistics import Gathering, member_statistics
 from integrators.runs.ensembles import ensemble
 from integrators.runs.executors import MOST_LOSSES, Workers, cluster_executor
-from integrators.runs.loop import integrate
+from integrators.runs.integration import integrate
 from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
 ATOMS = scene("lennard-jones", particles=3)

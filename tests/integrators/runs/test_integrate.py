@@ -16,9 +16,8 @@ import pytest
 
 from integrators import IntegratorError, Scene, method, scene
 from integrators.reference.plain_steps import block_parts, plain_steps
-from integrators.runs import loop
-from integrators.runs import loop as runs
-from integrators.runs.loop import integrate
+from integrators.runs import integration
+from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
 from integrators.runs.trajectory import load_trajectory
 from integrators.steppers.states import StepError
@@ -148,13 +147,13 @@ def test_chunks_change_no_bit(monkeypatch):
     arguments = {"h": 0.01, "steps": 1001, "save_every": 7, "observe": "energy", "observe_every": 10}
     whole = integrate(KEPLER, "gauss2", **arguments)
     calls = []
-    monkeypatch.setattr(loop, "CHUNK_SECONDS", 0.0)  # so that chunks have one step
+    monkeypatch.setattr(integration, "CHUNK_SECONDS", 0.0)  # so that chunks have one step
     chopped = integrate(KEPLER, "gauss2", **arguments, progress=lambda done, total: calls.append((done, total)))
     assert len(calls) > 900
     assert calls[-1] == (1001, 1001)
     assert same(whole, chopped)
     monkeypatch.undo()
-    monkeypatch.setattr(runs, "CHUNK_NUMBERS", 4)  # so that chunks are cut where rows would be too many
+    monkeypatch.setattr(integration, "CHUNK_NUMBERS", 4)  # so that chunks are cut where rows would be too many
     assert same(whole, integrate(KEPLER, "gauss2", **arguments))
 
 
@@ -246,7 +245,7 @@ def test_an_interrupt_without_checkpoint_leaves_a_readable_file(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path):
     script = (
-        "import sys; from integrators import scene; from integrators.runs.loop import integrate\n"
+        "import sys; from integrators import scene; from integrators.runs.integration import integrate\n"
         "integrate(scene('kepler'), 'gauss2', h=0.02, steps=300_007, save_every=20, observe='energy',\n"
         "          observe_every=50, to=sys.argv[1], checkpoint=sys.argv[2], checkpoint_every=0.0)\n"
     )
@@ -305,10 +304,10 @@ def test_lost_or_foreign_rows_are_noticed(stopped, tmp_path):
     folder = tmp_path / "check.part"
     with open(folder / "y.npy", "r+b") as file:
         file.truncate(150)
-    with pytest.raises(IntegratorError, match=r"must have \d+ rows to go on from, but has fewer"):
+    with pytest.raises(IntegratorError, match=r"must have \d+ rows to resume from, but has fewer"):
         integrate(KEPLER, "rk4", **stopped)
     (folder / "run.json").unlink()
-    with pytest.raises(IntegratorError, match="must have the rows of the run to go on from, but has not"):
+    with pytest.raises(IntegratorError, match="must have the rows of the run to resume from, but has not"):
         integrate(KEPLER, "rk4", **stopped)
     (tmp_path / "check").write_bytes(b"nonsense")
     with pytest.raises(IntegratorError, match="checkpoint must be a file of a run, but"):

@@ -13,7 +13,7 @@ import pytest
 
 from integrators import IntegratorError, scene
 from integrators.core import stored_arrays
-from integrators.runs.loop import integrate
+from integrators.runs.integration import integrate
 from integrators.runs.trajectory import Trajectory, load_trajectory
 from integrators.scenes.files import loads_scene
 

@@ -10,8 +10,7 @@ import order_oracle as oracle
 import pytest
 
 from integrators import IntegratorError, RungeKutta, catalogue, method
-from integrators.bindings.continuous_extensions import continuous_extension
-from integrators.bindings.embedded_pairs import embedded_pair
+from integrators.bindings.embedded_pairs import continuous_extension, embedded_pair
 from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights, weight_conditions
 
 EXPLICIT = [e for e in catalogue() if e.kind in ("explicit", "embedded pair") and not e.is_family and not e.parameters]

@@ -1,4 +1,4 @@
-"""Where what is kept of a run goes while it lasts: arrays in memory, or files in a folder."""
+"""Trajectory storage: memory or disk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import shutil
 import struct
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from foundation.memory import refuse_beyond_memory
 from integrators.core.errors import IntegratorError, shorten
@@ -19,22 +19,19 @@ from integrators.runs.trajectory import RUN, Trajectory, load_trajectory, read_r
 if TYPE_CHECKING:
     import numpy as np
 
-    Table: TypeAlias = "MemoryTable | FileTable"
-
-
 HEADER = 128
-"""Bytes before the numbers of a NumPy file; room for a count of any length."""
+"""Bytes before the numbers of an NPY file, enough for any number of rows."""
 
 
 class MemoryTable:
     """Rows in memory, allocated at once.
 
     Args:
-        width: How many numbers a row has; None where it is one number.
-        capacity: How many rows there can be.
+        width: Length of a row; None if a row is one number.
+        capacity: The largest number of rows.
 
     Attributes:
-        count: How many rows there are.
+        count: The number of rows.
     """
 
     def __init__(self, width: int | None, capacity: int):
@@ -47,24 +44,24 @@ class MemoryTable:
         return self._rows[self.count : self.count + rows]
 
     def add(self, rows: int) -> None:
-        """Keep rows that have been written to what `room` gave."""
+        """Add rows that were written to the array from `room`."""
         self.count += rows
 
     def array(self) -> np.ndarray:
-        """What is there, one column for each row."""
+        """The rows, as columns of an array."""
         return self._rows[: self.count].T
 
 
 class FileTable:
-    """Rows in a file, which is the transposed array in Fortran's order. Its header tells what is there at any time.
+    """Rows in an NPY file, as columns of an array in Fortran order; the header is valid at any time.
 
     Args:
         path: The file.
-        width: How many numbers a row has; None where it is one number.
-        count: How many rows to go on from; what comes after them is cut off.
+        width: Length of a row; None if a row is one number.
+        count: The number of rows to resume from; later rows are cut off.
 
     Attributes:
-        count: How many rows there are.
+        count: The number of rows.
 
     Raises:
         IntegratorError: The file has fewer rows.
@@ -76,7 +73,7 @@ class FileTable:
         end = HEADER + 8 * count * (width or 1)
         if count and os.fstat(self._file.fileno()).st_size < end:
             self._file.close()
-            raise IntegratorError(f"{shorten(path, 200)} must have {count} rows to go on from, but has fewer")
+            raise IntegratorError(f"{shorten(path, 200)} must have {count} rows to resume from, but has fewer")
         self._file.truncate(end)
         self._write_header()
 
@@ -97,7 +94,7 @@ class FileTable:
             self._write_header()
 
     def _write_header(self) -> None:
-        """Write the header, and go to the end."""
+        """Write the header, and move to the end of the file."""
         shape = (self.count,) if self._width is None else (self._width, self.count)
         text = f"{{'descr': '<f8', 'fortran_order': True, 'shape': {shape}, }}"
         self._file.seek(0)
@@ -105,7 +102,7 @@ class FileTable:
         self._file.seek(0, os.SEEK_END)
 
     def sync(self) -> None:
-        """Make sure that what is there survives a loss of power."""
+        """Flush to disk, so that rows survive a power failure."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -118,18 +115,18 @@ def _shape(rows: int, width: int | None) -> tuple[int, ...]:
 
 
 LOCK = "lock"
-"""The file that a run holds locked in its folder."""
+"""The file that a run keeps locked in its folder."""
 
 
 class Counts(NamedTuple):
-    """How many states are stored, and how many observations."""
+    """Numbers of stored states and of observations."""
 
     stored: int = 0
     observed: int = 0
 
 
 class Rows(NamedTuple):
-    """Arrays for rows: of states, their times, observations, and their times."""
+    """Arrays of states, their times, observations, and their times."""
 
     y: np.ndarray
     t: np.ndarray
@@ -138,15 +135,15 @@ class Rows(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """What a recording is of.
+    """The contents of a recording.
 
     Attributes:
         variables: The names of the variables.
-        names: What is observed.
+        names: The names of the observed quantities.
         h: The step size.
-        same_times: Whether every stored state is observed, and none between.
-        meta: What the trajectory says of itself.
-        total: How many rows there will be.
+        same_times: Whether exactly the stored states are observed.
+        meta: The scene, the method and the options of the run.
+        total: The final numbers of rows.
     """
 
     variables: Sequence[str]
@@ -158,11 +155,11 @@ class Contents(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes of all the rows."""
+        """Bytes of all rows."""
         return 8 * sum((width or 1) * rows for width, rows in self.tables(self.total).values())
 
     def tables(self, counts: Counts) -> dict[str, tuple[int | None, int]]:
-        """The width and the number of rows of each table; times come after what happened then."""
+        """The width and the number of rows of each table; times are written last."""
         tables: dict[str, tuple[int | None, int]] = {"y": (len(self.variables), counts.stored)}
         if self.names:
             tables |= {"observed": (len(self.names), counts.observed), "observed_t": (None, counts.observed)}
@@ -170,22 +167,24 @@ class Contents(NamedTuple):
 
 
 class Recording:
-    """Rows of a run, in tables.
+    """The rows of a run, in memory.
 
-    Args:
-        contents: What they are.
+    Raises:
+        IntegratorError: They would not fit in memory.
     """
 
     _tables: Mapping[str, Any]
 
     def __init__(self, contents: Contents):
+        _check_memory(contents)
         self.contents = contents
+        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
 
     @property
     def counts(self) -> Counts:
-        """How many rows there are."""
-        seen = self._tables.get("observed_t")
-        return Counts(self._tables["t"].count, 0 if seen is None else seen.count)
+        """The numbers of rows."""
+        observed = self._tables.get("observed_t")
+        return Counts(self._tables["t"].count, 0 if observed is None else observed.count)
 
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
@@ -193,42 +192,12 @@ class Recording:
         return Rows(**{key: self._tables[key].room(size) for key, (_, size) in sizes.items()})
 
     def add(self, rows: Counts) -> None:
-        """Keep so many rows of what has been written there."""
+        """Add rows that were written to the arrays from `room`."""
         for key, (_, size) in self.contents.tables(rows).items():
             self._tables[key].add(size)
 
     def cut(self, counts: Counts) -> None:
-        """Keep only so many rows."""
-        raise NotImplementedError
-
-    def sync(self) -> None:
-        """Make sure that what is there survives a loss of power, if it can."""
-
-    def close(self) -> None:
-        """Leave what is there to be gone on from, if it can be."""
-
-    def finish(self) -> Trajectory:
-        """The trajectory."""
-        raise NotImplementedError
-
-    def clear(self) -> None:
-        """Take away what is left when the trajectory has been made."""
-
-
-class MemoryRecording(Recording):
-    """A recording in memory.
-
-    Raises:
-        IntegratorError: There is not enough.
-    """
-
-    def __init__(self, contents: Contents):
-        super().__init__(contents)
-        _check_memory(contents)
-        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
-
-    def cut(self, counts: Counts) -> None:
-        """Keep only so many rows."""
+        """Keep only the first rows."""
         for key, (_, rows) in self.contents.tables(counts).items():
             self._tables[key].count = rows
 
@@ -245,23 +214,31 @@ class MemoryRecording(Recording):
             meta=contents.meta,
         )
 
+    def sync(self) -> None:
+        """Flush to disk, if there is one."""
+
+    def close(self) -> None:
+        """Close the files, from which the run can be resumed."""
+
+    def clear(self) -> None:
+        """Remove working files after the trajectory is made."""
+
 
 class FolderRecording(Recording):
-    """A recording in files that grow in a folder.
+    """The rows of a run, in files in a folder.
 
     Args:
-        contents: What it is of.
-        folder: The folder; what another run has left there is replaced.
-        target: The file that the trajectory goes to in the end; without one it goes to memory.
-        counts: How many rows to go on from; None begins anew.
+        contents: Its contents.
+        folder: The folder; files left by another run are replaced.
+        target: The final trajectory file; None: the trajectory is returned in memory.
+        counts: The numbers of rows to resume from; None starts a new recording.
 
     Raises:
-        IntegratorError: The disk is full, or the folder cannot be written, is of another run, or has too few rows.
+        IntegratorError: The disk is full, or the folder is not writable, belongs to another run, or has too few rows.
     """
 
     def __init__(self, contents: Contents, folder: str, target: str | None, counts: Counts | None = None):
-        super().__init__(contents)
-        self._folder, self._target = folder, target
+        self.contents, self._folder, self._target = contents, folder, target
         if target is None:
             _check_memory(contents)
         run = {"variables": contents.variables, "observed": contents.names, "h": contents.h}
@@ -276,9 +253,9 @@ class FolderRecording(Recording):
                 if not os.path.isdir(folder):
                     os.mkdir(folder)
             else:
-                sentence = f"{shorten(folder, 200)} must have the rows of the run to go on from, but has not"
+                sentence = f"{shorten(folder, 200)} must have the rows of the run to resume from, but has not"
                 with reading(sentence):
-                    if _lasting(read_run(folder)) != _lasting(run):
+                    if _invariable(read_run(folder)) != _invariable(run):
                         raise ValueError(f"its {RUN} is of another run")
             self._lock = _locked(folder)
             try:
@@ -292,7 +269,7 @@ class FolderRecording(Recording):
             raise IntegratorError(f"{what}, but was not: {error.strerror}") from None
 
     def _check_room(self) -> None:
-        """Refuse what the disk cannot hold twice: the trajectory is made of the folder."""
+        """Refuse what does not fit on the disk; with a target, twice: the file is made from the folder."""
         needed = self.contents.size * (1 if self._target is None else 2)
         free = shutil.disk_usage(os.path.dirname(os.path.abspath(self._folder))).free
         if needed > free:
@@ -309,24 +286,24 @@ class FolderRecording(Recording):
         return os.path.join(self._folder, f"{key}.npy")
 
     def cut(self, counts: Counts) -> None:
-        """Keep only so many rows, whatever was being written."""
+        """Keep only the first rows, whatever was being written."""
         self.close()
         self._lock = _locked(self._folder)
         self._open(counts)
 
     def sync(self) -> None:
-        """Make sure that what is there survives a loss of power."""
+        """Flush to disk."""
         for table in self._tables.values():
             table.sync()
 
     def close(self) -> None:
-        """Leave what is there to be gone on from."""
+        """Close the files and the lock."""
         for table in self._tables.values():
             table.close()
         self._lock.close()
 
     def finish(self) -> Trajectory:
-        """The trajectory, in its file and mapped from there, or in memory."""
+        """The trajectory, mapped from its file, or in memory."""
         self.close()
         trajectory = load_trajectory(self._folder)
         if self._target is None:
@@ -335,22 +312,18 @@ class FolderRecording(Recording):
         return load_trajectory(self._target)
 
     def clear(self) -> None:
-        """Take the folder away."""
+        """Remove the folder."""
         for path in (*map(self._path, Rows._fields), *(os.path.join(self._folder, name) for name in (RUN, LOCK))):
             if os.path.exists(path):
                 os.unlink(path)
-        with suppress(OSError):  # there is something else in it
+        with suppress(OSError):  # it holds other files
             os.rmdir(self._folder)
 
 
 def _locked(folder: str) -> IO[bytes]:
-    """An open file that keeps other runs out of a folder until it is closed, or the process ends.
-
-    Raises:
-        IntegratorError: Another run is there.
-    """
+    """Lock a folder until the returned file is closed; refused if another run holds the lock."""
     file = open(os.path.join(folder, LOCK), "wb")  # noqa: SIM115  # it stays open
-    with suppress(OSError):  # runs are not kept apart where there are no locks
+    with suppress(OSError):  # file systems without locks
         if lock(file):
             return file
         file.close()
@@ -359,13 +332,13 @@ def _locked(folder: str) -> IO[bytes]:
 
 
 def _check_memory(contents: Contents) -> None:
-    """Refuse before the first step what would not fit in the end."""
+    """Refuse before the first step a trajectory that would not fit in memory."""
     refuse_beyond_memory(
         contents.size, IntegratorError, "save_every must be larger, or `to` a file, since what is kept"
     )
 
 
-def _lasting(run: Mapping[str, Any]) -> Any:
-    """What is said of a run, without what may be another when it goes on."""
+def _invariable(run: Mapping[str, Any]) -> Any:
+    """The description of a run without the entries that may change when it is resumed."""
     meta = {key: value for key, value in run["meta"].items() if key not in ("steps", "version")}
     return json.loads(json.dumps({**run, "meta": meta}))
