@@ -57,7 +57,7 @@ class Report(NamedTuple):
     @property
     def stage_order(self) -> int | None:
         """The largest q for which B(q) and C(q) hold."""
-        return None if self.assumptions is None else min(self.assumptions.quadrature, self.assumptions.stage)
+        return None if self.assumptions is None else min(self.assumptions.B, self.assumptions.C)
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready data."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.conditions.kernels import IMAGE, ONE
 from bseries.conditions.program import Equation, Program, Summand
-from bseries.conditions.reductions import class_weights
 from integrators.core.immutable import Frozen
 from trees.formulas import factor_text, index_letters
 
@@ -79,6 +79,13 @@ def equation_of(trees: Sequence[Tree], sums: Sums) -> Equation:
         summands += [Summand(weight * coefficient, block, stage) for coefficient, block, stage in sums(tree)]
         right += weight / tree.density
     return Equation(tuple(summands), right)
+
+
+def class_weights(trees: Iterable[Tree]) -> list[Fraction]:
+    """Coprime integers proportional to 1/σ, the weights of isomeric trees in Σ (a(τ) − 1/γ(τ))/σ(τ) = 0."""
+    symmetries = [tree.symmetry for tree in trees]
+    multiple = math.lcm(*symmetries)
+    return [Fraction(multiple, symmetry) for symmetry in symmetries]
 
 
 class Power(NamedTuple):

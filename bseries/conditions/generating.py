@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.kinds import EXPLICIT, FULL, KINDS, STRUCTURES
 from bseries.conditions.layout import check_stages
 from bseries.conditions.listing import OrderConditions, Request
-from bseries.conditions.lyndon import count_lyndon_words
 from bseries.conditions.program import Program
-from bseries.conditions.reductions import SCALAR, isomeric, read_assumptions
 from bseries.exceptions import SeriesError
 from trees.counting import check_size, count_trees, normal_limits
+from trees.lyndon_words import count_lyndon_words
 from trees.names import default_names
 from trees.table import tree_table
 
 if TYPE_CHECKING:
     from bseries.conditions.kinds import Kind
     from trees.tree import Tree
+
+SCALAR = ("autonomous", "nonautonomous")
 
 MOST_CONDITIONS = 200_000
 """More trees are refused before any work."""
@@ -51,7 +53,7 @@ def order_conditions(
         structure: ``"full"``, ``"explicit"`` or ``"diagonally-implicit"`` matrices; a list with one for each matrix.
         explicit: Short for ``structure="explicit"``.
         assumptions: Simplifying assumptions on a Runge–Kutta method, as in ``"B5 C2 D1"`` or ``{"C": 2}``: conditions
-            that follow from them and from the others are left out; see `Simplifying.implies`.
+            that follow from them and from the others are left out; see `Assumptions.implies`.
         scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for what a Runge–Kutta method needs on scalar
             equations y' = f(y) and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
             Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
@@ -98,7 +100,7 @@ def order_conditions(
         None if stages is None else check_stages(stages),
         colors,
         _check_structure(chosen, names, EXPLICIT if explicit else structure),
-        read_assumptions(assumptions),
+        Assumptions.read(assumptions),
         _check_scalar(scalar),
         bool(symmetric),
         limits,
@@ -133,7 +135,38 @@ def _classes(request: Request, kind: Kind) -> list[list[Tree]]:
         and not (request.symmetric and tree.order % 2 == 0)
         and not (any(request.assumptions) and request.assumptions.implies(tree))
     ]
-    return isomeric(needed, request.scalar) if request.scalar else [[tree] for tree in needed]
+    return _isomeric(needed, request.scalar) if request.scalar else [[tree] for tree in needed]
+
+
+def _autonomous_class(tree: Tree) -> tuple[int, ...]:
+    """Numbers of children, which determine the elementary differential Π f^(m) of a scalar y' = f(y).
+
+    The classes of trees with n nodes are the partitions of n−1.
+    """
+    return tuple(sorted(len(t.children) for _, t in tree.preorder() if t.children))
+
+
+def _nonautonomous_class(tree: Tree) -> tuple[tuple[int, int], ...]:
+    """Butcher's atoms, which determine the elementary differential of a scalar y' = f(t, y).
+
+    A leaf is a derivative along (1, f), any other child a derivative by y: a node with l leaves and m other children is
+    the atom (∂_t + f ∂_y)^l ∂_y^m f.
+    """
+    atoms = []
+    for _, t in tree.preorder():
+        others = sum(1 for child in t.children if child.children)
+        if t.children:
+            atoms.append((len(t.children) - others, others))
+    return tuple(sorted(atoms))
+
+
+def _isomeric(trees: Iterable[Tree], scalar: str) -> list[list[Tree]]:
+    """Group trees by their elementary differential on scalar equations, in the order of the first trees."""
+    key: Callable[[Tree], Any] = _autonomous_class if scalar == "autonomous" else _nonautonomous_class
+    classes: dict[Any, list[Tree]] = {}
+    for tree in trees:
+        classes.setdefault(key(tree), []).append(tree)
+    return list(classes.values())
 
 
 def _find_kind(kind: object) -> tuple[str, Kind]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
+from itertools import groupby, product
+from math import factorial, prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.conditions.kernels import ONE
-from bseries.conditions.lyndon import lyndon_sums, lyndon_trees
 from bseries.conditions.program import Argument, Operator, Program, Summand
+from trees.lyndon_words import lyndon_trees
 
 if TYPE_CHECKING:
     from trees.tree import Tree
@@ -17,6 +19,9 @@ Sums = Callable[["Tree"], "tuple[Summand, ...]"]
 
 FULL, EXPLICIT, DIAGONALLY_IMPLICIT = STRUCTURES = ("full", "explicit", "diagonally-implicit")
 NODES = ("c", "c")
+
+STRICT, WEAK = 0, 1
+"""Operators of splitting methods: sums over all earlier sweeps, without and with the same sweep."""
 
 
 class Kind(NamedTuple):
@@ -149,6 +154,57 @@ def _splitting(names: Sequence[str]) -> tuple[list[Argument], list[Operator]]:
     ]
 
 
+def _splitting_sums(program: Program) -> Sums:
+    """The coefficient of a tall tree as sums over sweeps.
+
+    A splitting method with s sweeps through the exact flows of K fields,
+
+        φ^[K](x^K_s h) ∘ … ∘ φ^[1](x^1_s h) ∘ … ∘ φ^[K](x^K_1 h) ∘ … ∘ φ^[1](x^1_1 h),
+
+    is a product of exponentials, and so is the exact flow of the sum. Their coefficients at words of Lie derivatives
+    are characters of the shuffle algebra: two of them that agree on the Lyndon words with up to n letters agree on all
+    words with up to n letters. The coefficient of a word is that of a tall tree, and the coefficient of any tree is the
+    sum over its linear extensions, so the tall trees of Lyndon words give a minimal set of conditions.
+
+    r equal letters in one flow contribute x^r/r!. The word is cut in all ways into pieces of equal letters; the pieces,
+    from the root to the leaf, belong to flows of which each acts before the one above it.
+    """
+
+    def below(pieces: Sequence[tuple[int, int]], color: int) -> int:
+        """Sum over all flows that act before a flow of the field `color`, sweep by sweep."""
+        if not pieces:
+            return ONE
+        letter, length = pieces[0]
+        return program.image(WEAK if letter < color else STRICT, stage(pieces, length))
+
+    def stage(pieces: Sequence[tuple[int, int]], power: int) -> int:
+        letter = pieces[0][0]
+        g = ONE
+        for _ in range(power):
+            g = program.times(g, program.vector(letter))
+        return program.times(g, below(pieces[1:], letter)) if len(pieces) > 1 else g
+
+    def sums(tree: Tree) -> tuple[Summand, ...]:
+        runs = [(letter, len(list(run))) for letter, run in groupby(tree.colors)]
+        found = []
+        for choice in product(*(_compositions(length) for _, length in runs)):
+            pieces = [(letter, size) for (letter, _), sizes in zip(runs, choice, strict=True) for size in sizes]
+            factor = Fraction(1, prod(factorial(size) for _, size in pieces))
+            found.append(Summand(factor, pieces[0][0], stage(pieces, pieces[0][1] - 1)))
+        return tuple(found)
+
+    return sums
+
+
+def _compositions(total: int) -> Iterator[tuple[int, ...]]:
+    """All compositions of a number: ordered sums of positive integers."""
+    if total == 0:
+        yield ()
+    for first in range(1, total + 1):
+        for rest in _compositions(total - first):
+            yield (first, *rest)
+
+
 def _is_not_position(tree: Tree) -> bool:
     """y₁ = y₀ + h y₀' + … holds by construction."""
     return tree.color == 0 or tree.order > 1
@@ -190,7 +246,7 @@ KINDS = {
         "splitting methods",
         "x^ν_i h is the time of the flow of part ν in sweep i; a sweep takes the parts in their order",
         _splitting,
-        lyndon_sums,
+        _splitting_sums,
         2,
         True,
         trees=lyndon_trees,

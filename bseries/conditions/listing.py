@@ -7,13 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
+from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.compiling import CompiledConditions
-from bseries.conditions.condition import OrderCondition, equation_of
+from bseries.conditions.condition import OrderCondition, class_weights, equation_of
 from bseries.conditions.kinds import KINDS, NODES
 from bseries.conditions.languages import source
 from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.program import Program, System
-from bseries.conditions.reductions import Simplifying, class_weights
 from bseries.conditions.scalars import Scalars, equations, left_sides
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -32,7 +32,7 @@ class Request(NamedTuple):
     stages: int | None
     colors: int
     structures: tuple[str, ...]
-    assumptions: Simplifying
+    assumptions: Assumptions
     scalar: str
     symmetric: bool
     limits: Any
