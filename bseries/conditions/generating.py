@@ -1,4 +1,4 @@
-"""`order_conditions`: what is asked for, checked, and the trees that belong to it."""
+"""`order_conditions`: its arguments, and the trees that have conditions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.analysis.simplifying_assumptions import Assumptions
+from bseries.conditions.condition_program import ConditionProgram
 from bseries.conditions.kinds import EXPLICIT, FULL, KINDS, STRUCTURES
 from bseries.conditions.layout import check_stages
 from bseries.conditions.listing import OrderConditions, Request
-from bseries.conditions.program import Program
 from bseries.exceptions import SeriesError
 from trees.counting import check_size, count_trees, normal_limits
 from trees.lyndon_words import count_lyndon_words
@@ -17,13 +17,13 @@ from trees.names import default_names
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.conditions.kinds import Kind
+    from bseries.conditions.kinds import MethodKind
     from trees.tree import Tree
 
 SCALAR = ("autonomous", "nonautonomous")
 
 MOST_CONDITIONS = 200_000
-"""More trees are refused before any work."""
+"""Larger sets of trees are refused before any work."""
 
 
 def order_conditions(
@@ -39,7 +39,7 @@ def order_conditions(
     symmetric: bool = False,
     max_children: Any = None,
 ) -> OrderConditions:
-    """The conditions on the coefficients of a method that give it an order.
+    """Order conditions on the coefficients of a method.
 
     Args:
         kind: ``"runge-kutta"``; ``"partitioned"`` or ``"additive"`` (one matrix A and row b for each part, stacked);
@@ -48,23 +48,23 @@ def order_conditions(
             velocities y' + h Σ b_i g_i; ``"rosenbrock"`` with α_ij, γ_ij and b_i, where β = α + γ; ``"splitting"``: s
             sweeps of exact flows, x^ν_i h being the time of the flow of part ν in sweep i.
         order: The order.
-        stages: The number of stages s (sweeps of a splitting method) where equations and code are to be made for one.
-        colors: The number of parts, of kinds that have parts; by default 2.
+        stages: The number of stages s (sweeps of a splitting method), where equations and code need one.
+        colors: The number of parts, for kinds with parts; by default 2.
         structure: ``"full"``, ``"explicit"`` or ``"diagonally-implicit"`` matrices; a list with one for each matrix.
         explicit: Short for ``structure="explicit"``.
         assumptions: Simplifying assumptions on a Runge–Kutta method, as in ``"B5 C2 D1"`` or ``{"C": 2}``: conditions
-            that follow from them and from the others are left out; see `Assumptions.implies`.
-        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for what a Runge–Kutta method needs on scalar
-            equations y' = f(y) and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
+            that they and the remaining conditions imply are left out; see `Assumptions.implies`.
+        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for Runge–Kutta methods on scalar equations y' = f(y)
+            and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
             Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
         symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
-        max_children: Which trees to look at, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
+        max_children: Which trees to include, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
 
     Returns:
         The conditions.
 
     Raises:
-        SeriesError: The kind is unknown, an argument does not go with it, or there are too many conditions.
+        SeriesError: The kind is unknown, an argument does not apply to it, or there are too many conditions.
         TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.
 
     Example:
@@ -113,7 +113,7 @@ def order_conditions(
     return OrderConditions(request, names, _classes(request, chosen))
 
 
-def _classes(request: Request, kind: Kind) -> list[list[Tree]]:
+def _classes(request: Request, kind: MethodKind) -> list[list[Tree]]:
     """The trees of each condition."""
     counts = (
         count_lyndon_words(request.order, request.colors)
@@ -169,14 +169,14 @@ def _isomeric(trees: Iterable[Tree], scalar: str) -> list[list[Tree]]:
     return list(classes.values())
 
 
-def _find_kind(kind: object) -> tuple[str, Kind]:
+def _find_kind(kind: object) -> tuple[str, MethodKind]:
     name = kind.lower().replace("_", "-") if isinstance(kind, str) else kind
     if not isinstance(name, str) or name not in KINDS:
         raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}")
     return name, KINDS[name]
 
 
-def _check_colors(name: str, kind: Kind, colors: int | None) -> int:
+def _check_colors(name: str, kind: MethodKind, colors: int | None) -> int:
     if colors is None:
         return kind.colors
     if not kind.any_colors:
@@ -184,9 +184,9 @@ def _check_colors(name: str, kind: Kind, colors: int | None) -> int:
     return colors
 
 
-def _check_structure(kind: Kind, names: Sequence[str], structure: object) -> tuple[str, ...]:
+def _check_structure(kind: MethodKind, names: Sequence[str], structure: object) -> tuple[str, ...]:
     """The structure of each matrix."""
-    program = Program(*kind.coefficients(names))
+    program = ConditionProgram(*kind.coefficients(names))
     count = sum(block.argument.is_matrix for block in program.blocks)
     if kind.structures or not count:
         if structure != FULL:
