@@ -221,8 +221,8 @@ class CompiledConditions:
         value = self._run(len(self._system.program.operations), flat, self._vectors(flat))
         result = np.empty((len(self._system.equations), len(self.unknowns)))
         above, scratch = np.zeros(self.stages), np.empty(len(self._entries))
-        given = np.uint64(self.stages), *terms, self._reach.ravel()
-        gradients.compiled(*given, value, self._columns, above, scratch, result)
+        inputs = np.uint64(self.stages), *terms, self._reach.ravel()
+        gradients.compiled(*inputs, value, self._columns, above, scratch, result)
         return result
 
     def _read(self, arrays: Sequence[Any]) -> np.ndarray:
