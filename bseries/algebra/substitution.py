@@ -126,7 +126,9 @@ def modifying_integrator(
         Comp. 76 (2007) 1941–1953, doi:10.1090/S0025-5718-07-01967-9.
     """
     if isinstance(method, BSeries):
-        return _modifying_of_series(method, order, max_children)
+        a = series_to(method, order, max_children)
+        check_flow(a, "method")
+        return _solved(a, exact_values(a.table), "method")
     table = table_of(method, order, max_children)
     for color in auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
@@ -158,12 +160,6 @@ def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operatio
         avoid=_numerators(sums),
         integers=integers,
     )
-
-
-def _modifying_of_series(a: BSeries, order: Any, max_children: Any) -> BSeries:
-    a = series_to(a, order, max_children)
-    check_flow(a, "method")
-    return _solved(a, exact_values(a.table), "method")
 
 
 def substitution_inverse(b: BSeries) -> BSeries:

@@ -154,7 +154,10 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 def trusted(method: Method) -> Method:
     """The same method with floats as decimals of `FLOAT_DIGITS` digits."""
     if isinstance(method, RungeKutta):
-        return _as_decimals(method) if method.domain == "float" else method
+        if method.domain != "float":
+            return method
+        A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
+        return RungeKutta(A, b[0], name=method.name, digits=FLOAT_DIGITS, warn=False)
     if isinstance(method, PartitionedRungeKutta):
         if all(part.domain != "float" for part in method.partitions):
             return method
@@ -162,11 +165,6 @@ def trusted(method: Method) -> Method:
         return PartitionedRungeKutta(dict(zip(method.names, parts, strict=True)), name=method.name)  # pyright: ignore[reportArgumentType]
     program = method.program
     return as_decimals(program, FLOAT_DIGITS) if program.domain == "float" else method
-
-
-def _as_decimals(part: RungeKutta) -> RungeKutta:
-    A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (part.A, [part.b]))
-    return RungeKutta(A, b[0], name=part.name, digits=FLOAT_DIGITS, warn=False)
 
 
 def error_coefficients(method: Method, order: int | None = None) -> ErrorCoefficients:

@@ -123,15 +123,19 @@ def check(method: Method, order: int | None = None) -> Report:
         `bseries.analysis.conjugation` name the sources of the other tests.
     """
     found, tested_to = decide_order(method, order)
-    affordable = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
+    has_few_trees = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
+    if order is None:
+        nodes = structure_order(method, found)
+    else:
+        nodes = min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
     return Report(
         method,
         found,
         tested_to,
-        error_coefficients(method, found) if affordable else None,
+        error_coefficients(method, found) if has_few_trees else None,
         _embedded_orders(method),
         {"consistent": found >= 1, **_properties(method)},
-        structure_of(method, structure_order(method, found) if order is None else _affordable(method, order)),
+        structure_of(method, nodes),
         _assumptions(method),
         tableau_properties(method) if isinstance(method, RungeKutta) else {},
     )
@@ -166,11 +170,6 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
         except SeriesError:  # inconsistent methods, or trees of special systems
             continue
     return found
-
-
-def _affordable(method: Method, order: int) -> int:
-    """Number of nodes for structure tests where an order is given: limited by the size of the table."""
-    return min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
 
 
 def _properties(method: Method) -> dict[str, bool]:

@@ -254,7 +254,7 @@ class CompiledConditions:
         return value
 
     def _operations(self, count: int) -> tuple[np.ndarray, ...]:
-        """MethodKind, left and right of the first operations."""
+        """Kind, left and right operands of the first operations."""
         import numpy as np
 
         if count not in self._arrays:
@@ -311,7 +311,7 @@ class CompiledConditions:
 
     @cached_property
     def _sums(self) -> tuple[np.ndarray, ...]:
-        """The summands of all equations."""
+        """The terms of all left-hand sides."""
         import numpy as np
 
         terms: list[EquationTerm] = [term for equation in self._system.equations for term in equation.summands]

@@ -57,19 +57,27 @@ def _runge_kutta(names: Sequence[str]) -> tuple[list[CoefficientArray], list[Sta
     return arguments, [StageMatrix((k,), "a", "a", name, NODES) for k, name in enumerate(parts)]
 
 
-def _runge_kutta_sums(program: ConditionProgram) -> Sums:
-    """b · g with g(u ∘ v) = g(u) · A g(v), by the colours of the root and of v (HLW, sections III.1 and III.2)."""
-    parts = len(program.operators)
+def _stage_vectors(
+    program: ConditionProgram, factor: Callable[[Tree, Tree, Callable[[Tree], int]], int]
+) -> Callable[[Tree], int]:
+    """The function from trees to stage vectors, products of factor(tree, child, stage vectors) over the children."""
     known: dict[Tree, int] = {}
 
     def stage(tree: Tree) -> int:
         if tree not in known:
             g = ONE
             for child in tree.children:
-                g = program.times(g, program.image(child.color, stage(child)))
+                g = program.times(g, factor(tree, child, stage))
             known[tree] = g
         return known[tree]
 
+    return stage
+
+
+def _runge_kutta_sums(program: ConditionProgram) -> Sums:
+    """b · g with g(u ∘ v) = g(u) · A g(v), by the colours of the root and of v (HLW, sections III.1 and III.2)."""
+    parts = len(program.operators)
+    stage = _stage_vectors(program, lambda tree, child, stage: program.image(child.color, stage(child)))
     return lambda tree: (EquationTerm(Fraction(1), parts + tree.color, stage(tree)),)
 
 
@@ -94,20 +102,13 @@ def _nystrom_sums(program: ConditionProgram) -> Sums:
     A leaf q is a factor c_i, a child rooted in p a factor with the matrix A (Hairer–Nørsett–Wanner, section II.14).
     """
     abar, bbar, b, c, a = 0, 1, 2, 3, 1
-    known: dict[Tree, int] = {}
 
-    def factor(child: Tree) -> int:
+    def factor(tree: Tree, child: Tree, stage: Callable[[Tree], int]) -> int:
         if child.color == 0:
             return program.image(a, stage(child))
         return program.image(abar, stage(child.children[0])) if child.children else program.vector(c)
 
-    def stage(tree: Tree) -> int:
-        if tree not in known:
-            g = ONE
-            for child in tree.children:
-                g = program.times(g, factor(child))
-            known[tree] = g
-        return known[tree]
+    stage = _stage_vectors(program, factor)
 
     def sums(tree: Tree) -> tuple[EquationTerm, ...]:
         block, g = (b, tree) if tree.color == 0 else (bbar, tree.children[0])
@@ -132,17 +133,11 @@ def _rosenbrock(names: Sequence[str]) -> tuple[list[CoefficientArray], list[Stag
 def _rosenbrock_sums(program: ConditionProgram) -> Sums:
     """An only child is applied with β = α + γ, several children with α (Hairer–Wanner, section IV.7)."""
     alpha, beta, b = 0, 1, 2
-    known: dict[Tree, int] = {}
 
-    def stage(tree: Tree) -> int:
-        if tree not in known:
-            operator = beta if len(tree.children) == 1 else alpha
-            g = ONE
-            for child in tree.children:
-                g = program.times(g, program.image(operator, stage(child)))
-            known[tree] = g
-        return known[tree]
+    def factor(tree: Tree, child: Tree, stage: Callable[[Tree], int]) -> int:
+        return program.image(beta if len(tree.children) == 1 else alpha, stage(child))
 
+    stage = _stage_vectors(program, factor)
     return lambda tree: (EquationTerm(Fraction(1), b, stage(tree)),)
 
 
@@ -170,7 +165,7 @@ def _splitting_sums(program: ConditionProgram) -> Sums:
     """
 
     def below(pieces: Sequence[tuple[int, int]], color: int) -> int:
-        """IndexedSum over all flows that act before a flow of the field `color`, sweep by sweep."""
+        """Sum over all flows that act before a flow of the field `color`, sweep by sweep."""
         if not pieces:
             return ONE
         letter, length = pieces[0]
