@@ -167,14 +167,14 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
     if max_children is None and isinstance(order, int):
-        _fits(order, colors)
+        _refuse_beyond_memory(order, colors)
     else:
         recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
     return tree_table(order, colors, max_children)
 
 
 @lru_cache(maxsize=64, typed=True)
-def _fits(order: int, colors: int) -> None:
+def _refuse_beyond_memory(order: int, colors: int) -> None:
     """Refuse tables beyond the memory, once for each size."""
     recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
 

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
 
-class _WithStages:
+class _StagesBase:
     """Base class of all kinds of stages."""
 
     stages: Stages
@@ -77,7 +77,7 @@ class _WithStages:
         return self.stages
 
 
-class RationalStages(_WithStages):
+class RationalStages(_StagesBase):
     """The stages of a method with rational series, as an input of exact operations.
 
     Args:
@@ -132,7 +132,7 @@ class RationalStages(_WithStages):
         return self.bounds if isinstance(arithmetic, Majorant) else self.stages
 
 
-class FloatStages(_WithStages):
+class FloatStages(_StagesBase):
     """The stages of a method with floating-point entries."""
 
     kind = "float"
@@ -141,7 +141,7 @@ class FloatStages(_WithStages):
         self.stages = stages
 
 
-class RingStages(_WithStages):
+class RingStages(_StagesBase):
     """The stages of a method with entries in a SymPy ring, over a common denominator `step`."""
 
     kind = "ring"
@@ -153,7 +153,7 @@ class RingStages(_WithStages):
 
 
 def check_method(method: object) -> Method:
-    """Raise a SeriesError unless the argument is a method."""
+    """Return the method, or raise a SeriesError if it is none."""
     if isinstance(method, Method):
         return method
     raise SeriesError(

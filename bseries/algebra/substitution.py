@@ -128,16 +128,16 @@ def modifying_integrator(
     if isinstance(method, BSeries):
         a = series_to(method, order, max_children)
         check_flow(a, "method")
-        return _solved(a, exact_values(a.table), "method")
+        return _solve(a, exact_values(a.table), "method")
     table = table_of(method, order, max_children)
     for color in auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
-    operation = partial(_solving, method, table)
+    operation = partial(_modifying_operation, method, table)
     return of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
 
 
-def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
+def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
     """The operation for the modifying integrator of a method with these stages."""
     target, sums = exact_values(table), stages.weight_sums(table.colors)
     inverses = _inverses(sums, stages, f"sums of the weights of {method.name}", method.names)
@@ -146,15 +146,15 @@ def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operatio
         exact = target.load(table, arithmetic, field=True)
         return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
 
-    def claimed(step: int) -> tuple[int, ...]:
+    def denominators(step: int) -> tuple[int, ...]:
         powers = tuple(step**n for n in range(table.max_order + 1))
         return solved_denominators(powers, target.denominators, _numerators(sums))
 
     integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
     return Operation(
         expression,
-        lambda n, step: claimed(step)[n],
-        lambda _, step: math.lcm(*claimed(step)),
+        lambda n, step: denominators(step)[n],
+        lambda _, step: math.lcm(*denominators(step)),
         field=True,
         units=1 if integers else 2,
         avoid=_numerators(sums),
@@ -189,10 +189,10 @@ def substitution_inverse(b: BSeries) -> BSeries:
     """
     check_field(b, "b")
     identity = RationalValues(b.table, [int(at < b.table.colors) for at in range(len(b))], [1] * (b.order + 1), 1)
-    return _solved(b, identity, "b")
+    return _solve(b, identity, "b")
 
 
-def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
+def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
     (values,) = _without_denominators([a.stored])
@@ -204,16 +204,16 @@ def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
     skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
-    claims = solved_denominators(skeletons, target.denominators, _numerators(roots))
-    operation = _operation(expression, claims)._replace(avoid=_numerators(roots))
+    denominators = solved_denominators(skeletons, target.denominators, _numerators(roots))
+    operation = _operation(expression, denominators)._replace(avoid=_numerators(roots))
     result = apply(a.table, [values], operation)
     return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
 
 
-def _operation(expression: Any, claims: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
+def _operation(expression: Any, denominators: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
     """An operation with known denominators, computed modulo odd primes, since it is not homogeneous."""
     return Operation(
-        expression, lambda n, _: claims[n], lambda *_: math.lcm(*claims), field=True, units=2, bounds=bounds
+        expression, lambda n, _: denominators[n], lambda *_: math.lcm(*denominators), field=True, units=2, bounds=bounds
     )
 
 

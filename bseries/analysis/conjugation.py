@@ -204,7 +204,7 @@ def _solve(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
     """Find the logarithm g of the processor order by order, for a flow and its samples."""
     table = flows[0].table
     logarithms: list[list[Any]] = [[Fraction(0)] * len(table) for _ in flows]
-    order, broken = table.max_order, None
+    order, violating = table.max_order, None
     for n in range(1, table.max_order):
         steps, outs = [], []
         for s, g in zip(flows, logarithms, strict=True):
@@ -212,14 +212,14 @@ def _solve(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
             steps.append(problem.step(n, b, number))
             outs.append(public)
         residuals, *nearby = (step.residuals for step in steps)
-        broken = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
-        if broken is not None:
+        violating = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
+        if violating is not None:
             order = n
             break
         for step, g, public in zip(steps, logarithms, outs, strict=True):
             for tree, value in step.term.items():
                 g[tree] = _rounded(public(value), flows[0].digits)
-    breaks = None if broken is None else table[broken]
+    breaks = None if violating is None else table[violating]
     return ConjugateVerdict(order, breaks, table.max_order, _processor(flows[0], logarithms[0], table.max_order))
 
 

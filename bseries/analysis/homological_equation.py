@@ -69,21 +69,21 @@ class Leaves:
     def __init__(self, table: TreeTable):
         self.table = table
         self.product = grafting(table)
-        self._growth = [_growth(table, color) for color in range(table.colors)]
+        self._leaf_colors = [_leaf_color(table, color) for color in range(table.colors)]
         self.without = cache(self._without)
 
     def add(self, tree: int) -> int:
         """The tree with one more leaf."""
         _, color, left, right = self.table.lists
-        leaf, free = self._growth[color[tree]]
+        leaf, free = self._leaf_colors[color[tree]]
         if free or left[tree] < 0:
             return self.product(tree, leaf)
         return self.product(left[tree], self.add(right[tree]))
 
     def count(self, tree: int) -> int:
-        """The number of leaves on the node to which `add` adds one."""
+        """The number of leaves of this colour on the node to which `add` adds one."""
         _, color, left, right = self.table.lists
-        (leaf, free), found = self._growth[color[tree]], 0
+        (leaf, free), found = self._leaf_colors[color[tree]], 0
         if not free and left[tree] >= 0:
             return self.count(right[tree])
         while right[tree] >= 0:
@@ -106,7 +106,7 @@ class Leaves:
         return found
 
 
-def _growth(table: TreeTable, color: int) -> tuple[int, bool]:
+def _leaf_color(table: TreeTable, color: int) -> tuple[int, bool]:
     """A colour in which nodes may have children (if possible the first), and whether any number of them."""
     *each, total = table.limits[color]
     for child in range(table.colors) if color == 0 else (0,):

@@ -152,7 +152,7 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 
 def trusted(method: Method) -> Method:
-    """The same method with floats as decimals of `FLOAT_DIGITS` digits."""
+    """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits."""
     if isinstance(method, RungeKutta):
         if method.domain != "float":
             return method

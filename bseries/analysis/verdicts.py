@@ -59,19 +59,19 @@ class Verdict(NamedTuple):
         return self.breaks is None
 
 
-def verdict(table: TreeTable, broken: int | None) -> Verdict:
+def verdict(table: TreeTable, violating: int | None) -> Verdict:
     """The verdict for a property whose first violating tree has this id."""
-    if broken is None:
+    if violating is None:
         return Verdict(table.max_order, None, table.max_order)
-    return Verdict(int(table.columns.order[broken]) - 1, table[broken], table.max_order)
+    return Verdict(int(table.columns.order[violating]) - 1, table[violating], table.max_order)
 
 
 def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
     """Decide conditions on a series, the first of its `samples`."""
     values = [_numbers(samples[0], flow)] if len(samples) == 1 else [public(s.stored) for s in samples]
     residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
-    broken = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
-    return verdict(samples[0].table, broken)
+    violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
+    return verdict(samples[0].table, violating)
 
 
 def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:

@@ -27,7 +27,7 @@ from bseries.analysis.stability.linear_stability import (
     adjugate_terms,
     checked_method,
     function_of,
-    over,
+    quotient,
     to_integers,
 )
 
@@ -162,8 +162,8 @@ def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[sturm.Coefficients]:
     """
     whole, scale = to_integers(rows)
     terms = list(adjugate_terms(whole[:-1]))
-    determinant = [over(d, scale**k) for k, (d, _) in enumerate(terms)]
-    adjugate = [[[over(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
+    determinant = [quotient(d, scale**k) for k, (d, _) in enumerate(terms)]
+    adjugate = [[[quotient(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
     columns = [list(zip(*c, strict=True)) for c in adjugate]
     products = [[[dot(row, column) for column in c] for c in columns] for row in rows]
     row_sums = [[sum(row, Fraction(0)) for row in c] for c in adjugate]

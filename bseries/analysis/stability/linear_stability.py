@@ -380,7 +380,7 @@ def characteristic(matrix: Rows) -> list[Any]:
         ['1', '5/6', '1/6']
     """
     whole, scale = to_integers(matrix)
-    return [over(determinant, scale**k) for k, (determinant, _) in enumerate(adjugate_terms(whole))]
+    return [quotient(determinant, scale**k) for k, (determinant, _) in enumerate(adjugate_terms(whole))]
 
 
 def to_integers(matrix: Rows) -> tuple[Rows, int]:
@@ -391,7 +391,7 @@ def to_integers(matrix: Rows) -> tuple[Rows, int]:
     return [[int(a * scale) for a in row] for row in matrix], scale
 
 
-def over(value: Any, denominator: int) -> Any:
+def quotient(value: Any, denominator: int) -> Any:
     """An integer divided by a denominator; any other element unchanged."""
     return Fraction(value, denominator) if isinstance(value, int) else value
 
