@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from trees.tree import Tree
 
 
-class OrderCondition(Frozen):
+class OrderCondition(ImmutableValue):
     """One order condition: left-hand side = right-hand side.
 
     Attributes:

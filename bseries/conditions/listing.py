@@ -17,7 +17,7 @@ from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.scalar_equations import ScalarInterpreter, equations, left_sides
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from trees.tree import Tree
 
 

@@ -21,7 +21,7 @@ from bseries.analysis.stability.field_elements import (
 )
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
 
