@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.presentation import latex_number
 from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
 
 if TYPE_CHECKING:

@@ -35,7 +35,7 @@ class Request(NamedTuple):
     limits: Any
 
 
-class OrderConditions(Frozen, Sequence[OrderCondition]):
+class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
     """The order conditions of a kind of methods, made by `order_conditions`.
 
     A sequence of `OrderCondition`s in the order of the trees, also indexed by trees and their texts. Arrays of

@@ -33,7 +33,7 @@ POLE_DIGITS = 20
 """Working precision of the first attempt at the poles."""
 
 
-class StabilityFunction(Frozen):
+class StabilityFunction(ImmutableValue):
     """Stability function R(z) = P(z)/Q(z) of a method: y_1 = R(hλ) y_0 for y' = λy.
 
     Numerator and denominator have no common factor, and Q(0) = 1. Approximate common factors of polynomials in floats
