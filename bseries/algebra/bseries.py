@@ -1,4 +1,4 @@
-"""BSeries: a truncated series, as a mapping from trees to coefficients."""
+"""`BSeries`: truncated B-series and P-series as mappings from trees to coefficients."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
-from bseries.algebra.presentation import Term, known_digits
+from bseries.algebra.presentation import SeriesTerm, known_digits
 from bseries.exact import recursions
 from bseries.exact.domains import FloatValues, RingValues, alike, apply, as_floats, exact_number, make_values
 from bseries.exact.operations import Operation, log_denominator, wider_step
@@ -29,14 +29,14 @@ class BSeries(Mapping[Tree, Any]):
     """A B-series (or P-series, on coloured trees) up to some number of nodes.
 
     B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
-    has a(∅) = 1, a *field* has b(∅) = 0 and stands for h · f_h. As a mapping it runs over the trees in the order of its
-    table; ``s["∅"]`` is the coefficient of the empty tree, which iteration and `len` leave out.
+    has a(∅) = 1, a *field* has b(∅) = 0 and represents h · f_h. The mapping iterates over the trees in the order of its
+    table; ``s["∅"]`` is the coefficient of the empty tree, excluded from iteration and `len`.
 
-    A series of a method published as decimals has `digits` and knows its `uncertainty`. What arithmetic makes of it has
-    digits only: it takes the printed decimals for exact, and is shown rounded to as many.
+    A series of a method published as decimals has `digits` and an `uncertainty`. Results of arithmetic on it have
+    digits only: the arithmetic treats the printed decimals as exact, and the results are shown rounded.
 
-    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable. The
-    exact arithmetic keeps the coefficients as `stored` (see `bseries.exact.domains`).
+    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
+    `stored` holds the coefficients in the form of the exact arithmetic (see `bseries.exact.domains`).
 
     Example:
         >>> import bseries as bs
@@ -102,7 +102,7 @@ class BSeries(Mapping[Tree, Any]):
         """The series with the coefficients rule(tree).
 
         Args:
-            rule: Gives a number (int, Fraction, float) or SymPy expression for every tree.
+            rule: A function from trees to numbers (int, Fraction, float) or SymPy expressions.
             order: Largest number of nodes.
             empty: Coefficient of the empty tree: 1 for a flow, 0 for a field.
             colors: Number of colours of the trees.
@@ -135,7 +135,7 @@ class BSeries(Mapping[Tree, Any]):
 
     @property
     def is_exact(self) -> bool:
-        """Whether no float went in."""
+        """Whether the coefficients are exact, not floats."""
         return not isinstance(self.stored, FloatValues)
 
     def __getitem__(self, tree: Tree | str) -> Any:
@@ -144,19 +144,19 @@ class BSeries(Mapping[Tree, Any]):
         return self.stored[self.table.index(self._tree(tree))]
 
     def _tree(self, tree: Tree | str) -> Tree:
-        """The tree that a text denotes in the names of this series."""
+        """Read a tree in the names of this series."""
         return Tree(tree, names=self._shown_names)
 
     @property
     def _shown_names(self) -> tuple[str, ...] | None:
-        """The names of the colours for texts about trees; None where there is only one colour."""
+        """The names of the colours in texts; None where there is only one colour."""
         return self.names if self.table.colors > 1 else None
 
     def __contains__(self, tree: object) -> bool:
         return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
 
     def get(self, tree: Any, default: Any = None) -> Any:
-        """The coefficient of a tree, or `default` if the series does not reach it."""
+        """The coefficient of a tree, or `default` for trees beyond the series."""
         return self[tree] if tree == EMPTY or tree in self else default
 
     def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -178,26 +178,26 @@ class BSeries(Mapping[Tree, Any]):
         return self.stored.coefficients()
 
     def is_zero(self, tree: Tree | str) -> bool:
-        """Whether a coefficient is zero, as far as the digits of a method's decimals can tell."""
+        """Whether a coefficient is zero, for decimals within their uncertainty."""
         return self.is_zero_at(self.table.index(self._tree(tree)))
 
     def is_zero_at(self, at: int) -> bool:
-        """The same for the tree with an id."""
+        """`is_zero` for the tree with this id."""
         if self.stored.is_zero(at):
             return True
         return self.uncertainty is not None and abs(self.stored[at]) <= self.uncertainty(at)
 
     def nonzero(self) -> list[tuple[Tree, Any]]:
-        """Pairs (tree, coefficient) whose coefficient is not zero (see `is_zero`)."""
+        """Pairs (tree, coefficient) with nonzero coefficients (see `is_zero`)."""
         return [(self.table[at], value) for at, value in enumerate(self.coefficients()) if not self.is_zero_at(at)]
 
     def weights(self) -> list[Any]:
-        """Coefficient/σ of every tree, what multiplies its elementary differential; 0 where `is_zero` says so."""
+        """Coefficient/σ of every tree, the factor of its elementary differential; 0 where `is_zero`."""
         pairs = enumerate(zip(self.coefficients(), self.table.symmetry.tolist(), strict=True))
         return [0 if self.is_zero_at(at) else value / sigma for at, (value, sigma) in pairs]
 
     def truncate(self, order: int) -> BSeries:
-        """The same series with trees of at most `order` nodes.
+        """The series restricted to trees with at most `order` nodes.
 
         Raises:
             SeriesError: `order` is larger than this series' order.
@@ -212,23 +212,19 @@ class BSeries(Mapping[Tree, Any]):
             values = RingValues(table, values.ring, values.elements[:size], values.step)
         else:
             values = FloatValues(table, values.raw[:size])
-        return self._like(table, values, self.empty)
+        return self._replace(table=table, stored=values)
 
-    def _like(self, table: TreeTable, values: Values, empty: Any) -> BSeries:
-        return BSeries(
-            table, values, empty, names=self.names, label=self.label, digits=self.digits, uncertainty=self.uncertainty
-        )
+    def _replace(self, **changes: Any) -> BSeries:
+        """The series with other values of some attributes."""
+        return _rebuilt(*(changes.get(name, getattr(self, name)) for name in sorted(self.__slots__)))
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
-        return BSeries(self.table, self.stored, exact_number(empty), names=self.names, digits=self.digits)
+        return self._replace(empty=exact_number(empty), label="", uncertainty=None)
 
     def with_label(self, label: str) -> BSeries:
         """The same series under another name."""
-        return BSeries(
-            self.table, self.stored, self.empty, names=self.names, label=label, digits=self.digits,
-            uncertainty=self.uncertainty,
-        )  # fmt: skip
+        return self._replace(label=label)
 
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float.
@@ -236,7 +232,7 @@ class BSeries(Mapping[Tree, Any]):
         Raises:
             SeriesError: A coefficient holds symbols.
         """
-        return self._like(self.table, as_floats(self.stored), self.empty)
+        return self._replace(stored=as_floats(self.stored))
 
     def check_same_trees(self, other: BSeries) -> None:
         """Raise a SeriesError unless the other series has the same trees."""
@@ -269,7 +265,7 @@ class BSeries(Mapping[Tree, Any]):
         return self._combine(other, lambda x, y: x + y)
 
     def __radd__(self, other: object) -> BSeries:
-        return self if other == 0 else NotImplemented  # where `sum` begins
+        return self if other == 0 else NotImplemented  # the start value of `sum`
 
     def __sub__(self, other: BSeries) -> BSeries:
         return self._combine(other, lambda x, y: x - y)
@@ -316,7 +312,7 @@ class BSeries(Mapping[Tree, Any]):
         return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
 
     def log(self) -> BSeries:
-        """The field whose exact flow this series is: its modified equation.
+        """The modified equation: the field whose exact flow is this series.
 
         Returns:
             b with b(∅) = 0 and exp b = a.
@@ -340,7 +336,7 @@ class BSeries(Mapping[Tree, Any]):
         return result_of(Operation(expression, log_denominator, wider_step, field=True), 0, self)
 
     def exp(self) -> BSeries:
-        """The exact flow, over one step, of this field.
+        """The exact flow of this field over one step.
 
         Returns:
             a with a(∅) = 1 and log a = b.
@@ -401,7 +397,7 @@ class BSeries(Mapping[Tree, Any]):
             exponent: An integer, a Fraction, a SymPy expression, or a float.
 
         Returns:
-            The flow a^s; a^(1/2) is half a step in the sense that two of it make one.
+            The flow a^s; two steps of a^(1/2) are one step of a.
 
         Raises:
             SeriesError: a(∅) is not 1, or the exponent is no number.
@@ -416,7 +412,7 @@ class BSeries(Mapping[Tree, Any]):
         s: Any = exact_number(exponent, "exponent")
         if not isinstance(s, Fraction):
             return (self.log() * s).exp()
-        # binom(p/q, k) has the denominator q^k times, for every prime r that divides q, fewer than k times r (from k!).
+        # The denominator of binom(p/q, k) divides q^k times r^(k−1) for every prime r that divides q (from k!).
         q = s.denominator
         factor = q * math.prod(r for r in primes_up_to(self.order) if q % r == 0)
 
@@ -429,21 +425,21 @@ class BSeries(Mapping[Tree, Any]):
         )
         return result_of(operation, 1, self)
 
-    def terms(self, *, nonzero: bool = False) -> Iterator[Term]:
-        """The terms in the order of the table; `weight` is coefficient/σ, the number that textbooks print."""
+    def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
+        """The terms in the order of the table; `weight` is coefficient/σ."""
         for at, (tree, coefficient) in enumerate(self.items()):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
                 error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
                 digits = known_digits(coefficient, error, self.digits)
-                yield Term(tree, coefficient, coefficient / tree.symmetry, zero, digits)
+                yield SeriesTerm(tree, coefficient, coefficient / tree.symmetry, zero, digits)
 
     def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
         """The series as JSON-ready data.
 
         Args:
-            kind: What it is: ``series``, ``modified``, ….
-            nonzero: Leave out terms whose coefficient is zero.
+            kind: The kind of series: ``series``, ``modified``, ….
+            nonzero: Leave out terms with coefficient zero.
 
         Returns:
             The keys schema, kind, method, order, domain, colors, empty, digits (for decimal methods) and terms, each
@@ -470,7 +466,7 @@ class BSeries(Mapping[Tree, Any]):
         return data
 
     def to_latex(self, *, nonzero: bool = False) -> str:
-        """The series as a sum of weights, powers of h and elementary differentials.
+        """The series as a sum of weights times powers of h times elementary differentials.
 
         A field is written as the modified equation f_h, without the factor h.
 
@@ -492,7 +488,7 @@ class BSeries(Mapping[Tree, Any]):
 
 
 class _Items(ItemsView[Tree, Any]):
-    """Items that look nothing up."""
+    """Items without a look-up for each tree."""
 
     _mapping: BSeries
 
@@ -501,7 +497,7 @@ class _Items(ItemsView[Tree, Any]):
 
 
 def check_flow(a: BSeries, name: str = "series") -> None:
-    """Refuse what is no flow series."""
+    """Raise a SeriesError unless the argument is a flow."""
     if not isinstance(a, BSeries):
         raise SeriesError(f"{name} must be a BSeries, but was {a!r:.60}")
     if a.empty != 1:
@@ -509,7 +505,7 @@ def check_flow(a: BSeries, name: str = "series") -> None:
 
 
 def check_field(b: BSeries, name: str = "series") -> None:
-    """Refuse what is no field series."""
+    """Raise a SeriesError unless the argument is a field."""
     if not isinstance(b, BSeries):
         raise SeriesError(f"{name} must be a BSeries, but was {b!r:.60}")
     if b.empty != 0:
@@ -517,7 +513,7 @@ def check_field(b: BSeries, name: str = "series") -> None:
 
 
 def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
-    """The series that an operation makes of others on the same trees."""
+    """Apply an operation to series on the same trees."""
     first = operands[0]
     for other in operands[1:]:
         first.check_same_trees(other)
@@ -526,7 +522,7 @@ def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
 
 
 def fewest_digits(*operands: BSeries) -> int | None:
-    """Digits of what is made of these series; None if all are exact."""
+    """Digits of a result of these series; None if all are exact."""
     return min((operand.digits for operand in operands if operand.digits is not None), default=None)
 
 

@@ -1,7 +1,7 @@
-"""The operations on two series, which are Lie derivatives like those on one (idea: HLW, Lemma IX.9.1).
+"""Composition and Lie derivatives of series (HLW, lemma IX.9.1).
 
-exp b = Σ ∂_b^j id / j!; log solves that order by order; compose(a, c) = Σ ∂_{log a}^j c / j!, because the flow of log a
-is a; inverse and powers follow. The cost is n² per tree with n nodes, where sums over subtrees would be exponential.
+exp b = Σ ∂_b^j id / j!, and log is solved from it order by order. compose(a, c) = Σ ∂_{log a}^j c / j!, since the flow
+of log a is a; inverse and powers follow. The cost is n² per tree with n nodes; sums over subtrees are exponential.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from bseries.exceptions import SeriesError
 
 
 def compose(a: BSeries, c: BSeries) -> BSeries:
-    """The series of a map followed by another: first a, then c.
+    """Composition of two maps: first a, then c.
 
-    B(compose(a, c), y) = B(c, B(a, y)), which HLW and Butcher write as the product a · c.
+    B(compose(a, c), y) = B(c, B(a, y)), the product a · c of HLW and Butcher.
 
     Args:
         a: A flow, applied first.
@@ -31,7 +31,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
         SeriesError: a(∅) is not 1, or the trees differ.
 
     Example:
-        Half a step of the implicit Euler method and half a step of the explicit one are the midpoint rule:
+        Half a step of the implicit and half a step of the explicit Euler method give the midpoint rule:
 
         >>> import bseries as bs
         >>> from fractions import Fraction
@@ -47,7 +47,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
     check_flow(a, "a")
     if not isinstance(c, BSeries):
         raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
-    if c.empty not in (0, 1):  # by linearity in c: c = c(∅) ∅ + the rest
+    if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
         return a * c.empty + compose(a, c.with_empty(0))
 
     def expression(arithmetic: Any, first: Any, second: Any) -> Any:
@@ -56,7 +56,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
 
     bounds = None
     if isinstance(a.stored, RationalValues) and isinstance(c.stored, RationalValues):
-        # At most 2^n ordered subtrees, and no product exceeds 2^(κ n).
+        # At most 2^n ordered subtrees, each with a product of at most 2^(κ n).
         growth = max(a.stored.growth, c.stored.growth)
         bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, bounds=bounds)
@@ -64,9 +64,9 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
 
 
 def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
-    """∂_b c: the derivative of the series c along the field b.
+    """Lie derivative ∂_b c of the series c along the field b.
 
-    (∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), over all ways to cut one edge of τ.
+    (∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), summed over the edges of τ, each cut into trunk and branch.
 
     Args:
         b: A field.

@@ -1,8 +1,8 @@
-"""Splitting methods: chains of exact flows, composed without logarithms.
+"""Series of splitting methods: chains of exact flows, composed without logarithms.
 
-With the last flow first, a ↦ (flow of c f^[ν], then a) is the Lie series Σ_j ∂_b^j a / j! along the field b that is c
-at one single node and zero elsewhere: only leaves are cut. That is cheaper by far than the stages of
-`bseries.algebra.program_stages`.
+From the last flow to the first, a ↦ (flow of c f^[ν], then a) is the Lie series Σ_j ∂_b^j a / j! along the field b
+that is c at one single node and zero elsewhere: only leaves are cut. This costs much less than the stages of the
+method's program.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class FlowSteps(NamedTuple):
     Attributes:
         parts: The part of each flow; None: all.
         times: The times.
-        kind: What they are: rational, ring or float.
-        ring: For the kind ring the field that holds them.
+        kind: The domain of the times: rational, ring or float.
+        ring: For the kind ring, the field of the times.
     """
 
     parts: Sequence[int | None]
@@ -44,7 +44,7 @@ class FlowSteps(NamedTuple):
 
 @lru_cache(maxsize=64)
 def flow_steps(program: Program) -> FlowSteps | None:
-    """The flows of a program that is a chain of exact flows; None if it is anything else."""
+    """The flows of a program that is a chain of exact flows; None for other programs."""
     parts: list[int | None] = []
     times: list[Any] = []
     point = LinearForm(1)
@@ -69,7 +69,7 @@ def _in_domain(parts: Sequence[int | None], times: Sequence[Any]) -> FlowSteps:
 
 
 class FlowChain:
-    """The flows of a splitting method, as an input of operations on series.
+    """The flows of a splitting method as an input of operations on series.
 
     Args:
         steps: The flows.
@@ -78,7 +78,7 @@ class FlowChain:
 
     terms = 1
     units = 2
-    """Even: no arithmetic modulo 2^64 where a field is wanted, since a flow's values cannot be halved there."""
+    """Even: excludes arithmetic modulo 2^64 for fields, in which the values of a flow cannot be halved."""
 
     def __init__(self, steps: FlowSteps, order: int):
         self._steps = steps
@@ -87,7 +87,7 @@ class FlowChain:
 
     @property
     def step(self) -> Any:
-        """L: values at trees with n nodes become integers when multiplied by L^n; 1 where the domain has fractions."""
+        """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
         if self.kind == "ring":
             return self.ring.one
         return math.lcm(*(time.denominator for time in self._steps.times)) * primorial(self._order)

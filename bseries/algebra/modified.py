@@ -1,4 +1,4 @@
-"""The series of a method, of the exact flow, and the modified equation."""
+"""Series of methods and of the exact flow, and modified equations."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 
 def series(method: Method, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
-    """The B-series (P-series) of a Runge–Kutta (partitioned) method: its elementary weights.
+    """B-series (or P-series) of a method: its elementary weights.
 
     Args:
-        method: The method; each part of a partitioned one is a colour of the trees.
-        order: Largest number of nodes, or a table of trees to work on.
-        max_children: Which trees to include, as for `trees.TreeTable`; None for all, or all that a method for special
-            systems, such as y'' = g(y), is meant for.
+        method: The method; each part of a partitioned method is a colour of the trees.
+        order: Largest number of nodes, or a table of trees.
+        max_children: Which trees to include, as for `trees.TreeTable`; by default all, or those of the special systems,
+            such as y'' = g(y), of the method.
 
     Returns:
-        The flow series; a(τ) = Σ b_i Φ_i(τ), so that order conditions read a(τ) = 1/γ(τ).
+        The flow series a(τ) = Σ b_i Φ_i(τ); the order conditions are a(τ) = 1/γ(τ).
 
     Raises:
         SeriesError: `method` is no method, or has too many stages.
@@ -62,15 +62,15 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
 def modified_equation(
     method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
 ) -> BSeries:
-    """The modified equation: the field whose exact flow the numerical method follows, as a formal series.
+    """Modified equation: the field whose exact flow is the numerical method, as a formal series.
 
-    With b the result, the method's numerical solution is formally the exact solution of
+    With b the result, the numerical solution is formally the exact solution of
     y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y).
 
     Args:
         method: A method, or any flow series.
-        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation. For a method a table of trees
-            to work on is welcome too; for a series None means its own order.
+        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation. For a method also a table of
+            trees; for a series by default its own order.
         max_children: Which trees to include, as for `trees.TreeTable`.
 
     Returns:
@@ -104,14 +104,14 @@ def modified_equation(
 
 
 def series_to(s: BSeries, order: Any, max_children: Any = None) -> BSeries:
-    """A series that stands for a method, up to some order (None: its own), on its own trees."""
+    """A series in place of a method, up to some order (None: its own), on its own trees."""
     if max_children is not None:
         raise SeriesError(f"max_children must be None for a series, but was {max_children!r:.60}")
     return s if order is None else s.truncate(order)
 
 
 def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: Sequence[str] = ()) -> BSeries:
-    """The B-series of the exact flow: 1/γ(τ).
+    """B-series of the exact flow: 1/γ(τ).
 
     Args:
         order: Largest number of nodes.
@@ -154,7 +154,7 @@ def _compact(table: TreeTable, numerators: list[int]) -> Any:
 
 
 def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:
-    """The table of trees that a method's series is asked for on."""
+    """The table of trees for the series of a method."""
     if order is None:
         raise SeriesError("order must be given for a method, but was None")
     colors = len(check_method(method).names)
@@ -167,15 +167,15 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
     if max_children is None and isinstance(order, int):
-        _fits(order, colors)
+        _refuse_beyond_memory(order, colors)
     else:
         recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
     return tree_table(order, colors, max_children)
 
 
 @lru_cache(maxsize=64, typed=True)
-def _fits(order: int, colors: int) -> None:
-    """Refuse what would not fit in memory; asked once for each size."""
+def _refuse_beyond_memory(order: int, colors: int) -> None:
+    """Refuse tables beyond the memory, once for each size."""
     recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
 
 
@@ -186,7 +186,7 @@ def of_method(
     empty: int,
     inputs: MethodStages | FlowChain,
 ) -> BSeries:
-    """The series that the operation for a method's stages, or for its chain of flows, makes of them."""
+    """Apply an operation to the stages of a method, or to its chain of flows."""
 
     def values_of(inputs: MethodStages | FlowChain) -> Values:
         return apply(table, [inputs], operation(inputs))
@@ -198,12 +198,11 @@ def of_method(
 
 
 class Uncertainty:
-    """How far each coefficient may be from that of the method whose entries were rounded to so many digits.
+    """Estimated errors of the coefficients of a method whose entries are rounded to some digits.
 
-    The coefficients are computed again, exactly, with every entry x changed to x (1 ± 5 · 10^−digits), up or down at
-    random (but reproducibly); three times the largest change seen is the answer. Rounding errors are smaller than that
-    and as random. A rigorous bound would be of no use: with the signs of the entries lost it exceeds the true
-    coefficients of methods such as tsit5. Nothing is computed before somebody asks.
+    The coefficients are recomputed exactly with every entry x replaced by x (1 ± 5 · 10^−digits), with random but
+    reproducible signs; the estimate is three times the largest change in three trials, computed on first use. Rigorous
+    bounds lose the signs of the entries and exceed the true coefficients of methods such as tsit5.
     """
 
     def __init__(

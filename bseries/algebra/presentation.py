@@ -1,4 +1,4 @@
-"""How the terms of a series are shown: as rows of tables, JSON-ready data, LaTeX, text and HTML."""
+"""Terms of a series as rows of tables, JSON-ready data, LaTeX, text and HTML."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from trees.tree import Tree
 
 
-class Term(NamedTuple):
-    """One tree of a series with all that is said about it; `digits` are those to show of a decimal method's numbers."""
+class SeriesTerm(NamedTuple):
+    """A tree of a series with its coefficient and weight; `digits` are those to print, for a method in decimals."""
 
     tree: Tree
     coefficient: Any
@@ -50,14 +50,14 @@ class Term(NamedTuple):
 
 
 def known_digits(coefficient: Any, error: float, digits: int | None) -> int | None:
-    """Significant digits of a coefficient that may be off by `error`, where a method's decimals have `digits`."""
+    """Significant digits of a coefficient with this error, for a method whose decimals have `digits`."""
     if digits is None or error == 0:
         return digits
     return max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
 
 
 def number_text(value: Any, digits: int | None, *, is_zero: bool = False) -> str:
-    """A coefficient as text; those of decimal methods are rounded to `digits`."""
+    """A coefficient as text, rounded to `digits` for methods in decimals."""
     if digits is not None and is_zero:
         return "0"
     if digits is None or not isinstance(value, Fraction):
@@ -82,8 +82,8 @@ def latex_number(value: Any, digits: int | None, *, is_zero: bool = False) -> st
     return sympy.latex(value)
 
 
-def to_latex(terms: Iterable[Term], empty: Any, names: Sequence[str] | None) -> str:
-    """Terms as a sum of weights, powers of h and elementary differentials; without the factor h if `empty` is 0."""
+def to_latex(terms: Iterable[SeriesTerm], empty: Any, names: Sequence[str] | None) -> str:
+    """Terms as a sum of weights times powers of h times elementary differentials; without a factor h for fields."""
     shift = 1 if empty == 0 else 0
     number = latex_number(empty, None)
     summands = [] if shift else ["y" if empty == 1 else f"{_factor(number)} y"]
@@ -97,12 +97,12 @@ def to_latex(terms: Iterable[Term], empty: Any, names: Sequence[str] | None) -> 
 
 
 def _factor(number: str) -> str:
-    """LaTeX of a number as a factor: sums in parentheses."""
+    """A number as a factor in LaTeX: sums in parentheses."""
     return f"\\left({number}\\right)" if " + " in number or " - " in number[1:] else number
 
 
-def to_text(terms: Iterable[Term], names: Sequence[str] | None) -> str:
-    """Terms as a plain table, one tree a line."""
+def to_text(terms: Iterable[SeriesTerm], names: Sequence[str] | None) -> str:
+    """Terms as a plain table, one tree per line."""
     rows = [("tree", "coefficient", "weight", "differential")]
     rows += [
         (
@@ -118,9 +118,8 @@ def to_text(terms: Iterable[Term], names: Sequence[str] | None) -> str:
     return "\n".join(lines)
 
 
-def to_html(terms: Iterable[Term], names: Sequence[str] | None, *, title: str, count: int) -> str:
-    """The first of `count` terms as an HTML table with pictures of the trees."""
-
+def to_html(terms: Iterable[SeriesTerm], names: Sequence[str] | None, *, title: str, count: int) -> str:
+    """The first 200 of `count` terms as an HTML table with pictures of the trees."""
     rows = "".join(
         f"<tr><td>{svg(term.tree, names=names)}</td><td>{escape(term.tree.text(names))}</td>"
         f"<td>{escape(term.coefficient_text)}</td>"

@@ -1,4 +1,17 @@
-"""From a method to the stages that recursions work on: tableaux directly, everything else through its program."""
+"""Stages of a method, the input of recursions: from tableaux directly, otherwise from the method's program.
+
+Every evaluation of a program is the field at a point with coefficients in a commutative algebra, its block (see
+`bseries.exact.recursions.Stages`), followed by a linear functional:
+
+- Field: the numbers.
+- Derivative: dual numbers, ε² = 0. The coefficient of ε in h f(Y + ε v) is h f′(Y) v.
+- Flow: polynomials in θ. The path z(θ) = Y + ∫₀^θ (time · h f(z) + forcing) solves the differential equation, so its
+  coefficient of θ^(l+1) is time/(l+1) times the coefficient of θ^l of h f(z).
+- Average: polynomials in θ along the given path, integrated at the end.
+
+A tree with n nodes needs polynomials of degree at most (n−1)d, where d is the degree of the path for one node, so
+arithmetic modulo a higher power of θ is exact.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +23,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.algebra.flow_chains import FlowChain, flow_steps
-from bseries.algebra.program_stages import StageRows
-from bseries.exact.arithmetic import Exact, Majorant, Wrapped, wrapped_stages
+from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
     RingValues,
     alike,
@@ -27,20 +39,24 @@ from bseries.exact.rationals import smallest_step, twos
 from bseries.exact.recursions import Stages, elementary_weights
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.methods.program.program import Method, Program
+from integrators.exact.entries import multiply_entries, sum_entries
+from integrators.methods.program.program import Average, Derivative, Field, Flow, Method, Program
+from trees.counting import check_order
 
 if TYPE_CHECKING:
     import random
 
     from bseries.exact.domains import Values
     from integrators import StageAlgebra
+    from integrators.methods.program.evaluations import LinearForm
+    from integrators.methods.program.program import Evaluation
     from trees.table import TreeTable
 
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
 
-class _WithStages:
-    """What all kinds of stages share."""
+class _StagesBase:
+    """Base class of all kinds of stages."""
 
     stages: Stages
     units = 1
@@ -52,16 +68,16 @@ class _WithStages:
         return [sum(self.stages.b[c * size + at] for at in units) for c in range(colors)]
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool | None = False) -> Any:
-        """The elementary weights; with `field` None the stages themselves, for recursions that start from them."""
+        """The elementary weights; with `field` None the stages, for recursions that start from them."""
         stages = self.stages_for(arithmetic)
         return stages if field is None else elementary_weights(stages, table, arithmetic, field=field)
 
     def stages_for(self, arithmetic: Exact) -> Stages:
-        """The stages to use in an arithmetic."""
+        """The stages for an arithmetic."""
         return self.stages
 
 
-class RationalStages(_WithStages):
+class RationalStages(_StagesBase):
     """The stages of a method with rational series, as an input of exact operations.
 
     Args:
@@ -78,7 +94,7 @@ class RationalStages(_WithStages):
         self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
 
     def perturbed(self, source: random.Random, digits: int) -> RationalStages:
-        """The same stages with every entry x changed to x (1 ± 5 · 10^−digits)."""
+        """The stages with every entry x replaced by x (1 ± 5 · 10^−digits)."""
         change = 5 * Fraction(10) ** -digits
         a, b = ([x * (1 + source.choice((-change, change))) for x in row] for row in (self.stages.a, self.stages.b))
         own = self.stages
@@ -88,7 +104,7 @@ class RationalStages(_WithStages):
 
     @cached_property
     def integers(self) -> Wrapped:
-        """The arithmetic modulo 2^64 for recursions that start from the stages themselves."""
+        """The arithmetic modulo 2^64 for recursions that start from the stages."""
         a, b = (max((twos(x.denominator) for x in row), default=0) for row in (self.stages.a, self.stages.b))
         return wrapped_stages(a, b)
 
@@ -101,7 +117,7 @@ class RationalStages(_WithStages):
     def exponent(self) -> int:
         """k such that |a(τ)| ≤ 2^(k·n): the sums of |b|, and of |a| over the rows of a block, are at most 2^k.
 
-        For a product of polynomials the sums of absolute coefficients multiply at most.
+        The sum of absolute coefficients of a product of polynomials is at most the product of the sums.
         """
         s, b = self.bounds.size, self.bounds.b
         rows = [sum(self.bounds.a[i : i + s]) for i in range(0, len(self.bounds.a), s)]
@@ -112,11 +128,11 @@ class RationalStages(_WithStages):
         return max(0, (math.ceil(max(sums)) - 1).bit_length())
 
     def stages_for(self, arithmetic: Exact) -> Stages:
-        """The stages to use in an arithmetic: for bounds, those with bounds on the entries."""
+        """The stages for an arithmetic: for bounds, those with bounds on the entries."""
         return self.bounds if isinstance(arithmetic, Majorant) else self.stages
 
 
-class FloatStages(_WithStages):
+class FloatStages(_StagesBase):
     """The stages of a method with floating-point entries."""
 
     kind = "float"
@@ -125,7 +141,7 @@ class FloatStages(_WithStages):
         self.stages = stages
 
 
-class RingStages(_WithStages):
+class RingStages(_StagesBase):
     """The stages of a method with entries in a SymPy ring, over a common denominator `step`."""
 
     kind = "ring"
@@ -137,7 +153,7 @@ class RingStages(_WithStages):
 
 
 def check_method(method: object) -> Method:
-    """The argument, if it is a method."""
+    """Return the method, or raise a SeriesError if it is none."""
     if isinstance(method, Method):
         return method
     raise SeriesError(
@@ -147,26 +163,26 @@ def check_method(method: object) -> Method:
 
 
 def auxiliary_colors(method: Method) -> frozenset[int]:
-    """The colours that are no parts of the field, such as the matrix of a W-method."""
+    """The colours that are not parts of the field, such as the matrix of a W-method."""
     if isinstance(method, RungeKutta | PartitionedRungeKutta):
         return frozenset()
     return frozenset(method.names.index(name) for name in method.program.auxiliary)
 
 
 def own_trees(method: Method) -> Any:
-    """Which trees a method is meant for, as bounds on children; None for all."""
+    """The trees of a method's class of systems, as bounds on children; None for all trees."""
     return method.max_children
 
 
 def stages_of(method: Method, order: int) -> MethodStages:
-    """A method's stages, in the form that suits its entries, exact for trees up to `order` nodes."""
+    """The stages of a method in the domain of its entries, exact for trees up to `order` nodes."""
     if isinstance(method, RungeKutta | PartitionedRungeKutta):
         return _tableau_stages(method)
     return _program_stages(method.program, order)
 
 
 def inputs_of(method: Method, order: int) -> MethodStages | FlowChain:
-    """What the coefficients of a method are computed from: its stages, or a chain of flows."""
+    """The input for the coefficients of a method: its stages, or a chain of flows."""
     if not isinstance(method, RungeKutta | PartitionedRungeKutta):
         steps = flow_steps(method.program)
         if steps is not None:
@@ -193,7 +209,7 @@ def _program_stages(program: Program, order: int) -> MethodStages:
 
 
 def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()) -> MethodStages:
-    """Stages of given entries; blocks are polynomials modulo powers of their variable."""
+    """Stages with these entries; blocks are polynomials modulo powers of their variable."""
     relation = [0] * size if blocks else []
     if any(isinstance(entry, float) for entry in (*a, *b)):
         return FloatStages(Stages(size, [to_float(x) for x in a], [to_float(x) for x in b], relation, blocks))
@@ -208,13 +224,13 @@ def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()
 
 
 def stages_in_field(method: Method, order: int) -> MethodStages:
-    """A method's stages without a common denominator, where entries are no rationals in the field of fractions."""
+    """The stages of a method without a common denominator; irrational entries in the field of fractions."""
     stages = stages_of(method, order)
     return _in_ring(stages, stages.ring.get_field()) if isinstance(stages, RingStages) else stages
 
 
 def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple[MethodStages, list[Values]]:
-    """A method's stages and values of series, brought to one kind and, if it is no other, to one field."""
+    """The stages of a method and the values of series in one domain: rationals, floats, or one field."""
     stages, operands = stages_in_field(method, order), alike(values)
     if stages.kind == "float" or operands[0].kind == "float":
         return _float_stages(method, stages), [as_floats(x) for x in operands]
@@ -241,7 +257,7 @@ def _in_ring(stages: Any, field: Any) -> RingStages:
 
 def _float_stages(method: Any, stages: Any) -> MethodStages:
     own = stages.stages
-    if isinstance(stages, RationalStages) and any(own.relation):  # powers of nodes would be badly conditioned
+    if isinstance(stages, RationalStages) and any(own.relation):  # powers of nodes are badly conditioned
         return stages_of(method.to_float(), 1)
     a, b = ([to_float(x) for x in row] for row in (own.a, own.b))
     return FloatStages(Stages(own.size, a, b, own.relation, own.sizes if own.relation else ()))
@@ -250,8 +266,8 @@ def _float_stages(method: Any, stages: Any) -> MethodStages:
 def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
     """Stages on the roots of a rational polynomial P, in the basis 1, z, z², … with z = ℓx.
 
-    ℓ is the smallest integer that makes P(z/ℓ) ℓ^s a monic polynomial with integer coefficients, so that the product
-    modulo it has integer structure constants and only the entries of A and b have denominators.
+    ℓ is the smallest integer for which P(z/ℓ) ℓ^s is monic with integer coefficients: products modulo it have integer
+    structure constants, and only the entries of A and b have denominators.
     """
     polynomial, count = algebras[0].polynomial, len(algebras[0].b)
     denominators = [p.denominator for p in reversed(polynomial)]  # of the coefficients of z^s, z^(s−1), …, 1
@@ -264,7 +280,7 @@ def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
 
 
 def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
-    """Bounds on the tableau's entries, which are known to a few units in the last place."""
+    """Bounds on the entries of the tableaux, from floats with errors of a few units in the last place."""
     tableaus = [algebra.tableau_float() for algebra in algebras]
     a = [_bound(entry) for A, _, _ in tableaus for row in A for entry in row]
     b = [_bound(entry) for _, b, _ in tableaus for entry in b]
@@ -273,3 +289,111 @@ def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
 
 def _bound(entry: float) -> Fraction:
     return abs(Fraction(entry)) * (1 + Fraction(1, 2**40)) + Fraction(1, 2**60)
+
+
+Row = dict[int, Any]
+"""A row of a stage matrix: entries by column."""
+
+
+class StageRows:
+    """A program as rows of a stage matrix over the components of its blocks, exact for trees up to `order` nodes.
+
+    Attributes:
+        sizes: The length of the block of each evaluation.
+        part: The part of the field of each component; None: all.
+        rows: The row of each component.
+        weights: The row of the result.
+    """
+
+    def __init__(self, program: Program, order: int):
+        self.sizes = [block_size(evaluation, check_order(order)) for evaluation in program.evaluations]
+        if sum(self.sizes) > MOST_STAGES:
+            raise SeriesError(
+                f"method must have at most {MOST_STAGES} stages, those of flows counted as often as this order needs, "
+                f"but has {sum(self.sizes)}"
+            )
+        self._program = program
+        self._first = [sum(self.sizes[:e]) for e in range(len(self.sizes))]
+        self._registers: list[Row | None] = [None] * len(self.sizes)
+        self.part = [e.part for e, size in zip(program.evaluations, self.sizes, strict=True) for _ in range(size)]
+        self.rows = [row for e in range(len(self.sizes)) for row in self._block(e)]
+        self.weights = self._form(program.result)
+
+    def _block(self, e: int) -> list[Row]:
+        """The rows of one evaluation: the path on which the field is evaluated, coefficient by coefficient."""
+        evaluation, size, first = self._program.evaluations[e], self.sizes[e], self._first[e]
+        match evaluation:
+            case Field(_, at):
+                return [self._form(at)]
+            case Derivative(_, at, along):
+                return [self._form(at), self._form(along)]
+            case Average(_, path):
+                return [self._form(form) for form in path[:size]] + [{} for _ in range(size - len(path))]
+            case Flow(_, at, time, forcing):
+                rows: list[Row] = [self._form(at)]
+                for k in range(1, size):
+                    row: Row = {first + k - 1: multiply_entries(time, Fraction(1, k))}
+                    if k <= len(forcing):
+                        _add(row, self._form(forcing[k - 1]), Fraction(1, k))
+                    rows.append(row)
+                return rows
+
+    def _form(self, form: LinearForm) -> Row:
+        row: Row = {}
+        for e, x in form.terms.items():
+            _add(row, self._register(e), x)
+        return row
+
+    def _register(self, e: int) -> Row:
+        """The linear functional that gives k_e."""
+        known = self._registers[e]
+        if known is not None:
+            return known
+        evaluation, first, size = self._program.evaluations[e], self._first[e], self.sizes[e]
+        row: Row
+        match evaluation:
+            case Field():
+                row = {first: Fraction(1)}
+            case Derivative():
+                row = {first + 1: Fraction(1)}
+            case Average(_, _, power):
+                row = {first + k: Fraction(1, k + power + 1) for k in range(size)}
+            case Flow(_, _, time, forcing):
+                row = {first + k: multiply_entries(time, Fraction(1, k + 1)) for k in range(size)}
+                for j, form in enumerate(forcing):
+                    _add(row, self._form(form), Fraction(1, j + 1))
+        self._registers[e] = row
+        return row
+
+    def flat(self, colors: int) -> tuple[list[Any], list[Any]]:
+        """Matrices and weights, colour by colour, in the form of `Stages`."""
+        size = len(self.rows)
+        a: list[Any] = [Fraction(0)] * (colors * size * size)
+        b: list[Any] = [Fraction(0)] * (colors * size)
+        for color in range(colors):
+            for i, row in enumerate(self.rows):
+                for j, x in row.items():
+                    if self.part[j] in (color, None):
+                        a[(color * size + i) * size + j] = x
+            for j, x in self.weights.items():
+                if self.part[j] in (color, None):
+                    b[color * size + j] = x
+        return a, b
+
+
+def block_size(evaluation: Evaluation, order: int) -> int:
+    """The number of components for trees up to `order` nodes."""
+    match evaluation:
+        case Field():
+            return 1
+        case Derivative():
+            return 2
+        case Average(_, path):
+            return (order - 1) * (len(path) - 1) + 1
+        case Flow(_, _, _, forcing):
+            return (order - 1) * max(len(forcing), 1) + 1
+
+
+def _add(row: Row, other: Row, factor: Any) -> None:
+    for j, x in other.items():
+        row[j] = sum_entries((row.get(j, Fraction(0)), multiply_entries(factor, x)))

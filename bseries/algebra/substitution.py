@@ -1,8 +1,8 @@
-"""Substitution: another field in place of f, in a method or in a series; its inverse; the modifying integrator.
+"""Substitution of a field into a method or a series, its inverse, and modifying integrators.
 
-For a method the work goes stage by stage, as compositions of the substituted field with the series of the stages (see
-`bseries.exact.kernels`): n² per tree and stage, and restricted tables of trees stay closed. A series
-without stages needs the sum over all partitions of a tree, 2^(n−1) of them; no polynomial way is known.
+Substitution into a method composes the field with the series of each stage (see `bseries.exact.kernels`):
+n² operations per tree and stage, and restricted tables are closed. Substitution into a series is a sum over all
+2^(n−1) partitions of a tree; no polynomial algorithm is known.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
-    """b ★ a: the field b in place of f in a series or in a method.
+    """Substitution b ★ a: the field b replaces f in a series or a method.
 
     With f_b the field of b, B(b ★ a, y) for f is B(a, y) for f_b. On coloured trees every part f^[ν] is replaced by
     the terms of b whose root has the colour ν.
 
     Args:
         b: A field.
-        a: A method, or a series (flow or field) on the same trees. Methods are faster by far, and take any table.
+        a: A method, or a series (flow or field) on the same trees. Methods are much faster, and allow any table.
 
     Returns:
         b ★ a, on the trees of b: a flow if a is one, a field if a is one.
@@ -97,23 +97,22 @@ def _into_series(b: BSeries, a: BSeries) -> BSeries:
 def modifying_integrator(
     method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
 ) -> BSeries:
-    """The modifying integrator: the field for which the method gives the exact solution of y' = f(y).
+    """Modifying integrator: the field for which the method gives the exact solution of y' = f(y).
 
-    With b the result, the method applied to y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y) follows the exact flow of
-    f, as far as the series goes: truncated, it is a method of higher order made of the given one.
+    With b the result, the method applied to y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y) is formally the exact
+    flow of f; with the series truncated it is a method of higher order.
 
     Args:
         method: A method, or any flow series.
-        order: Largest number of nodes N. For a method a table of trees to work on is welcome too; for a series None
-            means its own order.
+        order: Largest number of nodes N. For a method also a table of trees; for a series by default its own order.
         max_children: Which trees to include, as for `trees.TreeTable`.
 
     Returns:
         The field b with substitute(b, method) = exact_flow.
 
     Raises:
-        SeriesError: `method` is neither a method nor a flow; its weights sum to 0, for one part of the field at least;
-            it has parts that are none of the field; `order` exceeds the order of the series.
+        SeriesError: `method` is neither a method nor a flow; its weights sum to 0 for some part of the field; it has
+            auxiliary parts; `order` exceeds the order of the series.
         TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
 
     Example:
@@ -127,17 +126,19 @@ def modifying_integrator(
         Comp. 76 (2007) 1941–1953, doi:10.1090/S0025-5718-07-01967-9.
     """
     if isinstance(method, BSeries):
-        return _modifying_of_series(method, order, max_children)
+        a = series_to(method, order, max_children)
+        check_flow(a, "method")
+        return _solve(a, exact_values(a.table), "method")
     table = table_of(method, order, max_children)
     for color in auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
-    operation = partial(_solving, method, table)
+    operation = partial(_modifying_operation, method, table)
     return of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
 
 
-def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
-    """The operation that gives the modifying integrator of a method with these stages."""
+def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
+    """The operation for the modifying integrator of a method with these stages."""
     target, sums = exact_values(table), stages.weight_sums(table.colors)
     inverses = _inverses(sums, stages, f"sums of the weights of {method.name}", method.names)
 
@@ -145,15 +146,15 @@ def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operatio
         exact = target.load(table, arithmetic, field=True)
         return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
 
-    def claimed(step: int) -> tuple[int, ...]:
+    def denominators(step: int) -> tuple[int, ...]:
         powers = tuple(step**n for n in range(table.max_order + 1))
         return solved_denominators(powers, target.denominators, _numerators(sums))
 
     integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
     return Operation(
         expression,
-        lambda n, step: claimed(step)[n],
-        lambda _, step: math.lcm(*claimed(step)),
+        lambda n, step: denominators(step)[n],
+        lambda _, step: math.lcm(*denominators(step)),
         field=True,
         units=1 if integers else 2,
         avoid=_numerators(sums),
@@ -161,14 +162,8 @@ def _solving(method: Method, table: TreeTable, stages: MethodStages) -> Operatio
     )
 
 
-def _modifying_of_series(a: BSeries, order: Any, max_children: Any) -> BSeries:
-    a = series_to(a, order, max_children)
-    check_flow(a, "method")
-    return _solved(a, exact_values(a.table), "method")
-
-
 def substitution_inverse(b: BSeries) -> BSeries:
-    """The field x with substitute(x, b) = substitute(b, x) = f: the inverse in the group of substitution.
+    """Inverse in the substitution group: the field x with substitute(x, b) = substitute(b, x) = f.
 
     Args:
         b: A field with b(•) ≠ 0, on all trees of a table.
@@ -194,10 +189,10 @@ def substitution_inverse(b: BSeries) -> BSeries:
     """
     check_field(b, "b")
     identity = RationalValues(b.table, [int(at < b.table.colors) for at in range(len(b))], [1] * (b.order + 1), 1)
-    return _solved(b, identity, "b")
+    return _solve(b, identity, "b")
 
 
-def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
+def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
     (values,) = _without_denominators([a.stored])
@@ -209,21 +204,21 @@ def _solved(a: BSeries, target: RationalValues, name: str) -> BSeries:
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
     skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
-    claims = solved_denominators(skeletons, target.denominators, _numerators(roots))
-    operation = _operation(expression, claims)._replace(avoid=_numerators(roots))
+    denominators = solved_denominators(skeletons, target.denominators, _numerators(roots))
+    operation = _operation(expression, denominators)._replace(avoid=_numerators(roots))
     result = apply(a.table, [values], operation)
     return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
 
 
-def _operation(expression: Any, claims: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
-    """An operation with known denominators, computed modulo odd primes: nothing scales it homogeneously."""
+def _operation(expression: Any, denominators: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
+    """An operation with known denominators, computed modulo odd primes, since it is not homogeneous."""
     return Operation(
-        expression, lambda n, _: claims[n], lambda *_: math.lcm(*claims), field=True, units=2, bounds=bounds
+        expression, lambda n, _: denominators[n], lambda *_: math.lcm(*denominators), field=True, units=2, bounds=bounds
     )
 
 
 def _bounds_after(b: Any, a: Any) -> list[float] | None:
-    """Bounds on b ★ a: at most 2^(n−1) partitions, whose products do not exceed 2^(κ n), κ for a and b together."""
+    """Bounds on b ★ a: at most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b."""
     if not isinstance(b, RationalValues):
         return None
     growth = a.growth + b.growth + 1
@@ -231,7 +226,7 @@ def _bounds_after(b: Any, a: Any) -> list[float] | None:
 
 
 def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | None:
-    """The arithmetic modulo 2^64 in which these denominators become odd; None if a skeleton • has an even one."""
+    """The arithmetic modulo 2^64 in which these denominators become odd; None if that of the skeleton • is even."""
     if skeletons[1] % 2 == 0:
         return None
     offset = max((-(-twos(d) // (m - 1)) for m, d in enumerate(skeletons) if m > 1), default=0)
@@ -240,7 +235,7 @@ def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | 
 
 
 def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
-    """Claims for b ★ a; only rational values need them."""
+    """Denominator bounds for b ★ a; only rational values need them."""
     if not isinstance(b, RationalValues):
         return ()
     if isinstance(a, RationalStages):
@@ -251,7 +246,7 @@ def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
 
 
 def _without_denominators(operands: Sequence[Any]) -> list[Any]:
-    """Values over the smallest denominators there are: substitution is not homogeneous in the coefficients of a."""
+    """Values over the smallest denominators, since substitution is not homogeneous in the coefficients of a."""
     return [
         x.reduced if isinstance(x, RationalValues) else divided(x) if isinstance(x, RingValues) else x for x in operands
     ]
@@ -268,7 +263,7 @@ def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str])
 
 
 def _numerators(sums: Sequence[Any]) -> int:
-    """What divisions by these numbers can bring into denominators."""
+    """The common multiple of the numerators, which divisions by these numbers bring into denominators."""
     return math.lcm(*(abs(x.numerator) for x in sums if isinstance(x, Fraction)))
 
 
@@ -282,7 +277,7 @@ def _check_all_trees(a: BSeries, name: str) -> None:
 
 
 def _check_memory(table: TreeTable, method: Method) -> None:
-    """Refuse before any work what would not fit: two rows for each tree and stage."""
+    """Refuse computations beyond the memory: two rows for each tree and stage."""
     trees = table.offsets[-2]
     rows = 2 * (table.max_order + 3) * trees * max(1, getattr(method, "stages", 1))
     refuse_table_beyond_memory(8 * (rows + 4 * len(table)), f"substitution into {method.name} on {len(table)} trees")

@@ -1,6 +1,6 @@
-"""Lie bracket, conjugation, and what a method gains by it: effective order, conjugate symplecticity.
+"""Lie bracket, conjugation, effective order, and conjugate symplecticity.
 
-A method conjugate to a better one behaves like that one in the long run: n steps of χ⁻¹ ∘ Φ ∘ χ are χ⁻¹ ∘ Φⁿ ∘ χ.
+A method has the long-time behaviour of its conjugates: n steps of χ⁻¹ ∘ Φ ∘ χ are χ⁻¹ ∘ Φⁿ ∘ χ.
 """
 
 from __future__ import annotations
@@ -12,23 +12,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.composition import compose, lie_derivative
-from bseries.analysis.homological_equation import ConjugateSymplectic, EffectiveOrder, Step
-from bseries.analysis.structure import has_blocks
-from bseries.analysis.verdicts import failing, flows_of
+from bseries.analysis.homological_equation import ConjugateSymplectic, EffectiveOrder, ProcessorTerm
+from bseries.analysis.verdicts import failing, flows_of, has_blocks
 from bseries.exact.domains import RingValues, divided, make_values, ring_element
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.analysis.structure import Coloring
+    from bseries.analysis.verdicts import Coloring
     from integrators.methods.program.program import Method
     from trees.tree import Tree
 
 
 def bracket(b: BSeries, c: BSeries) -> BSeries:
-    """The Lie bracket of two fields: ∂_b c − ∂_c b.
+    """Lie bracket of two fields: ∂_b c − ∂_c b.
 
-    With B and C the vector fields that the series stand for, it stands for [B, C] = C'B − B'C: the derivative of C
-    along B minus that of B along C.
+    With B and C the vector fields of the series, it is the series of [B, C] = C'B − B'C: the derivative of C along B
+    minus that of B along C.
 
     Args:
         b: A field.
@@ -38,7 +37,7 @@ def bracket(b: BSeries, c: BSeries) -> BSeries:
         A field.
 
     Raises:
-        SeriesError: One of them is no field, or their trees differ.
+        SeriesError: An argument is no field, or the trees differ.
 
     Example:
         >>> import bseries as bs
@@ -56,11 +55,11 @@ def bracket(b: BSeries, c: BSeries) -> BSeries:
 
 
 def conjugate(a: BSeries, c: BSeries) -> BSeries:
-    """The conjugate method χ⁻¹ ∘ Φ ∘ χ: first c, then a, then the inverse of c.
+    """Conjugate method χ⁻¹ ∘ Φ ∘ χ: first c, then a, then the inverse of c.
 
-    With Φ and χ the maps of a and c, this is compose(compose(c, a), c.inverse()), which Butcher writes as the product
-    c a c⁻¹: c is the starting method, its inverse the finishing method. n steps of the conjugate method are c, n steps
-    of a, and the inverse of c.
+    With Φ and χ the maps of a and c, this is compose(compose(c, a), c.inverse()), Butcher's product c a c⁻¹: c is the
+    starting method, its inverse the finishing method. n steps of the conjugate method are c, n steps of a, and the
+    inverse of c.
 
     Args:
         a: A flow.
@@ -70,7 +69,7 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
         A flow.
 
     Raises:
-        SeriesError: One of them is no flow, or their trees differ.
+        SeriesError: An argument is no flow, or the trees differ.
 
     Example:
         The trapezoidal rule and the implicit midpoint rule are conjugate by half a step of the explicit Euler method:
@@ -90,12 +89,12 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
 
 
 class ConjugateVerdict(NamedTuple):
-    """Up to which order a method is conjugate to one with a property.
+    """The order up to which a method is conjugate to one with a property.
 
     Attributes:
         order: The largest k ≤ `tested_to` such that a conjugate method has the property for all trees to k nodes.
-        breaks: The first tree for which no further processor gives it the property, or None.
-        tested_to: The largest number of nodes that was looked at.
+        breaks: The first tree for which no processor gives the property, or None.
+        tested_to: The largest number of nodes tested.
         processor: The flow c such that conjugate(a, c) has the property up to `order`.
 
     Example:
@@ -112,20 +111,20 @@ class ConjugateVerdict(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether no tree breaks the property."""
+        """Whether no tree violates the property."""
         return self.breaks is None
 
 
 def effective_order(method: Method | BSeries, order: int | None = None) -> ConjugateVerdict:
-    """The effective order: the largest order of accuracy of a conjugate method, and the processor that reaches it.
+    """Effective order: the largest order of accuracy of a conjugate method, with the processor that gives it.
 
     Order by order, [f, g_n] = b_{n+1} is solved for the next term of g, the logarithm of the processor, with b the
-    modified equation of what has been conjugated so far. The solution is unique up to multiples of f in g₁, which make
-    no difference: they are time shifts.
+    modified equation of the method conjugated by the terms found so far. The solution is unique up to multiples of f in
+    g₁, which are time shifts and have no effect.
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
 
     Returns:
         A `ConjugateVerdict`: conjugate(a, processor) has the order found.
@@ -135,7 +134,7 @@ def effective_order(method: Method | BSeries, order: int | None = None) -> Conju
             neither all trees nor those of separable or of Nyström systems.
 
     Example:
-        In separable systems the symplectic Euler method is conjugate to that of Störmer and Verlet, of order 2:
+        For separable systems the symplectic Euler method is conjugate to the Störmer–Verlet method, of order 2:
 
         >>> import bseries as bs
         >>> euler = bs.series(bs.method("symplectic-euler-p"), 5, max_children=[[0, None], [None, 0]])
@@ -152,22 +151,22 @@ def effective_order(method: Method | BSeries, order: int | None = None) -> Conju
     node = _inconsistent(flows)
     if node is not None:
         return ConjugateVerdict(0, table[node], table.max_order, flows[0] ** 0)
-    return _sought(flows, EffectiveOrder(table))
+    return _solve(flows, EffectiveOrder(table))
 
 
 def conjugate_symplecticity(
     method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None
 ) -> ConjugateVerdict:
-    """How far a method is conjugate to a symplectic one, by a map with a B-series.
+    """Order to which a method is conjugate to a symplectic one, by a map with a B-series.
 
     Order by order, the next term g_n of the processor's logarithm makes b_{n+1} + [g_n, f] Hamiltonian. It is
-    determined up to Hamiltonian fields, and these make no difference: they conjugate symplectic methods to symplectic
-    ones. (With ρ(u, v) = g(u ∘ v) + g(v ∘ u) the equations read Σ ρ(u without a leaf, v) + Σ ρ(u, v without a leaf) =
-    r(u, v). They determine ρ, and any symmetric function ρ belongs to some g.)
+    determined up to Hamiltonian fields, which conjugate symplectic methods to symplectic ones. (With ρ(u, v) =
+    g(u ∘ v) + g(v ∘ u) the equations read Σ ρ(u without a leaf, v) + Σ ρ(u, v without a leaf) = r(u, v). They determine
+    ρ, and any symmetric function ρ belongs to some g.)
 
     Args:
         method: A consistent method, or its flow.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: As for `symplecticity`.
 
     Returns:
@@ -194,18 +193,18 @@ def conjugate_symplecticity(
     if node is not None:
         found = flows[0].stored[node]
         raise SeriesError(f"method must be consistent, with the coefficient 1 of {table[node]}, but has {found!s:.60}")
-    return _sought(flows, ConjugateSymplectic(table, has_blocks(flows[0], colors_are)))
+    return _solve(flows, ConjugateSymplectic(table, has_blocks(flows[0], colors_are)))
 
 
 class _Problem(Protocol):
-    def step(self, n: int, b: list[Any], number: Callable[[Fraction], Any]) -> Step: ...
+    def step(self, n: int, b: list[Any], number: Callable[[Fraction], Any]) -> ProcessorTerm: ...
 
 
-def _sought(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
-    """Order by order the logarithm g of the processor, for a flow and its samples."""
+def _solve(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
+    """Find the logarithm g of the processor order by order, for a flow and its samples."""
     table = flows[0].table
     logarithms: list[list[Any]] = [[Fraction(0)] * len(table) for _ in flows]
-    order, broken = table.max_order, None
+    order, violating = table.max_order, None
     for n in range(1, table.max_order):
         steps, outs = [], []
         for s, g in zip(flows, logarithms, strict=True):
@@ -213,19 +212,19 @@ def _sought(flows: Sequence[BSeries], problem: _Problem) -> ConjugateVerdict:
             steps.append(problem.step(n, b, number))
             outs.append(public)
         residuals, *nearby = (step.residuals for step in steps)
-        broken = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
-        if broken is not None:
+        violating = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
+        if violating is not None:
             order = n
             break
         for step, g, public in zip(steps, logarithms, outs, strict=True):
             for tree, value in step.term.items():
-                g[tree] = _shortened(public(value), flows[0].digits)
-    breaks = None if broken is None else table[broken]
+                g[tree] = _rounded(public(value), flows[0].digits)
+    breaks = None if violating is None else table[violating]
     return ConjugateVerdict(order, breaks, table.max_order, _processor(flows[0], logarithms[0], table.max_order))
 
 
-def _shortened(value: Any, digits: int | None) -> Any:
-    """A coefficient of the processor of a method in decimals, to more digits than those tell: any number will do."""
+def _rounded(value: Any, digits: int | None) -> Any:
+    """A coefficient of the processor; for a method in decimals rounded to ten digits more than it has."""
     return value if digits is None else Fraction(round(value * 10 ** (digits + 10)), 10 ** (digits + 10))
 
 
@@ -237,13 +236,13 @@ def _inconsistent(flows: Sequence[BSeries]) -> int | None:
 
 
 def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:
-    """exp g on the trees of a series up to some order."""
+    """The flow exp g on the trees of a series, up to some order."""
     table = s.truncate(order).table
     return BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names).exp()
 
 
 def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
-    """Coefficients in a field, how a Fraction gets into it, and how an element gets out."""
+    """Coefficients in a field, the conversion of a Fraction to the field, and that of an element to a coefficient."""
     values: Any = b.stored
     if isinstance(values, RingValues):
         values = divided(values)

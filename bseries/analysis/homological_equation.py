@@ -1,11 +1,11 @@
-"""The equation [f, g] = r for the next term of a processor, solved tree by tree, exactly.
+"""The homological equation [f, g] = r for the next term of a processor, solved exactly, tree by tree.
 
 At a tree with n + 1 nodes [f, g](τ) is the sum of g over τ without a leaf, minus g(θ) if θ is the only child of τ's
-root. So the equation at u ∘ • (one more leaf on u's root) has g(u), as often as the root carries such leaves, and
-otherwise only values at trees whose roots carry more of them: it determines g(u) once those are known. (Roots q of a
-Nyström system, q' = p, have one child, which takes the leaf; p-roots are determined before them.) The remaining
-equations then hold or not, and that decides what conjugation can do. The same works for the pairs ρ(u, v) that measure
-how far g is from a Hamiltonian field.
+root. The equation at u ∘ • (one more leaf on the root of u) contains g(u), multiplied by the number of leaves on the
+root, and otherwise only values at trees with more leaves on their roots: it determines g(u) once those are known.
+(Roots q of a Nyström system, q' = p, have one child, to which the leaf is added; p-roots are determined first.) The
+remaining equations are solvability conditions on the method. The same elimination determines the pairs ρ(u, v) that
+measure the deviation of g from a Hamiltonian field.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Key = TypeVar("Key", bound=Hashable)
 Number = Callable[[Fraction], Any]
 
 
-class Step(NamedTuple):
-    """The term of g with n nodes by trees, what is left of the equations with n + 1 nodes, and the trees they break."""
+class ProcessorTerm(NamedTuple):
+    """The term of g with n nodes, the residuals of the equations with n + 1 nodes, and the tree of each residual."""
 
     term: dict[int, Any]
     residuals: list[Any]
@@ -43,7 +43,7 @@ def solve_triangular(
     known: Mapping[Key, Any],
     number: Number,
 ) -> dict[Key, Any]:
-    """The unknowns, each from its pivot equation Σ factor · unknown = right side, in the order that this needs."""
+    """Solve a triangular system: each unknown from its pivot equation Σ factor · unknown = right side."""
     values = dict(known)
 
     def value(key: Key) -> Any:
@@ -61,29 +61,29 @@ def solve_triangular(
 
 
 class Leaves:
-    """Adding and removing leaves, on the ids of a table.
+    """Addition and removal of leaves, on the ids of a table.
 
-    The node that takes more leaves is the root or, where that may have one child only (q' = p), the child.
+    Leaves are added to the root or, where that may have one child only (q' = p), to the child.
     """
 
     def __init__(self, table: TreeTable):
         self.table = table
         self.product = grafting(table)
-        self._growth = [_growth(table, color) for color in range(table.colors)]
+        self._leaf_colors = [_leaf_color(table, color) for color in range(table.colors)]
         self.without = cache(self._without)
 
     def add(self, tree: int) -> int:
         """The tree with one more leaf."""
         _, color, left, right = self.table.lists
-        leaf, free = self._growth[color[tree]]
+        leaf, free = self._leaf_colors[color[tree]]
         if free or left[tree] < 0:
             return self.product(tree, leaf)
         return self.product(left[tree], self.add(right[tree]))
 
     def count(self, tree: int) -> int:
-        """How many such leaves there are."""
+        """The number of leaves of this colour on the node to which `add` adds one."""
         _, color, left, right = self.table.lists
-        (leaf, free), found = self._growth[color[tree]], 0
+        (leaf, free), found = self._leaf_colors[color[tree]], 0
         if not free and left[tree] >= 0:
             return self.count(right[tree])
         while right[tree] >= 0:
@@ -92,22 +92,22 @@ class Leaves:
         return found
 
     def _without(self, tree: int) -> Counter[int]:
-        """The trees that result when a leaf is cut off; the root is none."""
+        """The trees that remain when a leaf other than the root is removed."""
         left, right = self.table.lists[2][tree], self.table.lists[3][tree]
         found: Counter[int] = Counter()
         if left < 0:
             return found
         if self.table.lists[3][right] < 0:
             found[left] += 1
-        for smaller, many in self.without(left).items():
-            found[self.product(smaller, right)] += many
-        for smaller, many in self.without(right).items():
-            found[self.product(left, smaller)] += many
+        for smaller, multiplicity in self.without(left).items():
+            found[self.product(smaller, right)] += multiplicity
+        for smaller, multiplicity in self.without(right).items():
+            found[self.product(left, smaller)] += multiplicity
         return found
 
 
-def _growth(table: TreeTable, color: int) -> tuple[int, bool]:
-    """A colour that nodes may have children in (the first, but for its own nodes), and whether any number of them."""
+def _leaf_color(table: TreeTable, color: int) -> tuple[int, bool]:
+    """A colour in which nodes may have children (if possible the first), and whether any number of them."""
     *each, total = table.limits[color]
     for child in range(table.colors) if color == 0 else (0,):
         if min(each[child], total) >= table.max_order - 1:
@@ -117,28 +117,28 @@ def _growth(table: TreeTable, color: int) -> tuple[int, bool]:
         *each, total = table.limits[child]
         if min(each[color], total) >= table.max_order - 1:
             return child, False
-    raise refusal(table)
+    raise _table_error(table)
 
 
-def refusal(table: TreeTable) -> SeriesError:
-    """What to say of a table on which the equation is not solved."""
+def _table_error(table: TreeTable) -> SeriesError:
+    """The error for a table on which the equation cannot be solved."""
     return SeriesError(f"series must be on all trees, or those of a separable system, but was on {table!r}")
 
 
 class EffectiveOrder:
-    """b_{n+1} + [g_n, f] = 0."""
+    """The equation b_{n+1} + [g_n, f] = 0."""
 
     def __init__(self, table: TreeTable):
         self._table = table
         self._leaves = Leaves(table)
 
-    def step(self, n: int, b: list[Any], number: Number) -> Step:
+    def step(self, n: int, b: list[Any], number: Number) -> ProcessorTerm:
         """Solve for g_n, given b at all trees with up to n + 1 nodes; g₁ is 0 at the first leaf."""
         known = {0: number(Fraction(0))} if n == 1 else {}
         trees, larger = self._table.ids(n), self._table.ids(n + 1)
         term = solve_triangular(trees, self._leaves.add, self._equation, b.__getitem__, known, number)
         residuals = [b[tree] - _sum(self._equation(tree), term, number) for tree in larger]
-        return Step(term, residuals, list(larger))
+        return ProcessorTerm(term, residuals, list(larger))
 
     def _equation(self, tree: int) -> Counter[int]:
         factors = Counter(self._leaves.without(tree))
@@ -152,7 +152,7 @@ def _sum(factors: Mapping[Key, int], values: Mapping[Key, Any], number: Number) 
 
 
 class ConjugateSymplectic:
-    """b_{n+1} + [g_n, f] is Hamiltonian.
+    """The condition that b_{n+1} + [g_n, f] is Hamiltonian.
 
     The unknowns are ρ(u, v) = g(u ∘ v) + g(v ∘ u), under the key (u, v) with u ≤ v, and for blocks δ(τ), the value at τ
     with its root in p minus that in q, under the key (τ,).
@@ -160,7 +160,7 @@ class ConjugateSymplectic:
 
     def __init__(self, table: TreeTable, blocks: bool):
         if closure(table, blocks) != table:
-            raise refusal(table)
+            raise _table_error(table)
         self._leaves = Leaves(table)
         self._roots = rootings(table, blocks=blocks)
         self._columns = table.lists
@@ -173,7 +173,7 @@ class ConjugateSymplectic:
             if left[tree] >= 0 and not (self._roots.flips and color[left[tree]] == color[right[tree]]):
                 keys.setdefault(_pair(left[tree], right[tree]), (tree, turned))
 
-    def step(self, n: int, b: list[Any], number: Number) -> Step:
+    def step(self, n: int, b: list[Any], number: Number) -> ProcessorTerm:
         """Solve for g_n up to Hamiltonian fields, given b at all trees with up to n + 1 nodes."""
         unknowns, equations = self._keys[n], self._keys[n + 1]
 
@@ -184,7 +184,7 @@ class ConjugateSymplectic:
         found = solve_triangular(unknowns, self._pivot, self._equation, right_side, {}, number)
         residuals = [right_side(key) - _sum(self._equation(key), found, number) for key in equations]
         term = self._lifted(self._roots.table.ids(n), found, number)
-        return Step(term, residuals, [min(pair) for pair in equations.values()])
+        return ProcessorTerm(term, residuals, [min(pair) for pair in equations.values()])
 
     def _pivot(self, key: tuple[int, ...]) -> tuple[int, ...]:
         if len(key) == 1:
@@ -194,11 +194,11 @@ class ConjugateSymplectic:
 
     def _equation(self, key: tuple[int, ...]) -> Counter[tuple[int, ...]]:
         if len(key) == 1:
-            return Counter({(tree,): many for tree, many in self._leaves.without(key[0]).items()})
+            return Counter({(tree,): multiplicity for tree, multiplicity in self._leaves.without(key[0]).items()})
         factors: Counter[tuple[int, ...]] = Counter()
         for u, v in (key, key[::-1]):
-            for smaller, many in self._leaves.without(u).items():
-                factors[_pair(smaller, v)] += many
+            for smaller, multiplicity in self._leaves.without(u).items():
+                factors[_pair(smaller, v)] += multiplicity
         return factors
 
     def _lifted(self, trees: range, found: Mapping[tuple[int, ...], Any], number: Number) -> dict[int, Any]:

@@ -1,4 +1,4 @@
-"""Order of a method, and its principal error coefficients."""
+"""Order of accuracy of a method, and its principal error coefficients."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from trees.tree import Tree
 
 MOST_TREES = 25_000
-"""Order is decided on tables up to this size, unless the simplifying assumptions decide it."""
+"""Largest table of trees for the order, where simplifying assumptions do not decide it."""
 
 FLOAT_DIGITS = 15
-"""Significant digits that floating-point entries are trusted to have when an order condition is decided."""
+"""Significant digits assumed of floating-point entries in order conditions."""
 
 
 class ErrorCoefficients(NamedTuple):
-    """The terms of the local error with one power of h, the first that does not vanish unless another was asked for.
+    """The terms of the local error with one power of h, by default the leading one.
 
     `terms` pairs each tree of order p+1 with e(τ) = (a(τ) − 1/γ(τ)) / σ(τ); the local error is
     h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)).
@@ -63,18 +63,18 @@ class ErrorCoefficients(NamedTuple):
 
 
 def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
-    """The order of accuracy: the largest k such that all order conditions for trees with up to k nodes hold.
+    """Order of accuracy: the largest k such that all order conditions for trees with up to k nodes hold.
 
-    Exact methods are decided exactly. Where entries are decimals or floats, a condition holds if its residual is no
-    larger than the digits can tell from zero. Methods of high order are decided by the simplifying assumptions
-    B(p), C(q), D(r), which need no trees.
+    Exact methods are decided exactly. Where entries are decimals or floats, a condition holds if its residual is zero
+    within their digits. Methods of high order are decided by the simplifying assumptions B(p), C(q), D(r), which need
+    no trees.
 
     Args:
         method: A method or a flow series.
-        max_order: Where to stop looking; by default the series' order, or as far as 25,000 trees reach.
+        max_order: The largest order to test; by default the order of the series, or the order of 25,000 trees.
 
     Returns:
-        The order; `max_order` if no condition up to there fails.
+        The order; `max_order` if all conditions up to it hold.
 
     Raises:
         SeriesError: `method` is neither a method nor a flow, or `max_order` is out of its range.
@@ -99,7 +99,7 @@ def _order_of_series(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int
 
 
 def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
-    """Id of the first tree whose order condition a flow violates; `auxiliary` colours are no parts of the field."""
+    """Id of the first tree whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
     if not s.is_exact:
         raise SeriesError("method must be a method or an exact series, but was a series in floats")
     if s.digits is not None and s.uncertainty is None:
@@ -117,7 +117,7 @@ def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | 
 
 
 def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
-    """1/γ, and 0 for trees with a node that stands for no part of the field."""
+    """1/γ, and 0 for trees with a node of an auxiliary colour."""
     exact = exact_values(table)
     if not auxiliary:
         return exact
@@ -126,7 +126,7 @@ def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
 
 
 def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
-    """The order, and how far it was tested."""
+    """The order, and the largest number of nodes tested."""
     check_method(method)
     max_order = None if max_order is None else check_order(max_order)
     method = trusted(method)
@@ -136,15 +136,15 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = affordable_order(len(method.names)) if max_order is None else max_order
-    for reach in chain(range(4, limit, 2), [limit]):
-        order = _order_of_series(series(method, reach), auxiliary_colors(method))
-        if order < reach:
-            return order, reach
+    for tested_to in chain(range(4, limit, 2), [limit]):
+        order = _order_of_series(series(method, tested_to), auxiliary_colors(method))
+        if order < tested_to:
+            return order, tested_to
     return limit, limit
 
 
 def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
-    """How far a table of so many trees reaches: to order 12 at most, to 4 at least."""
+    """Largest order, between 4 and 12, of a table with at most `trees` trees."""
     order = 4
     while order < 12 and sum(count_trees(order + 1, colors)) <= trees:
         order += 1
@@ -152,9 +152,12 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 
 def trusted(method: Method) -> Method:
-    """The method, for the same trees, with floats taken as decimals of `FLOAT_DIGITS` digits."""
+    """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits."""
     if isinstance(method, RungeKutta):
-        return _as_decimals(method) if method.domain == "float" else method
+        if method.domain != "float":
+            return method
+        A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
+        return RungeKutta(A, b[0], name=method.name, digits=FLOAT_DIGITS, warn=False)
     if isinstance(method, PartitionedRungeKutta):
         if all(part.domain != "float" for part in method.partitions):
             return method
@@ -164,17 +167,12 @@ def trusted(method: Method) -> Method:
     return as_decimals(program, FLOAT_DIGITS) if program.domain == "float" else method
 
 
-def _as_decimals(part: RungeKutta) -> RungeKutta:
-    A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (part.A, [part.b]))
-    return RungeKutta(A, b[0], name=part.name, digits=FLOAT_DIGITS, warn=False)
-
-
 def error_coefficients(method: Method, order: int | None = None) -> ErrorCoefficients:
-    """The principal error coefficients: the order conditions' residuals for the trees with p+1 nodes, over σ.
+    """Principal error coefficients: the residuals of the order conditions for trees with p+1 nodes, over σ.
 
     Args:
         method: A method.
-        order: Its order p, if known; computed otherwise. Larger numbers give the next terms of the error.
+        order: The order p, by default computed. Larger numbers give later terms of the error.
 
     Raises:
         SeriesError: `method` is no method.
@@ -198,7 +196,7 @@ def error_coefficients(method: Method, order: int | None = None) -> ErrorCoeffic
 
 
 def _simple(value: Any) -> Any:
-    """SymPy expressions in their simplest form, numbers as they are."""
+    """Simplify a SymPy expression; numbers are unchanged."""
     if isinstance(value, Fraction | float):
         return value
     import sympy

@@ -1,17 +1,16 @@
-"""All that is found out about a method: order, principal error, structure, and what its tableau tells."""
+"""The report of `check`: order, principal error, structure, and linear stability of a method."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.modified import modified_equation, series
 from bseries.algebra.presentation import number_text
 from bseries.algebra.stages import auxiliary_colors, check_method
-from bseries.analysis import conjugation, structure
 from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
 from bseries.analysis.stability.tableau_facts import tableau_properties
+from bseries.analysis.structure import STRUCTURES
 from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -24,18 +23,18 @@ if TYPE_CHECKING:
 
 
 class Report(NamedTuple):
-    """What `check` found.
+    """Results of `check`.
 
     Attributes:
         method: The method.
         order: The order of accuracy.
-        tested_to: Up to how many nodes order conditions were looked at.
-        error: The principal error; None where its trees are too many.
+        tested_to: The largest number of nodes of the order conditions tested.
+        error: The principal error; None where there are too many trees.
         embedded_orders: The orders of the embedded weights.
-        properties: What coefficients alone decide, for every order: true or false.
+        properties: Properties that the coefficients decide for every order: true or false.
         structure: Properties that hold up to some order, each with its verdict.
-        assumptions: How far B(p), C(q), D(r) hold; None where they are not decided.
-        stability: What the stability function and the tableau tell (see `integrators.tableau_properties`).
+        assumptions: The simplifying assumptions B(p), C(q), D(r); None where they are not decided.
+        stability: Linear stability and contractivity (see `tableau_properties`).
     """
 
     method: Method
@@ -50,14 +49,14 @@ class Report(NamedTuple):
 
     @property
     def row_sums(self) -> tuple[tuple[Any, ...], ...]:
-        """Row sums of A for each part; in floats where they are roots of high degree, which fill pages."""
+        """Row sums of A for each part; in floats where they are roots of high degree."""
         parts = self.method.partitions if isinstance(self.method, RungeKutta | PartitionedRungeKutta) else ()
         return tuple((p.to_float() if p.algebra is not None and p.stages > 3 else p).row_sums for p in parts)
 
     @property
     def stage_order(self) -> int | None:
         """The largest q for which B(q) and C(q) hold."""
-        return None if self.assumptions is None else min(self.assumptions.quadrature, self.assumptions.stage)
+        return None if self.assumptions is None else min(self.assumptions.B, self.assumptions.C)
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready data."""
@@ -96,13 +95,13 @@ class Report(NamedTuple):
 
 
 def check(method: Method, order: int | None = None) -> Report:
-    """Order, principal error, structure, and what the coefficients alone tell about a method.
+    """Order, principal error, structure, and linear stability of a method.
 
     Args:
         method: A method.
-        order: How far to test order conditions and structure; by default the former as far as is needed, the latter
-            beyond the order of the method. Structure is tested on some 1,300 trees at most (10 nodes without colours,
-            6 with two); its own functions go further.
+        order: Largest number of nodes to test; by default as many as the order of the method needs, and for structure
+            some more. `check` tests structure on at most 1,300 trees (10 nodes without colours, 6 with two); the single
+            tests have no such limit.
 
     Returns:
         A `Report`.
@@ -124,31 +123,33 @@ def check(method: Method, order: int | None = None) -> Report:
         `bseries.analysis.conjugation` name the sources of the other tests.
     """
     found, tested_to = decide_order(method, order)
-    affordable = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
+    has_few_trees = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
+    if order is None:
+        nodes = structure_order(method, found)
+    else:
+        nodes = min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
     return Report(
         method,
         found,
         tested_to,
-        error_coefficients(method, found) if affordable else None,
+        error_coefficients(method, found) if has_few_trees else None,
         _embedded_orders(method),
         {"consistent": found >= 1, **_properties(method)},
-        structure_of(method, structure_order(method, found) if order is None else _affordable(method, order)),
+        structure_of(method, nodes),
         _assumptions(method),
-        _stability(method),
+        tableau_properties(method) if isinstance(method, RungeKutta) else {},
     )
 
 
 def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVerdict]:
-    """The verdicts of all structure tests up to some order; none where a part is no part of the field.
+    """Verdicts of all structure tests up to some order; none for methods with auxiliary parts.
 
     Args:
         method: A method.
-        order: Up to how many nodes to look.
+        order: The largest number of nodes.
 
     Returns:
-        The keys symmetric, symplectic, quadratic_invariants, hamiltonian, conjugate_symplectic, energy_preserving,
-        cubic_invariants, volume_preserving and effective_order; those that the colours of the method leave without
-        meaning are missing.
+        The verdicts by the names in `STRUCTURES`, without those that do not apply to the colours of the method.
 
     Raises:
         SeriesError: `method` is no method.
@@ -156,40 +157,23 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
     if auxiliary_colors(check_method(method)):
         return {}
     if order > LEAST_NODES:
-        import numba  # noqa: F401  # many passes over a larger table: let kernels be compiled
+        import numba  # noqa: F401  # many passes over a larger table: compiled kernels pay off
 
     exact = trusted(method)
     flow = series(exact, order)
-    # What decimals leave uncertain about the field is known for a method only.
+    # The uncertainty of a field in decimals is known only for the field of a method.
     field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
-    tests: dict[str, Callable[[], Verdict | ConjugateVerdict]] = {
-        "symmetric": lambda: structure.symmetry(flow),
-        "symplectic": lambda: structure.symplecticity(flow),
-        "hamiltonian": lambda: structure.hamiltonian_field(field),
-        "conjugate_symplectic": lambda: conjugation.conjugate_symplecticity(flow),
-        "energy_preserving": lambda: structure.energy_preservation(field),
-        "cubic_invariants": lambda: structure.cubic_invariants(field),
-        "volume_preserving": lambda: structure.volume_preservation(field),
-        "effective_order": lambda: conjugation.effective_order(flow),
-    }
     found: dict[str, Verdict | ConjugateVerdict] = {}
-    for name, test in tests.items():
+    for structure in STRUCTURES:
         try:
-            found[name] = test()
-        except SeriesError:  # not for inconsistent methods, or not on the trees of special systems
+            found |= dict.fromkeys(structure.names, structure.test(field if structure.of_field else flow))
+        except SeriesError:  # inconsistent methods, or trees of special systems
             continue
-        if name == "symplectic":
-            found["quadratic_invariants"] = found[name]
     return found
 
 
-def _affordable(method: Method, order: int) -> int:
-    """How far to test structure where an order is asked for: as far as the table allows."""
-    return min(check_order(order), affordable_order(len(method.names), MOST_STRUCTURE_TREES))
-
-
 def _properties(method: Method) -> dict[str, bool]:
-    """What the coefficients decide for every order."""
+    """Properties that the coefficients decide for every order."""
     found = {"explicit": method.is_explicit}
     if isinstance(method, RungeKutta):
         found["diagonally_implicit"] = method.is_diagonally_implicit
@@ -205,13 +189,6 @@ def _assumptions(method: Method) -> Assumptions | None:
     if not isinstance(method, RungeKutta) or (method.algebra is None and method.domain != "QQ"):
         return None
     return simplifying_assumptions(method, 2 * method.stages + 1)
-
-
-def _stability(method: Method) -> dict[str, Any]:
-    if not isinstance(method, RungeKutta):
-        return {}
-
-    return tableau_properties(method)
 
 
 def _embedded_orders(method: Method) -> tuple[int, ...]:

@@ -1,21 +1,98 @@
-"""Simplifying assumptions B(p), C(q), D(r), and the order they prove without looking at a single tree.
+"""Simplifying assumptions B(p), C(q), D(r): which of them hold, the order they prove, the conditions they imply.
 
-Order conditions grow exponentially in number, but a ten-stage Gauss method needs only these (Butcher 1964; HLW,
-theorem II.1.8 and Hairer–Nørsett–Wanner, theorem II.7.4): B(p), C(q), D(r) with p ≤ q + r + 1 and p ≤ 2q + 2 imply
-order p; and order p implies B(p).
+    B(p): Σ b_i c_i^(k−1) = 1/k                         for k = 1, …, p
+    C(q): Σ_j a_ij c_j^(k−1) = c_i^k / k                for k = 1, …, q
+    D(r): Σ_i b_i c_i^(k−1) a_ij = b_j (1 − c_j^k) / k  for k = 1, …, r
+
+The number of order conditions grows exponentially with the order; a ten-stage Gauss method needs only these. B(p),
+C(q), D(r) with p ≤ q + r + 1 and p ≤ 2q + 2 imply order p, and order p implies B(p) (Butcher 1964; HLW, theorem II.1.8;
+Hairer–Nørsett–Wanner, theorem II.7.4).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.exceptions import SeriesError
+
 if TYPE_CHECKING:
     from integrators import RungeKutta
+    from trees.tree import Tree
 
 Vector = Sequence[Any]
+
+
+class Assumptions(NamedTuple):
+    """The simplifying assumptions B(p), C(q), D(r), by their p, q and r; 0 for none."""
+
+    B: int = 0
+    C: int = 0
+    D: int = 0
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name}({k})" for name, k in zip("BCD", self, strict=True) if k)
+
+    def order(self, method: RungeKutta) -> int | None:
+        """The order that the assumptions prove for their method; None where they leave it open.
+
+        The order of a symmetric method is even (HLW, theorem II.3.2).
+        """
+        proved = min(self.B, self.C + self.D + 1, 2 * self.C + 2)
+        if proved % 2 and proved < self.B and method.is_symmetric:
+            proved += 1
+        return proved if proved == self.B else None
+
+    def implies(self, tree: Tree) -> bool:
+        """Whether the tree's condition follows from the assumptions and from conditions of simpler trees.
+
+        B gives the conditions of the bushy trees [τ^(k−1)]. C replaces a subtree [τ^(k−1)] by k leaves on its parent;
+        weight and 1/γ are both divided by k. D applies to a root with k−1 leaves and one more subtree t: the weight is
+        (a(t) − a(t'))/k, where t' is t with k more leaves on its root, and 1/γ likewise; for t = τ it states
+        (k + 1) a([τ^k]) = a(τ). The new trees have fewer inner nodes and no more nodes, so by induction the trees for
+        which this is False suffice (Butcher 1964; Hairer–Nørsett–Wanner, section II.7).
+        """
+        if _is_bush(tree) and (tree.order <= self.B or 2 <= tree.order <= self.D + 1):
+            return True
+        if any(_is_bush(t) and 2 <= t.order <= self.C for level, t in tree.preorder() if level > 0):
+            return True
+        inner = [child for child in tree.children if child.children]
+        return len(inner) == 1 and len(tree.children) <= self.D
+
+    @classmethod
+    def read(cls, given: str | Mapping[str, int] | Assumptions | None) -> Assumptions:
+        """Read a text such as ``"B5 C2 D1"`` or ``"B(5), C(2)"``, or a mapping such as {"C": 2}.
+
+        Raises:
+            SeriesError: It denotes no assumptions.
+        """
+        if given is None or isinstance(given, Assumptions):
+            return given or cls()
+        refusal = SeriesError(
+            f"assumptions must be like 'B5 C2 D1' or {{'B': 5, 'C': 2, 'D': 1}}, but were {given!r:.60}"
+        )
+        if isinstance(given, str):
+            words = given.upper().translate({ord("("): None, ord(")"): None, ord(","): " "}).split()
+            pairs = [(word[0], word[1:]) for word in words]
+        elif isinstance(given, Mapping):
+            pairs = [(str(name).upper(), value) for name, value in given.items()]
+        else:
+            raise refusal
+        found: dict[str, int] = {}
+        for name, value in pairs:
+            number = int(value) if isinstance(value, str) and value.isascii() and value.isdigit() else value
+            if name not in cls._fields or name in found or type(number) is not int or not 0 <= number < 1000:
+                raise refusal
+            found[name] = number
+        if not found:
+            raise refusal
+        return cls(**found)
+
+
+def _is_bush(tree: Tree) -> bool:
+    return not any(child.children for child in tree.children)
 
 
 class StageSpace(NamedTuple):
@@ -29,7 +106,7 @@ class StageSpace(NamedTuple):
 
 
 def stage_space(method: RungeKutta) -> StageSpace:
-    """Stage vectors by components, or as polynomials where the method is given by its nodes' polynomial."""
+    """Stage vectors by components, or as polynomials where the method is given by its node polynomial."""
     size = method.stages
     basis = [tuple(Fraction(int(i == j)) for i in range(size)) for j in range(size)]
     if method.algebra is not None:
@@ -48,30 +125,11 @@ def _dot(x: Vector, y: Vector) -> Any:
     return sum((u * v for u, v in zip(x, y, strict=True)), start=Fraction(0))
 
 
-class Assumptions(NamedTuple):
-    """The largest p, q, r for which B(p), C(q), D(r) hold (at most `limit`)."""
-
-    quadrature: int
-    stage: int
-    dual: int
-
-    def order(self, method: RungeKutta) -> int | None:
-        """The order that they prove for their method, exactly; None where they leave it open.
-
-        The order of a symmetric method is even (HLW, theorem II.3.2).
-        """
-        proved = min(self.quadrature, self.stage + self.dual + 1, 2 * self.stage + 2)
-        if proved % 2 and proved < self.quadrature and method.is_symmetric:
-            proved += 1
-        return proved if proved == self.quadrature else None
-
-
 @lru_cache(maxsize=64)
 def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
-    """How far B, C and D hold for a method with rational (or rationally represented) stages.
+    """The largest p, q, r ≤ `limit` for which B(p), C(q), D(r) hold for a method with rational stage vectors.
 
-    B(p): Σ b_i c_i^(k−1) = 1/k; C(q): Σ_j a_ij c_j^(k−1) = c_i^k / k; D(r): Σ_i b_i c_i^(k−1) a_ij = b_j (1 − c_j^k)/k.
-    The nodes are the row sums: an autonomous equation sees no others.
+    The nodes are the row sums, the only ones that matter for autonomous equations.
     """
     space = stage_space(method)
     nodes = space.apply(space.one)
@@ -96,7 +154,5 @@ def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
 
 
 def _largest(holds: Callable[[int], bool], limit: int) -> int:
-    k = 0
-    while k < limit and holds(k + 1):
-        k += 1
-    return k
+    """The largest k ≤ `limit` such that a property holds for 1, …, k."""
+    return next((k for k in range(limit) if not holds(k + 1)), limit)

@@ -1,53 +1,59 @@
-"""Structure of methods and series: each test gives the order up to which it holds, and the first tree that breaks it.
+"""Structure of methods and series: each test gives the order up to which it holds, and the first violating tree.
 
-A structure is decided for all fields of its class at once: that a method is symplectic for one particular Hamiltonian
-system is not asked here. For smaller classes there are series on restricted tables; methods for special systems, which
-know their `max_children`, are decided on those. What a tableau alone decides for every order is in
-`RungeKutta` and `PartitionedRungeKutta`.
+A structure is decided for all fields of its class at once, not for one particular system. Smaller classes of fields
+have series on restricted tables; methods for special systems, with their own `max_children`, are decided on those.
+Properties that a tableau decides for every order are in `RungeKutta` and `PartitionedRungeKutta`.
+
+A new structure needs the rows of its conditions, its test, and an entry in `STRUCTURES`; `check` reads that table.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.stages import auxiliary_colors
+from bseries.analysis.conjugation import ConjugateVerdict, conjugate_symplecticity, effective_order
 from bseries.analysis.order import first_failure
 from bseries.analysis.structure_conditions import (
+    NO_PRODUCT,
+    StructureConditions,
+    cached_conditions,
     closure,
-    cubic_conditions,
-    energy_conditions,
-    hamiltonian_conditions,
-    symmetry_conditions,
-    volume_conditions,
+    ids_within,
+    is_complete,
+    restricted_table_error,
 )
-from bseries.analysis.verdicts import Verdict, decide, fields_of, flows_of, samples_of, series_of, verdict
-from bseries.exceptions import SeriesError
+from bseries.analysis.verdicts import (
+    Verdict,
+    decide,
+    fields_of,
+    flows_of,
+    has_blocks,
+    samples_of,
+    series_of,
+    verdict,
+)
+from trees.free_trees import grafting, is_separable, rootings
 
 if TYPE_CHECKING:
+    from bseries.analysis.structure_conditions import Row
+    from bseries.analysis.verdicts import Coloring
     from integrators.methods.program.program import Method
-
-    Coloring = Literal["blocks", "parts"] | None
-
-
-def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
-    """Whether the colours of a series are blocks of variables: by default if they are called p and q."""
-    if colors_are not in (None, "blocks", "parts"):
-        raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
-    if colors_are == "blocks" and s.table.colors != 2:
-        raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
-    return set(s.names) == {"p", "q"} if colors_are is None else colors_are == "blocks"
+    from trees.table import TreeTable
 
 
 def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
-    """How far a method agrees with the exact flow: its order, seen from trees.
+    """Order of agreement with the exact flow: the order of accuracy, decided by trees.
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
 
     Returns:
-        A `Verdict`; its order is the order of the method if a tree breaks it.
+        A `Verdict`; its order is the order of the method if a tree violates it.
 
     Raises:
         SeriesError: `method` is neither a method nor a flow, or `order` exceeds the order of the series.
@@ -58,7 +64,7 @@ def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
         (4, Tree('[[[[τ]]]]'))
 
     References:
-        HLW, theorem III.1.5. `order_of` needs no trees where simplifying assumptions do.
+        HLW, theorem III.1.5. `order_of` needs no trees where simplifying assumptions suffice.
     """
     s = series_of(method, order)
     check_flow(s, "method")
@@ -66,14 +72,22 @@ def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
     return verdict(s.table, first_failure(s, auxiliary))
 
 
-def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
-    """How far a method is symmetric: equal to its adjoint.
+@cached_conditions
+def symmetry_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """b(τ) = 0 for every tree with an even number of nodes."""
+    for n in range(2, table.max_order + 1, 2):
+        for tree in table.ids(n):
+            yield {tree: 1}, NO_PRODUCT, NO_PRODUCT
 
-    The modified equation of a symmetric method has even powers of h only, its trees odd numbers of nodes.
+
+def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
+    """Order to which a method is symmetric, equal to its adjoint.
+
+    The modified equation of a symmetric method contains even powers of h only: trees with odd numbers of nodes.
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
 
     Returns:
         A `Verdict`.
@@ -93,16 +107,70 @@ def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
     return decide(symmetry_conditions(fields[0].table, False), fields)
 
 
-def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
-    """How far a method is symplectic on Hamiltonian systems, and conserves quadratic invariants of any system.
+@cached_conditions
+def hamiltonian_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """b(u ∘ v) + b(v ∘ u) = 0, for flows a(u ∘ v) + a(v ∘ u) = a(u) a(v); for blocks where the roots differ in colour.
 
-    The conditions are a(u ∘ v) + a(v ∘ u) = a(u) a(v) for all trees u and v. Where colours are blocks they are asked of
-    roots u in p and v in q, and a must not depend on the colour of the root; then the invariants are those of the form
-    pᵀ E q. For series on the trees of separable systems the second condition does not arise.
+    One pair (u, v) for each tree suffices (see `trees.free_trees`). On a restricted table conditions are for fields.
+    """
+    if closure(table, blocks) != table:
+        yield from _restricted_hamiltonian(table, blocks)
+        return
+    roots = rootings(table, blocks=blocks)
+    _, color, left, right = table.lists
+    for tree in range(table.colors, len(table)):
+        u, v = left[tree], right[tree]
+        if not (roots.flips and color[u] == color[v]):
+            yield Counter((tree, roots.turned[tree])), u, v
+    yield from _root_colors(table, blocks)
+
+
+def _root_colors(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """For blocks: coefficients do not depend on the colour of the root."""
+    if blocks and not is_separable(table):
+        roots = rootings(table, blocks=blocks)
+        for tree, other in enumerate(roots.flipped):
+            if tree < other:
+                yield {tree: 1, other: -1}, NO_PRODUCT, NO_PRODUCT
+
+
+def _restricted_hamiltonian(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """b(τ) = ±b(θ) where moving the root changes τ to θ through pairs (u, v) of the table and any trees u ∘ v."""
+    whole = closure(table, blocks)
+    roots, within = rootings(whole, blocks=blocks), ids_within(table, whole)
+    links: dict[int, list[int]] = {}
+    for tree, (u, v) in enumerate(zip(*whole.lists[2:], strict=True)):
+        if u in within and v in within:
+            links.setdefault(tree, []).append(roots.turned[tree])
+            links.setdefault(roots.turned[tree], []).append(tree)
+    done: set[int] = set()
+    for start in within:
+        if start in done:
+            continue
+        parity, reached = {start: 1}, [start]
+        for tree in reached:
+            for other in links.get(tree, ()):
+                if other not in parity:
+                    parity[other] = -parity[tree]
+                    reached.append(other)
+        done |= parity.keys()
+        members = [tree for tree in reached if tree in within]
+        superfluous = any(tree in links.get(tree, ()) for tree in reached)
+        for tree in members if superfluous else members[1:]:
+            row = {within[tree]: 1} if superfluous else {within[tree]: parity[tree], within[start]: -1}
+            yield row, NO_PRODUCT, NO_PRODUCT
+
+
+def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
+    """Order to which a method is symplectic on Hamiltonian systems, and conserves quadratic invariants of any system.
+
+    The conditions are a(u ∘ v) + a(v ∘ u) = a(u) a(v) for all trees u and v. Where colours are blocks they apply to
+    roots u in p and v in q, and a must not depend on the colour of the root; the invariants are those of the form
+    pᵀ E q. On the trees of separable systems the second condition is void.
 
     Args:
         method: A method, or a flow.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"`` p and q of the variables of one Hamiltonian system, or ``"parts"`` of a sum of
             Hamiltonian systems, f = Σ f^[ν]. By default blocks if the colours are called p and q.
 
@@ -133,11 +201,11 @@ def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_
 
 
 def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
-    """How far a field is Hamiltonian whenever f is: b(u ∘ v) + b(v ∘ u) = 0.
+    """Order to which a field is Hamiltonian for all Hamiltonian f: b(u ∘ v) + b(v ∘ u) = 0.
 
     Args:
         field: A field series, such as a modified equation.
-        order: Up to how many nodes to look; None means the order of the series.
+        order: The largest number of nodes; by default the order of the series.
         colors_are: As for `symplecticity`.
 
     Returns:
@@ -161,16 +229,39 @@ def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: C
     return decide(hamiltonian_conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
 
 
+@cached_conditions
+def energy_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """Σ ± b(T without a leaf, rooted next to it) = 0 over the leaves of every free tree T that is not superfluous.
+
+    The derivative of H along F(τ) is the Hamiltonian of [τ], and Σ b(τ)/σ(τ) H([τ]) is summed by free trees, with the
+    number of automorphisms of T as common denominator. For parts, H = Σ H^[ν], the new root has any colour; for blocks
+    its colour differs from that of the root of τ.
+    """
+    larger = closure(table, blocks, more=1)
+    roots, within = rootings(larger, blocks=blocks), ids_within(table, closure(table, blocks))
+    _, color, left, right = larger.lists
+    rows: dict[int, dict[int, int]] = {}
+    for tree in range(larger.colors, len(larger)):
+        root, branch = left[tree], right[tree]
+        if root >= larger.colors or branch not in within or (blocks and color[root] == color[branch]):
+            continue
+        if roots.sign[tree]:
+            row = rows.setdefault(roots.representative[tree], {})
+            row[within[branch]] = roots.sign[tree] * roots.multiplicity(tree)
+    for row in rows.values():
+        yield row, NO_PRODUCT, NO_PRODUCT
+
+
 def energy_preservation(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
-    """How far a method conserves H on all systems y' = J ∇H(y) with a constant skew matrix J.
+    """Order to which a method conserves H on all systems y' = J ∇H(y) with a constant skew matrix J.
 
     With b the modified equation, Σ ± b(T without a leaf, rooted next to it) = 0 over the leaves of every free tree T
     that is not superfluous.
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
-        colors_are: ``"blocks"``: p' = −H_q, q' = H_p; ``"parts"``: f = Σ J ∇H^[ν], and the sum of all H^[ν] is to be
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
+        colors_are: ``"blocks"``: p' = −H_q, q' = H_p; ``"parts"``: f = Σ J ∇H^[ν], and the sum of all H^[ν] is
             conserved. By default blocks if the colours are called p and q.
 
     Returns:
@@ -190,23 +281,50 @@ def energy_preservation(method: Method | BSeries, order: int | None = None, *, c
         E. Celledoni, R. I. McLachlan, B. Owren, G. R. W. Quispel, Found. Comput. Math. 10 (2010), 673–693,
         doi:10.1007/s10208-010-9073-1.
     """
-    fields = fields_of(method, order)
-    return decide(energy_conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+    return _decide_field(energy_conditions, method, order, colors_are)
+
+
+@cached_conditions
+def volume_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """Σ b(u₁ ∘ (u₂ ∘ (… ∘ u_m))) = 0 over the rotations of every cycle of m ≥ 2 trees.
+
+    The divergence of F(τ) is a sum over the nodes of τ: an edge from the node to the root closes a cycle, with a tree
+    attached to each of its nodes. A cycle of one node is a derivative of div f = 0.
+    """
+    closure(table, blocks)  # raises for blocks on other restricted tables
+    product = grafting(table)
+    order = table.lists[0]
+    words: list[dict[tuple[int, ...], int]] = [{}]  # by number of nodes: cycles cut open, and the resulting tree
+    for n in range(1, table.max_order + 1):
+        words.append({(tree,): tree for tree in table.ids(n)})
+        for first in range(table.ids(n).start):
+            for rest, tree in words[n - order[first]].items():
+                joined = product(first, tree)
+                if joined >= 0:
+                    words[n][first, *rest] = joined
+        for word in words[n]:
+            if len(word) == 1 or word[0] > min(word):
+                continue
+            rotations = {word[k:] + word[:k] for k in range(len(word))}
+            # If a rotation is missing, a node has too many children and the cycle vanishes.
+            if word == min(rotations) and rotations <= words[n].keys():
+                yield Counter(words[n][rotation] for rotation in rotations), NO_PRODUCT, NO_PRODUCT
+    yield from _root_colors(table, blocks)
 
 
 def volume_preservation(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
-    """How far a method preserves volume for all divergence-free systems.
+    """Order to which a method preserves volume for all divergence-free systems.
 
     With b the modified equation, Σ b(u₁ ∘ (u₂ ∘ (… ∘ u_m))) = 0 over the rotations of every cycle of m ≥ 2 trees.
 
-    For one field f no B-series but that of the exact flow (of a multiple of f) satisfies all conditions: the order is
-    that of accuracy. Splitting methods, compositions of the exact flows of divergence-free parts, satisfy them, and no
-    other series does. In separable systems, p' = f(q) and q' = g(p), both blocks are such parts. For Hamiltonian
-    systems symplectic methods preserve volume as well; that is a smaller class of systems, and not what is asked here.
+    For one field f only the B-series of the exact flow (of a multiple of f) satisfies all conditions: the order is that
+    of accuracy. Splitting methods, compositions of the exact flows of divergence-free parts, satisfy them, and no other
+    series does. In separable systems, p' = f(q) and q' = g(p), both blocks are such parts. Symplectic methods preserve
+    volume for Hamiltonian systems; that is a smaller class of systems, not tested here.
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"``: the whole field is divergence-free; ``"parts"``: each f^[ν] is. By default blocks if
             the colours are called p and q.
 
@@ -228,22 +346,46 @@ def volume_preservation(method: Method | BSeries, order: int | None = None, *, c
         A. Iserles, G. R. W. Quispel, P. S. P. Tse, BIT 47 (2007), 351–378.
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
-    fields = fields_of(method, order)
-    return decide(volume_conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+    return _decide_field(volume_conditions, method, order, colors_are)
+
+
+@cached_conditions
+def cubic_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
+    """b(u ∘ v) + b(v ∘ u) = 0 and b(u ∘ v ∘ w) + b(v ∘ w ∘ u) + b(w ∘ u ∘ v) = 0, with u ∘ v ∘ w = (u ∘ v) ∘ w.
+
+    For an invariant I of degree 3, derivatives of I' f = 0 reduce I' F(τ) to terms I''(F(u), F(v)) and
+    I'''(F(u), F(v), F(w)); these are their coefficients.
+    """
+    if not is_complete(table):
+        raise restricted_table_error(table, "all trees up to its order")
+    product, order, last = grafting(table), table.lists[0], table.max_order
+    for u in range(len(table)):
+        for v in _up_to(table, u, last - order[u]):
+            pair, other = product(u, v), product(v, u)
+            yield Counter((pair, other)), NO_PRODUCT, NO_PRODUCT
+            for w in _up_to(table, v, last - order[u] - order[v]):
+                third = product(product(w, u), v)
+                yield Counter((product(pair, w), product(other, w), third)), NO_PRODUCT, NO_PRODUCT
+    yield from _root_colors(table, blocks)
+
+
+def _up_to(table: TreeTable, first: int, order: int) -> range:
+    """Ids ≥ `first` of trees with at most `order` nodes."""
+    return range(first, table.ids(order).stop) if order > 0 else range(0)
 
 
 def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
-    """How far a method conserves all polynomial invariants of degree up to three.
+    """Order to which a method conserves all polynomial invariants of degree up to three.
 
     With b the modified equation, b(u ∘ v) + b(v ∘ u) = 0 and b(u ∘ v ∘ w) + b(v ∘ w ∘ u) + b(w ∘ u ∘ v) = 0.
 
-    For one field f no B-series but that of the exact flow (of a multiple of f) satisfies all conditions; for a sum of
-    fields that share the invariants, compositions of their exact flows do, and no others. So a series that conserves
-    cubic invariants conserves invariants of every degree.
+    For one field f only the B-series of the exact flow (of a multiple of f) satisfies all conditions; for a sum of
+    fields that share the invariants, only compositions of their exact flows do. So a series that conserves cubic
+    invariants conserves invariants of every degree.
 
     Args:
         method: A method, a flow, or a field.
-        order: Up to how many nodes to look; None means the order of a series, and for a method as far as `check`.
+        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"``: the whole field has the invariant; ``"parts"``: each f^[ν] has it. By default blocks
             if the colours are called p and q.
 
@@ -262,5 +404,36 @@ def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colo
     References:
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
+    return _decide_field(cubic_conditions, method, order, colors_are)
+
+
+def _decide_field(
+    conditions: Callable[[TreeTable, bool], StructureConditions],
+    method: Method | BSeries,
+    order: int | None,
+    colors_are: Coloring,
+) -> Verdict:
+    """The verdict of conditions on the modified equation of a method, or on a field."""
     fields = fields_of(method, order)
-    return decide(cubic_conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+    return decide(conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+
+
+class Structure(NamedTuple):
+    """A structure test of `check`: the names of its verdict in reports, and whether it needs the field or the flow."""
+
+    names: tuple[str, ...]
+    test: Callable[[BSeries], Verdict | ConjugateVerdict]
+    of_field: bool = False
+
+
+STRUCTURES = (
+    Structure(("symmetric",), symmetry),
+    Structure(("symplectic", "quadratic_invariants"), symplecticity),
+    Structure(("hamiltonian",), hamiltonian_field, of_field=True),
+    Structure(("conjugate_symplectic",), conjugate_symplecticity),
+    Structure(("energy_preserving",), energy_preservation, of_field=True),
+    Structure(("cubic_invariants",), cubic_invariants, of_field=True),
+    Structure(("volume_preserving",), volume_preservation, of_field=True),
+    Structure(("effective_order",), effective_order),
+)
+"""All structure tests, in the order of reports."""

@@ -1,8 +1,8 @@
-"""Verdicts on properties that hold up to some order, and how they are reached for exact numbers and for decimals.
+"""Verdicts on properties up to some order, for exact series and for methods published as decimals.
 
-Exact series are decided exactly: a residual is zero or it is not. Coefficients of a method published as decimals are
-known within their `uncertainty` only; residuals are computed again with all coefficients changed at random by as much,
-and one that changes by about its own size counts as zero.
+Exact series are decided exactly. The coefficients of a method published as decimals are known within their
+`uncertainty` only: residuals are recomputed with all coefficients perturbed at random within it, and a residual that
+changes by about its own size counts as zero.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import series, series_to
@@ -20,25 +20,27 @@ from bseries.exact.domains import RingValues, make_values
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Conditions
+    from bseries.analysis.structure_conditions import StructureConditions
     from integrators.methods.program.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
+
+    Coloring = Literal["blocks", "parts"] | None
 
 MOST_STRUCTURE_TREES = 1300
 """Structure is tested on tables up to this size."""
 
 LEAST_NODES = 7
-"""Structure is tested to so many nodes at least, if the table is no larger than that."""
+"""Structure is tested to at least this number of nodes, if the table allows it."""
 
 
 class Verdict(NamedTuple):
-    """Up to which order a property holds.
+    """The order up to which a property holds.
 
     Attributes:
-        order: The largest k ≤ `tested_to` such that no tree with up to k nodes breaks the property.
-        breaks: The first tree that breaks it, or None.
-        tested_to: The largest number of nodes that was looked at.
+        order: The largest k ≤ `tested_to` such that no tree with up to k nodes violates the property.
+        breaks: The first tree that violates it, or None.
+        tested_to: The largest number of nodes tested.
 
     Example:
         >>> import bseries as bs
@@ -53,34 +55,34 @@ class Verdict(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether no tree breaks the property."""
+        """Whether no tree violates the property."""
         return self.breaks is None
 
 
-def verdict(table: TreeTable, broken: int | None) -> Verdict:
-    """The verdict if the tree with this id is the first to break a property."""
-    if broken is None:
+def verdict(table: TreeTable, violating: int | None) -> Verdict:
+    """The verdict for a property whose first violating tree has this id."""
+    if violating is None:
         return Verdict(table.max_order, None, table.max_order)
-    return Verdict(int(table.columns.order[broken]) - 1, table[broken], table.max_order)
+    return Verdict(int(table.columns.order[violating]) - 1, table[violating], table.max_order)
 
 
-def decide(conditions: Conditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
-    """The verdict of conditions on a series, which is the first of its `samples`."""
+def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
+    """Decide conditions on a series, the first of its `samples`."""
     values = [_numbers(samples[0], flow)] if len(samples) == 1 else [s.stored.coefficients() for s in samples]
     residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
-    broken = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
-    return verdict(samples[0].table, broken)
+    violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
+    return verdict(samples[0].table, violating)
 
 
 def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
-    """Which residuals are not zero; `nearby` are those of the other samples of a series in decimals."""
+    """Indices of nonzero residuals; `nearby` are the residuals of the other samples of a series in decimals."""
     for k, residual in enumerate(residuals):
         if residual and (not nearby or abs(residual) > 3 * max(abs(other[k] - residual) for other in nearby)):
             yield k
 
 
 def _numbers(s: BSeries, flow: bool) -> Any:
-    """Coefficients times a factor for each number of nodes n; for a flow the factor is L^n, so that products agree."""
+    """Coefficients times a factor for each number of nodes n; for a flow L^n, so that products have the same factor."""
     values: Any = s.stored
     if isinstance(values, RingValues):
         return list(values.elements)
@@ -91,23 +93,24 @@ def _numbers(s: BSeries, flow: bool) -> Any:
     return [int(x) * factors[n] for n, x in zip(order, values.numerators, strict=True)]
 
 
-def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
-    """The flow of a method with its samples (see `samples_of`).
+def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
+    """Whether the colours of a series are blocks of variables; by default if they are called p and q."""
+    if colors_are not in (None, "blocks", "parts"):
+        raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
+    if colors_are == "blocks" and s.table.colors != 2:
+        raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
+    return set(s.names) == {"p", "q"} if colors_are is None else colors_are == "blocks"
 
-    Raises:
-        SeriesError: There is no such flow.
-    """
+
+def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """The flow of a method with its samples (see `samples_of`)."""
     if isinstance(method, BSeries):
         check_flow(method, "method")
     return samples_of(method, order)
 
 
 def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
-    """The modified equation of a method, or a field itself, with its samples.
-
-    Raises:
-        SeriesError: There is no such field.
-    """
+    """The modified equation of a method, or a field itself, with its samples (see `samples_of`)."""
     samples = samples_of(method, order)
     if samples[0].empty == 0:
         return samples
@@ -116,10 +119,10 @@ def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
 
 
 def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
-    """A method's series, or a series up to some order; where it is in decimals, with a few others within its digits.
+    """A series, or that of a method, up to some order; for decimals followed by perturbations within their digits.
 
     Raises:
-        SeriesError: The series is in floats, or decimals without known uncertainty, or `order` is missing or too large.
+        SeriesError: The series is in floats, or in decimals of unknown uncertainty, or `order` is too large.
     """
     s = series_of(method, order)
     if not isinstance(method, BSeries) and auxiliary_colors(method):
@@ -133,7 +136,7 @@ def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
 
 
 def series_of(method: Method | BSeries, order: int | None) -> BSeries:
-    """A series up to some order, or that of a method, with floats taken as decimals."""
+    """A series, or that of a method, up to some order, with floats taken as decimals."""
     if isinstance(method, BSeries):
         return series_to(method, order)
     check_method(method)
@@ -141,7 +144,7 @@ def series_of(method: Method | BSeries, order: int | None) -> BSeries:
 
 
 def structure_order(method: Method, accuracy: int) -> int:
-    """How far structure is tested by default: beyond the order of accuracy, as the table and the numbers allow."""
+    """Default number of nodes for structure tests: beyond the order of accuracy, within the limits of cost."""
     most = affordable_order(len(method.names), MOST_STRUCTURE_TREES)
     if method.digits is not None or method.parameters:
         return max(4, min(accuracy + 1, most))
@@ -149,6 +152,7 @@ def structure_order(method: Method, accuracy: int) -> int:
 
 
 def _nearby(s: BSeries) -> Iterator[BSeries]:
+    """Four random perturbations of a series in decimals."""
     if s.uncertainty is None:
         return
     source, scale = random.Random(s.digits), 10 ** ((s.digits or 0) + 6)

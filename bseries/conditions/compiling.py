@@ -1,4 +1,9 @@
-"""Residual and Jacobian of order conditions as compiled functions, for solvers and optimisers."""
+"""Residual and Jacobian of order conditions as compiled functions, for solvers and optimisers.
+
+The values of operations are stored consecutively, `stages` numbers each. `reach[m·stages + i]` is the number of leading
+entries of row i of matrix m that may be nonzero. Sizes and columns are unsigned: without checks for negative indices
+the inner loops are vectorised.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +11,98 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.conditions import kernels
+from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK
 from bseries.conditions.layout import layout
 from bseries.exceptions import SeriesError
+from trees.compiled import kernel
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.conditions.program import Summand, System
+    from bseries.conditions.condition_program import EquationSystem, EquationTerm
+
+
+@kernel
+def stage_vectors(last, stages, kind, left, right, matrices, reach, vectors, value):
+    """Values of the operations 0 … last−1."""
+    for k in range(last):
+        at = k * stages
+        x = left[k] * stages
+        y = right[k] * stages
+        if kind[k] == PRODUCT:
+            for i in range(stages):
+                value[at + i] = value[x + i] * value[y + i]
+        elif kind[k] == IMAGE:
+            for i in range(stages):
+                row = (x + i) * stages
+                total = 0.0
+                for j in range(reach[x + i]):
+                    total += matrices[row + j] * value[y + j]
+                value[at + i] = total
+        elif kind[k] == PULLBACK:
+            for i in range(stages):
+                value[at + i] = 0.0
+            for i in range(stages):
+                row = (x + i) * stages
+                above = value[y + i]
+                for j in range(reach[x + i]):
+                    value[at + j] += matrices[row + j] * above
+        elif kind[k] == ONE:
+            for i in range(stages):
+                value[at + i] = 1.0
+        else:
+            for i in range(stages):
+                value[at + i] = vectors[x + i]
+
+
+@kernel
+def sums(stages, starts, factor, block, stage, vectors, value, result):
+    """Add Σ factor · (vector · stage vector) to the result of each equation."""
+    for k in range(len(result)):
+        total = 0.0
+        for term in range(starts[k], starts[k + 1]):
+            x = block[term] * stages
+            y = stage[term] * stages
+            product = 0.0
+            for i in range(stages):
+                product += vectors[x + i] * value[y + i]
+            total += factor[term] * product
+        result[k] += total
+
+
+@kernel
+def gradients(stages, starts, factor, left, right, ends, target, rows, reach, value, columns, above, scratch, result):
+    """The Jacobian, row by row: derivatives by all coefficients are summed in `scratch`, the free `columns` copied.
+
+    Terms factor · x yᵀ with the same y are consecutive; where `ends` is nonzero the sum of factor · x is complete. If
+    `ends` is 2 its product with y is added to the matrix whose entries begin at `target` and whose `reach` begins at
+    `rows`; if 1, the sum itself is added to the vector at `target`. `above` is zero before and after.
+    """
+    for k in range(len(result)):
+        for at in range(len(scratch)):
+            scratch[at] = 0.0
+        for term in range(starts[k], starts[k + 1]):
+            x = left[term] * stages
+            for i in range(stages):
+                above[i] += factor[term] * value[x + i]
+            if ends[term] == 0:
+                continue
+            y = right[term] * stages
+            for i in range(stages):
+                total = above[i]
+                above[i] = 0.0
+                if ends[term] == 1:
+                    scratch[target[term] + i] += total
+                    continue
+                at = target[term] + i * stages
+                for j in range(reach[rows[term] + i]):
+                    scratch[at + j] += total * value[y + j]
+        for column in range(len(columns)):
+            result[k, column] = scratch[columns[column]]
 
 
 class Unknown(NamedTuple):
-    """A free coefficient: the argument that holds it and where, from 0."""
+    """A free coefficient: its argument and its index there, from 0."""
 
     argument: str
     at: tuple[int, ...]
@@ -29,9 +114,8 @@ class Unknown(NamedTuple):
 class CompiledConditions:
     """Order conditions for a number of stages, as compiled functions of floats.
 
-    Everything shared by trees is computed once: the stage vectors, and for the derivatives the vectors that come down
-    to a marked node of a trunk. With n conditions and U unknowns the Jacobian has 8·n·U bytes, which any algorithm must
-    write; and an edge that can be cut costs one product of vectors, s² multiplications (half of them for an explicit
+    Stage vectors and adjoint vectors are computed once for all trees. With n conditions and U unknowns the Jacobian has
+    8·n·U bytes; each edge costs one outer product, s² multiplications (half of them for an explicit
     method). All 1,205 conditions to order 10 with s = 17: 2.95 MB, some 2.6 million multiplications.
 
     Attributes:
@@ -50,7 +134,7 @@ class CompiledConditions:
                [1. , 0. , 0.5]])
     """
 
-    def __init__(self, system: System, stages: int):
+    def __init__(self, system: EquationSystem, stages: int):
         import numpy as np
 
         self.stages = stages
@@ -68,11 +152,11 @@ class CompiledConditions:
         return f"<CompiledConditions: {len(self._system.equations)} conditions, {len(self.unknowns)} unknowns>"
 
     def pack(self, *arrays: Any) -> np.ndarray:
-        """The unknowns in these arrays, as one vector."""
+        """The unknowns of some arrays as one vector."""
         return self._read(arrays)[self._columns]
 
     def unpack(self, unknowns: Any) -> tuple[np.ndarray, ...]:
-        """The arrays that a vector of unknowns stands for; entries that are not free are zero.
+        """The arrays for a vector of unknowns; entries that are not free are zero.
 
         Example:
             >>> import bseries as bs
@@ -100,8 +184,8 @@ class CompiledConditions:
         """Left-hand sides minus right-hand sides.
 
         Args:
-            *arrays: The arrays that the conditions' `arguments` name, A and b for Runge–Kutta methods. Entries that the
-                structure rules out are not looked at.
+            *arrays: The arrays named by the conditions' `arguments`, A and b for Runge–Kutta methods. Entries excluded
+                by the structure are ignored.
 
         Returns:
             One float for each condition.
@@ -115,31 +199,30 @@ class CompiledConditions:
         vectors = self._vectors(flat)
         value = self._run(self._system.size, flat, vectors)
         result = -self._right
-        kernels.sums.compiled(np.uint64(self.stages), *self._sums, vectors, value, result)
+        sums.compiled(np.uint64(self.stages), *self._sums, vectors, value, result)
         return result
 
     def jacobian(self, *arrays: Any) -> np.ndarray:
-        """The derivatives of the residual by the `unknowns`.
+        """Derivatives of the residual by the `unknowns`.
 
         Args:
             *arrays: As for `residual`.
 
         Returns:
-            One row for each condition, one column for each unknown.
+            A row for each condition, a column for each unknown.
 
         Raises:
             SeriesError: The arrays do not fit.
         """
         import numpy as np
 
-        slopes = self._slopes
+        terms = self._gradient_terms  # appends operations to the program
         flat = self._read(arrays)
         value = self._run(len(self._system.program.operations), flat, self._vectors(flat))
         result = np.empty((len(self._system.equations), len(self.unknowns)))
         above, scratch = np.zeros(self.stages), np.empty(len(self._entries))
-        kernels.gradients.compiled(
-            np.uint64(self.stages), *slopes, self._reach.ravel(), value, self._columns, above, scratch, result
-        )
+        inputs = np.uint64(self.stages), *terms, self._reach.ravel()
+        gradients.compiled(*inputs, value, self._columns, above, scratch, result)
         return result
 
     def _read(self, arrays: Sequence[Any]) -> np.ndarray:
@@ -161,17 +244,17 @@ class CompiledConditions:
         return np.concatenate(flat)
 
     def _run(self, last: int, flat: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-        """The values of the operations before `last`."""
+        """Values of the operations before `last`."""
         import numpy as np
 
         s = np.uint64(self.stages)
         value = np.empty(last * self.stages)
         matrices, columns = self._matrices(flat), self._operations(last)
-        kernels.stage_vectors.compiled(last, s, *columns, matrices, self._operator_reach, vectors, value)
+        stage_vectors.compiled(last, s, *columns, matrices, self._operator_reach, vectors, value)
         return value
 
     def _operations(self, count: int) -> tuple[np.ndarray, ...]:
-        """Kind, left and right of the first operations."""
+        """Kind, left and right operands of the first operations."""
         import numpy as np
 
         if count not in self._arrays:
@@ -180,7 +263,7 @@ class CompiledConditions:
         return self._arrays[count]
 
     def _vectors(self, flat: np.ndarray) -> np.ndarray:
-        """The vectors of coefficients, at the place that their block has among all blocks."""
+        """The vectors of coefficients, by the numbers of their blocks."""
         import numpy as np
 
         vectors = np.zeros((len(self._starts), self.stages))
@@ -204,7 +287,7 @@ class CompiledConditions:
 
     @cached_property
     def _reach(self) -> np.ndarray:
-        """By row of each block, how many entries from the first on reach the last one that is free."""
+        """For each row of each block, the number of leading entries up to the last free one."""
         import numpy as np
 
         reach = np.zeros((len(self._starts), self.stages), np.uint64)
@@ -228,10 +311,10 @@ class CompiledConditions:
 
     @cached_property
     def _sums(self) -> tuple[np.ndarray, ...]:
-        """The summands of all equations."""
+        """The terms of all left-hand sides."""
         import numpy as np
 
-        terms: list[Summand] = [term for equation in self._system.equations for term in equation.summands]
+        terms: list[EquationTerm] = [term for equation in self._system.equations for term in equation.summands]
         return (
             np.cumsum([0, *(len(equation.summands) for equation in self._system.equations)]).astype(np.uint64),
             np.array([float(term.coefficient) for term in terms]),
@@ -246,13 +329,13 @@ class CompiledConditions:
         return np.array([float(equation.right) for equation in self._system.equations])
 
     @cached_property
-    def _slopes(self) -> tuple[np.ndarray, ...]:
-        """The slopes of all equations, those with one y behind one another, and where they go."""
+    def _gradient_terms(self) -> tuple[np.ndarray, ...]:
+        """The gradient terms of all equations, those with the same y consecutive, and their targets."""
         import numpy as np
 
-        rows = [sorted(slopes, key=lambda slope: (slope.block, slope.y)) for slopes in self._system.gradients]
-        slopes = [slope for row in rows for slope in row]
-        targets = [(slope.block, slope.y) for slope in slopes]
+        rows = [sorted(row, key=lambda term: (term.block, term.y)) for row in self._system.gradients]
+        terms = [term for row in rows for term in row]
+        targets = [(term.block, term.y) for term in terms]
         lasts = set(np.cumsum([len(row) for row in rows]) - 1)
         ends = [
             0 if k not in lasts and target == targets[k + 1] else 2 if target[1] >= 0 else 1
@@ -260,10 +343,10 @@ class CompiledConditions:
         ]
         return (
             np.cumsum([0, *map(len, rows)]).astype(np.uint64),
-            np.array([float(slope.factor) for slope in slopes]),
-            np.array([slope.x for slope in slopes], np.uint64),
-            np.array([max(slope.y, 0) for slope in slopes], np.uint64),
+            np.array([float(term.factor) for term in terms]),
+            np.array([term.x for term in terms], np.uint64),
+            np.array([max(term.y, 0) for term in terms], np.uint64),
             np.array(ends, np.uint8),
-            np.array([self._starts[slope.block] for slope in slopes], np.uint64),
-            np.array([slope.block * self.stages for slope in slopes], np.uint64),
+            np.array([self._starts[term.block] for term in terms], np.uint64),
+            np.array([term.block * self.stages for term in terms], np.uint64),
         )

@@ -1,15 +1,15 @@
-"""One order condition: its trees, its equation, and how it is written."""
+"""Single order conditions: trees, equation, text and LaTeX."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.conditions.kernels import IMAGE, ONE
-from bseries.conditions.program import Equation, Program, Summand
-from bseries.conditions.reductions import class_weights
+from bseries.algebra.presentation import latex_number
+from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
 from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
 
@@ -22,7 +22,7 @@ class OrderCondition(ImmutableValue):
     """One order condition: left-hand side = right-hand side.
 
     Attributes:
-        trees: The tree of the condition; several isomeric ones for scalar equations.
+        trees: The tree of the condition; several isomeric trees for scalar equations.
         right: The right-hand side: 1/γ(τ).
 
     Example:
@@ -39,10 +39,10 @@ class OrderCondition(ImmutableValue):
     trees: tuple[Tree, ...]
     right: Fraction
 
-    _program: Program
+    _program: ConditionProgram
     _equation: Equation
 
-    def __init__(self, trees: tuple[Tree, ...], program: Program, equation: Equation):
+    def __init__(self, trees: tuple[Tree, ...], program: ConditionProgram, equation: Equation):
         self.__dict__.update(trees=trees, right=equation.right, _program=program, _equation=equation)
 
     @property
@@ -73,16 +73,23 @@ class OrderCondition(ImmutableValue):
 
 def equation_of(trees: Sequence[Tree], sums: Sums) -> Equation:
     """The equation of one tree, or the sum of those of isomeric trees."""
-    summands: list[Summand] = []
+    summands: list[EquationTerm] = []
     right = Fraction(0)
     for tree, weight in zip(trees, class_weights(trees), strict=True):
-        summands += [Summand(weight * coefficient, block, stage) for coefficient, block, stage in sums(tree)]
+        summands += [EquationTerm(weight * coefficient, block, stage) for coefficient, block, stage in sums(tree)]
         right += weight / tree.density
     return Equation(tuple(summands), right)
 
 
-class Power(NamedTuple):
-    """A factor: a symbol with the numbers of its indices, to a power."""
+def class_weights(trees: Iterable[Tree]) -> list[Fraction]:
+    """Coprime integers proportional to 1/σ, the weights of isomeric trees in Σ (a(τ) − 1/γ(τ))/σ(τ) = 0."""
+    symmetries = [tree.symmetry for tree in trees]
+    multiple = math.lcm(*symmetries)
+    return [Fraction(multiple, symmetry) for symmetry in symmetries]
+
+
+class Factor(NamedTuple):
+    """A factor of a product: a symbol with the numbers of its indices, to a power."""
 
     symbol: tuple[str, str]
     part: str
@@ -90,24 +97,25 @@ class Power(NamedTuple):
     exponent: int
 
 
-class Sum(NamedTuple):
-    """A sum of products: its factors, how many indices it runs over, and how each relates to the one before."""
+class IndexedSum(NamedTuple):
+    """A sum of products: the factors, and the relation of each index to the previous one."""
 
-    factors: list[Power]
+    factors: list[Factor]
     relations: list[str]
 
 
-def equation_text(program: Program, equation: Equation, format: str) -> str:
+def equation_text(program: ConditionProgram, equation: Equation, format: str) -> str:
     """An equation as ``"text"`` or ``"latex"``."""
-    return f"{left_text(program, equation, format)} = {_number(equation.right, format == 'latex')}"
+    right = latex_number(equation.right, None) if format == "latex" else equation.right
+    return f"{left_text(program, equation, format)} = {right}"
 
 
-def left_text(program: Program, equation: Equation, format: str) -> str:
+def left_text(program: ConditionProgram, equation: Equation, format: str) -> str:
     """The left-hand side of an equation."""
     return " + ".join(_summand_text(program, summand, format == "latex") for summand in equation.summands)
 
 
-def _summand_text(program: Program, summand: Summand, latex: bool) -> str:
+def _summand_text(program: ConditionProgram, summand: EquationTerm, latex: bool) -> str:
     found = _read(program, summand)
     indices = index_letters(len(found.relations), latex)
     parts = [_sign(found.relations, indices, latex)]
@@ -116,12 +124,12 @@ def _summand_text(program: Program, summand: Summand, latex: bool) -> str:
         subscript = ("," if len(own[-1]) > 1 and not latex else "").join(own)
         parts.append(factor_text(symbol[latex], part, subscript, exponent, latex))
     if summand.coefficient != 1:
-        parts.insert(0, _number(summand.coefficient, latex))
+        parts.insert(0, latex_number(summand.coefficient, None) if latex else str(summand.coefficient))
     return " ".join(parts)
 
 
 def _sign(relations: Sequence[str], indices: Sequence[str], latex: bool) -> str:
-    """Σ with what its indices satisfy."""
+    """Σ with the relations of its indices."""
     chain = indices[-1]
     for relation, index in zip(reversed(relations[1:]), reversed(indices[:-1]), strict=True):
         sign = {"≤": r" \le " if latex else "≤"}.get(relation, f" {relation} " if latex else relation)
@@ -131,22 +139,16 @@ def _sign(relations: Sequence[str], indices: Sequence[str], latex: bool) -> str:
     return f"Σ_{{{chain}}}" if any(relations) else "Σ"
 
 
-def _number(value: Fraction, latex: bool) -> str:
-    if latex and value.denominator > 1:
-        return f"\\frac{{{value.numerator}}}{{{value.denominator}}}"
-    return str(value)
-
-
-def _read(program: Program, summand: Summand) -> Sum:
-    """The factors of a summand; an index is given to the root and to each edge that is more than one factor."""
+def _read(program: ConditionProgram, summand: EquationTerm) -> IndexedSum:
+    """The factors of a summand; the root, and each edge that is not a single factor, has an index."""
     block = program.blocks[summand.block]
-    found = Sum([Power((block.argument.letter, block.argument.latex), block.part, (0,), 1)], [""])
+    found = IndexedSum([Factor((block.argument.letter, block.argument.latex), block.part, (0,), 1)], [""])
     _visit(program, summand.value, 0, found)
     return found
 
 
-def _visit(program: Program, stage: int, at: int, found: Sum) -> None:
-    """Append the factors of the stage vector with index `at`: those with this index only, then branch by branch."""
+def _visit(program: ConditionProgram, stage: int, at: int, found: IndexedSum) -> None:
+    """Append the factors of a stage vector: first those with the index `at` only, then branch by branch."""
     branches = []
     for factor, equal in groupby(program.factors(stage)):
         exponent = len(list(equal))
@@ -156,18 +158,18 @@ def _visit(program: Program, stage: int, at: int, found: Sum) -> None:
         elif leaf == found.factors[0][:2] and at == 0:  # x · x^(r−1) at the root is x^r
             found.factors[0] = found.factors[0]._replace(exponent=exponent + 1)
         else:
-            found.factors.append(Power(*leaf, (at,), exponent))
+            found.factors.append(Factor(*leaf, (at,), exponent))
     for factor in branches:
         _, which, branch = program.operations[factor]
         operator, own = program.operators[which], len(found.relations)
         found.relations.append(operator.relation)
         if not operator.relation:
-            found.factors.append(Power((operator.letter, operator.latex), operator.part, (at, own), 1))
+            found.factors.append(Factor((operator.letter, operator.latex), operator.part, (at, own), 1))
         _visit(program, branch, own, found)
 
 
-def _leaf(program: Program, factor: int) -> tuple[tuple[str, str], str] | None:
-    """Symbol and part of a factor with one index: a vector, or row sums that have a name."""
+def _leaf(program: ConditionProgram, factor: int) -> tuple[tuple[str, str], str] | None:
+    """Symbol and part of a factor with one index: a vector, or row sums with a symbol."""
     kind, which, branch = program.operations[factor]
     if kind != IMAGE:
         block = program.blocks[which]

@@ -1,27 +1,29 @@
-"""`order_conditions`: what is asked for, checked, and the trees that belong to it."""
+"""`order_conditions`: its arguments, and the trees that have conditions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from bseries.analysis.simplifying_assumptions import Assumptions
+from bseries.conditions.condition_program import ConditionProgram
 from bseries.conditions.kinds import EXPLICIT, FULL, KINDS, STRUCTURES
 from bseries.conditions.layout import check_stages
 from bseries.conditions.listing import OrderConditions, Request
-from bseries.conditions.lyndon import count_lyndon_words
-from bseries.conditions.program import Program
-from bseries.conditions.reductions import SCALAR, isomeric, read_assumptions
 from bseries.exceptions import SeriesError
 from trees.counting import check_size, count_trees, normal_limits
+from trees.lyndon_words import count_lyndon_words
 from trees.names import default_names
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.conditions.kinds import Kind
+    from bseries.conditions.kinds import MethodKind
     from trees.tree import Tree
 
+SCALAR = ("autonomous", "nonautonomous")
+
 MOST_CONDITIONS = 200_000
-"""More trees are refused before any work."""
+"""Larger sets of trees are refused before any work."""
 
 
 def order_conditions(
@@ -37,7 +39,7 @@ def order_conditions(
     symmetric: bool = False,
     max_children: Any = None,
 ) -> OrderConditions:
-    """The conditions on the coefficients of a method that give it an order.
+    """Order conditions on the coefficients of a method.
 
     Args:
         kind: ``"runge-kutta"``; ``"partitioned"`` or ``"additive"`` (one matrix A and row b for each part, stacked);
@@ -46,23 +48,23 @@ def order_conditions(
             velocities y' + h Σ b_i g_i; ``"rosenbrock"`` with α_ij, γ_ij and b_i, where β = α + γ; ``"splitting"``: s
             sweeps of exact flows, x^ν_i h being the time of the flow of part ν in sweep i.
         order: The order.
-        stages: The number of stages s (sweeps of a splitting method) where equations and code are to be made for one.
-        colors: The number of parts, of kinds that have parts; by default 2.
+        stages: The number of stages s (sweeps of a splitting method), where equations and code need one.
+        colors: The number of parts, for kinds with parts; by default 2.
         structure: ``"full"``, ``"explicit"`` or ``"diagonally-implicit"`` matrices; a list with one for each matrix.
         explicit: Short for ``structure="explicit"``.
         assumptions: Simplifying assumptions on a Runge–Kutta method, as in ``"B5 C2 D1"`` or ``{"C": 2}``: conditions
-            that follow from them and from the others are left out; see `Simplifying.implies`.
-        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for what a Runge–Kutta method needs on scalar
-            equations y' = f(y) and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
+            that they and the remaining conditions imply are left out; see `Assumptions.implies`.
+        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for Runge–Kutta methods on scalar equations y' = f(y)
+            and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
             Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
         symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
-        max_children: Which trees to look at, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
+        max_children: Which trees to include, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
 
     Returns:
         The conditions.
 
     Raises:
-        SeriesError: The kind is unknown, an argument does not go with it, or there are too many conditions.
+        SeriesError: The kind is unknown, an argument does not apply to it, or there are too many conditions.
         TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.
 
     Example:
@@ -98,7 +100,7 @@ def order_conditions(
         None if stages is None else check_stages(stages),
         colors,
         _check_structure(chosen, names, EXPLICIT if explicit else structure),
-        read_assumptions(assumptions),
+        Assumptions.read(assumptions),
         _check_scalar(scalar),
         bool(symmetric),
         limits,
@@ -111,7 +113,7 @@ def order_conditions(
     return OrderConditions(request, names, _classes(request, chosen))
 
 
-def _classes(request: Request, kind: Kind) -> list[list[Tree]]:
+def _classes(request: Request, kind: MethodKind) -> list[list[Tree]]:
     """The trees of each condition."""
     counts = (
         count_lyndon_words(request.order, request.colors)
@@ -133,17 +135,48 @@ def _classes(request: Request, kind: Kind) -> list[list[Tree]]:
         and not (request.symmetric and tree.order % 2 == 0)
         and not (any(request.assumptions) and request.assumptions.implies(tree))
     ]
-    return isomeric(needed, request.scalar) if request.scalar else [[tree] for tree in needed]
+    return _isomeric(needed, request.scalar) if request.scalar else [[tree] for tree in needed]
 
 
-def _find_kind(kind: object) -> tuple[str, Kind]:
+def _autonomous_class(tree: Tree) -> tuple[int, ...]:
+    """Numbers of children, which determine the elementary differential Π f^(m) of a scalar y' = f(y).
+
+    The classes of trees with n nodes are the partitions of n−1.
+    """
+    return tuple(sorted(len(t.children) for _, t in tree.preorder() if t.children))
+
+
+def _nonautonomous_class(tree: Tree) -> tuple[tuple[int, int], ...]:
+    """Butcher's atoms, which determine the elementary differential of a scalar y' = f(t, y).
+
+    A leaf is a derivative along (1, f), any other child a derivative by y: a node with l leaves and m other children is
+    the atom (∂_t + f ∂_y)^l ∂_y^m f.
+    """
+    atoms = []
+    for _, t in tree.preorder():
+        others = sum(1 for child in t.children if child.children)
+        if t.children:
+            atoms.append((len(t.children) - others, others))
+    return tuple(sorted(atoms))
+
+
+def _isomeric(trees: Iterable[Tree], scalar: str) -> list[list[Tree]]:
+    """Group trees by their elementary differential on scalar equations, in the order of the first trees."""
+    key: Callable[[Tree], Any] = _autonomous_class if scalar == "autonomous" else _nonautonomous_class
+    classes: dict[Any, list[Tree]] = {}
+    for tree in trees:
+        classes.setdefault(key(tree), []).append(tree)
+    return list(classes.values())
+
+
+def _find_kind(kind: object) -> tuple[str, MethodKind]:
     name = kind.lower().replace("_", "-") if isinstance(kind, str) else kind
     if not isinstance(name, str) or name not in KINDS:
         raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}")
     return name, KINDS[name]
 
 
-def _check_colors(name: str, kind: Kind, colors: int | None) -> int:
+def _check_colors(name: str, kind: MethodKind, colors: int | None) -> int:
     if colors is None:
         return kind.colors
     if not kind.any_colors:
@@ -151,9 +184,9 @@ def _check_colors(name: str, kind: Kind, colors: int | None) -> int:
     return colors
 
 
-def _check_structure(kind: Kind, names: Sequence[str], structure: object) -> tuple[str, ...]:
+def _check_structure(kind: MethodKind, names: Sequence[str], structure: object) -> tuple[str, ...]:
     """The structure of each matrix."""
-    program = Program(*kind.coefficients(names))
+    program = ConditionProgram(*kind.coefficients(names))
     count = sum(block.argument.is_matrix for block in program.blocks)
     if kind.structures or not count:
         if structure != FULL:

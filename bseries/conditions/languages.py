@@ -1,6 +1,6 @@
-"""Order conditions as source code: a straight line of assignments to scalars, printed by SymPy for each language.
+"""Order conditions as source code: straight-line assignments to scalars, printed by SymPy for each language.
 
-NumPy and numba get vectors instead; see `numpy_code` and `numba_code`.
+NumPy and numba have vector code instead; see `numpy_code` and `numba_code`.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.conditions.layout import known_stages, layout, named_blocks
 from bseries.conditions.numba_code import numba_source
 from bseries.conditions.numpy_code import numpy_source
-from bseries.conditions.scalars import Scalars, gradient, left_side
+from bseries.conditions.scalar_equations import ScalarInterpreter, gradient, left_side
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.conditions.program import System
+    from bseries.conditions.condition_program import EquationSystem
 
 Shape = tuple[int, ...]
 
 
 class Assignments(NamedTuple):
-    """Temporaries (name, expression) in order, results (index, expression), and what the columns of a Jacobian are.
+    """Temporaries (name, expression) in order, results (index, expression), and the columns of a Jacobian.
 
-    `temporary_count` is the largest number that names a temporary.
+    `temporary_count` is the largest number in the name of a temporary.
     """
 
     temporaries: list[tuple[str, Any]]
@@ -33,8 +33,8 @@ class Assignments(NamedTuple):
     temporary_count: int
 
 
-class Function(NamedTuple):
-    """A function to be written: its name, its arguments and result with their shapes, its assignments as text."""
+class FunctionSource(NamedTuple):
+    """A function to write: its name, arguments and result with their shapes, and its assignments as text."""
 
     name: str
     arguments: dict[str, Shape]
@@ -45,13 +45,13 @@ class Function(NamedTuple):
 
 
 class Language(NamedTuple):
-    """How a language writes an entry of an array (counted from 0), a temporary, a comment, and a function."""
+    """Syntax of a language: entries of arrays (indices from 0), temporaries, comments, functions."""
 
     entry: Callable[[str, Shape, Shape], str]
     temporary: str
     comment: str
     printer: Callable[[], Any]
-    function: Callable[[Function], list[str]]
+    function: Callable[[FunctionSource], list[str]]
     declare: str = ""
     preamble: tuple[str, ...] = ()
 
@@ -109,32 +109,32 @@ def _octave_printer() -> Any:
     return OctaveCodePrinter()
 
 
-def _python(f: Function) -> list[str]:
+def _python(f: FunctionSource) -> list[str]:
     zeros = f"[0] * {f.shape[-1]}"
     start = f"{f.result} = {zeros if len(f.shape) == 1 else f'[{zeros} for _ in range({f.shape[0]})]'}"
     lines = [start, *f.body, f"return {f.result}"]
     return [f"def {f.name}({', '.join(f.arguments)}):", *_indented(lines)]
 
 
-def _julia(f: Function) -> list[str]:
+def _julia(f: FunctionSource) -> list[str]:
     element = f"promote_type({', '.join(f'eltype({name})' for name in f.arguments)})"
     lines = [f"{f.result} = zeros({element}, {', '.join(map(str, f.shape))})", *f.body, f"return {f.result}"]
     return [f"function {f.name}({', '.join(f.arguments)})", *_indented(lines), "end"]
 
 
-def _octave(f: Function) -> list[str]:
+def _octave(f: FunctionSource) -> list[str]:
     sizes = ", ".join(map(str, (*f.shape, 1)[:2]))
     lines = [f"{f.result} = zeros({sizes});", *f.body]
     return [f"function {f.result} = {f.name}({', '.join(f.arguments)})", *_indented(lines), "end"]
 
 
-def _c(f: Function) -> list[str]:
+def _c(f: FunctionSource) -> list[str]:
     taken = [f"const double *{name}" for name in f.arguments]
     zero = f"for (int i = 0; i < {prod(f.shape)}; ++i) {f.result}[i] = 0.0;"
     return [f"void {f.name}({', '.join(taken)}, double *{f.result})", "{", *_indented([zero, *f.body]), "}"]
 
 
-def _fortran(f: Function) -> list[str]:
+def _fortran(f: FunctionSource) -> list[str]:
     shapes = {**f.arguments, f.result: f.shape}
     lines = ["implicit none"]
     for name, shape in shapes.items():
@@ -154,21 +154,28 @@ LANGUAGES = {
     "python": Language(_chained, "t{}", "#", _python_printer, _python, preamble=("from fractions import Fraction", "")),
     "julia": Language(_from_one("[]"), "t{}", "#", _julia_printer, _julia),
     "c": Language(_flat, "t{}", "//", _c_printer, _c, declare="const double "),
-    "fortran": Language(_from_one("()"), "t({})", "!", _fortran_printer, _fortran),
+    "fortran": Language(
+        _from_one("()"),
+        "t({})",
+        "!",
+        _fortran_printer,
+        _fortran,
+    ),
     "octave": Language(_from_one("()"), "t{}", "%", _octave_printer, _octave, preamble=("1;  % a script file",)),
 }
 ALL_LANGUAGES = ("python", "numpy", "numba", "julia", "c", "fortran", "octave")
-
 
 MOST_ENTRIES = 200_000
 """Code for larger Jacobians would take minutes to write, and longer to compile."""
 
 
-def source(system: System, title: str, labels: Iterable[str], language: str, stages: int | None, jacobian: bool) -> str:
-    """The source code of residual and Jacobian in a language; see `OrderConditions.code`.
+def source(
+    system: EquationSystem, title: str, labels: Iterable[str], language: str, stages: int | None, jacobian: bool
+) -> str:
+    """Source code of residual and Jacobian in a language; see `OrderConditions.code`.
 
     The rows of r and J are the conditions, the columns of J the free coefficients, argument by argument, row by row.
-    In C matrices are flat, row by row. The title and a label for each equation go into comments.
+    In C matrices are flat, row by row. The title and a label for each equation are written as comments.
     """
     name = language.lower() if isinstance(language, str) else language
     if name not in ALL_LANGUAGES:
@@ -186,26 +193,20 @@ def source(system: System, title: str, labels: Iterable[str], language: str, sta
             f"stages must be fewer, or language numpy or numba: the Jacobian has {size:,} entries to write"
         )
     lines = [f"{own.comment} {title}; {count} stages", *own.preamble, ""]
-    lines += _written(system, own, "residual", "r", count, _residual_assignments(system, count, own))
+    lines += _function(system, own, "residual", "r", count, _residual_assignments(system, count, own))
     if jacobian:
         found = _jacobian_assignments(system, count, own)
-        lines += [
-            "",
-            *([""] if own.comment == "#" else []),
-            *(f"{own.comment} {line}" for line in _column_lines(found.columns)),
-        ]
-        lines += _written(system, own, "jacobian", "J", count, found)
+        rows = [", ".join(found.columns[k : k + 12]) for k in range(0, len(found.columns), 12)]
+        lines += ["", *([""] if own.comment == "#" else [])]
+        lines += [f"{own.comment} {line}" for line in ("Columns of the Jacobian:", *rows)]
+        lines += _function(system, own, "jacobian", "J", count, found)
     return "\n".join(lines) + "\n"
 
 
-def _column_lines(columns: Sequence[str]) -> list[str]:
-    """What the columns are, a few to a line."""
-    rows = [", ".join(columns[k : k + 12]) for k in range(0, len(columns), 12)]
-    return ["Columns of the Jacobian:", *rows]
-
-
-def _written(system: System, language: Language, name: str, result: str, stages: int, found: Assignments) -> list[str]:
-    """One function."""
+def _function(
+    system: EquationSystem, language: Language, name: str, result: str, stages: int, found: Assignments
+) -> list[str]:
+    """The lines of one function."""
     from sympy import Symbol
 
     printer = language.printer()
@@ -215,18 +216,17 @@ def _written(system: System, language: Language, name: str, result: str, stages:
     ]
     body += [printer.doprint(value, assign_to=Symbol(language.entry(result, at, shape))) for at, value in found.results]
     arguments = {argument.name: argument.shape(stages) for argument in system.program.arguments}
-    return language.function(Function(name, arguments, result, shape, found.temporary_count, body))
+    return language.function(FunctionSource(name, arguments, result, shape, found.temporary_count, body))
 
 
-class _Recorder:
-    """Gives a name to every expression worth one; equal expressions have one name."""
+class _TemporaryNames:
+    """Names of temporaries: one for each different expression that is not a number or symbol."""
 
     def __init__(self, pattern: str):
         self._pattern = pattern
         self._names: dict[Any, Any] = {}
 
     def __call__(self, value: Any) -> Any:
-        """The name of an expression; numbers and names stand for themselves."""
         if isinstance(value, int) or value.is_Symbol or value.is_Number:
             return value
         if value not in self._names:
@@ -239,7 +239,7 @@ class _Recorder:
         return len(self._names)
 
     def needed(self, results: Sequence[Any]) -> list[tuple[str, Any]]:
-        """The assignments that the results depend on."""
+        """The assignments on which the results depend."""
         used = {symbol for result in results for symbol in result.free_symbols}
         kept = []
         for value, name in reversed(self._names.items()):
@@ -249,50 +249,49 @@ class _Recorder:
         return kept[::-1]
 
 
-def _machine(system: System, stages: int, language: Language) -> tuple[Scalars, _Recorder]:
+def _interpreter(system: EquationSystem, stages: int, language: Language) -> tuple[ScalarInterpreter, _TemporaryNames]:
     from sympy import Symbol
 
     def symbol(argument: Any, at: tuple[int, ...]) -> Any:
         return Symbol(language.entry(argument.name, at, argument.shape(stages)))
 
-    recorder = _Recorder(language.temporary)
+    names = _TemporaryNames(language.temporary)
     program = system.program
     blocks = named_blocks(program, system.structures, stages, symbol)
-    return Scalars(program, stages, blocks, recorder), recorder
+    return ScalarInterpreter(program, stages, blocks, names), names
 
 
-def _residual_assignments(system: System, stages: int, language: Language) -> Assignments:
-    """The assignments of the residual."""
+def _residual_assignments(system: EquationSystem, stages: int, language: Language) -> Assignments:
     from sympy import sympify
 
-    machine, recorder = _machine(system, stages, language)
-    values = system.program.run(machine, system.size)
+    interpreter, names = _interpreter(system, stages, language)
+    values = system.program.run(interpreter, system.size)
     results = [
-        ((k,), sympify(left_side(equation, machine, values) - equation.right, strict=True))
+        ((k,), sympify(left_side(equation, interpreter, values) - equation.right, strict=True))
         for k, equation in enumerate(system.equations)
     ]
-    return _assignments(recorder, results, [])
+    return _assignments(names, results, [])
 
 
-def _jacobian_assignments(system: System, stages: int, language: Language) -> Assignments:
-    """The assignments of the entries of the Jacobian that are not zero."""
+def _jacobian_assignments(system: EquationSystem, stages: int, language: Language) -> Assignments:
+    """The assignments of the nonzero entries of the Jacobian."""
     from sympy import sympify
 
-    machine, recorder = _machine(system, stages, language)
-    gradients = system.gradients
-    values = system.program.run(machine)
+    interpreter, names = _interpreter(system, stages, language)
+    gradients = system.gradients  # appends operations to the program
+    values = system.program.run(interpreter)
     free = [entry for entry in layout(system.program, system.structures, stages) if entry.is_free]
     results = []
-    for k, slopes in enumerate(gradients):
-        derivatives = gradient(system.program, slopes, stages, values)
+    for k, terms in enumerate(gradients):
+        derivatives = gradient(system.program, terms, stages, values)
         for column, entry in enumerate(free):
             value = sympify(derivatives[entry.block][entry.place], strict=True)
             if value != 0:
                 results.append(((k, column), value))
     columns = [language.entry(entry.argument.name, entry.at, entry.argument.shape(stages)) for entry in free]
-    return _assignments(recorder, results, columns)
+    return _assignments(names, results, columns)
 
 
-def _assignments(recorder: _Recorder, results: list[tuple[tuple[int, ...], Any]], columns: list[str]) -> Assignments:
-    temporaries = recorder.needed([value for _, value in results])
-    return Assignments(temporaries, results, columns, len(recorder))
+def _assignments(names: _TemporaryNames, results: list[tuple[tuple[int, ...], Any]], columns: list[str]) -> Assignments:
+    temporaries = names.needed([value for _, value in results])
+    return Assignments(temporaries, results, columns, len(names))

@@ -1,10 +1,11 @@
-"""Where the coefficients of a method lie: argument by argument, part by part, row by row."""
+"""Storage order of the coefficients of a method: by argument, part, and row."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from fractions import Fraction
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.conditions.kinds import DIAGONALLY_IMPLICIT, FULL
@@ -12,53 +13,46 @@ from bseries.exceptions import SeriesError
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    from bseries.conditions.program import Argument, Program
+    from bseries.conditions.condition_program import CoefficientArray, ConditionProgram
 
 
 MOST_STAGES = 1000
 
 
-class Entry(NamedTuple):
-    """One coefficient: its argument and index there (from 0), its block and place there, and whether it is free."""
+class CoefficientEntry(NamedTuple):
+    """One coefficient: its argument and index (from 0), its block and place in it, and whether it is free."""
 
-    argument: Argument
+    argument: CoefficientArray
     at: tuple[int, ...]
     block: int
     place: int
     is_free: bool
 
 
-def layout(program: Program, structures: Sequence[str], stages: int) -> list[Entry]:
-    """All entries of all arguments; those that the structure of their matrix rules out are not free."""
+def layout(program: ConditionProgram, structures: Sequence[str], stages: int) -> list[CoefficientEntry]:
+    """All entries of all arguments; those excluded by the structure of their matrix are not free."""
     found = []
     structure = iter(structures)
     for block, (argument, part) in enumerate(program.blocks):
         stack = (argument.parts.index(part),) if argument.is_stack else ()
         own = next(structure) if argument.is_matrix else FULL
-        for place, at in enumerate(_indices((stages,) * (1 + argument.is_matrix))):
-            found.append(Entry(argument, (*stack, *at), block, place, own == FULL or _is_inside(own, *at)))
+        for place, at in enumerate(product(range(stages), repeat=1 + argument.is_matrix)):
+            found.append(CoefficientEntry(argument, (*stack, *at), block, place, own == FULL or _is_inside(own, *at)))
     return found
 
 
 def _is_inside(structure: str, row: int, column: int) -> bool:
-    """Whether a triangular matrix may have an entry here."""
+    """Whether a triangular structure allows an entry."""
     return column < row or (structure == DIAGONALLY_IMPLICIT and column == row)
 
 
-def _indices(shape: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """All indices into an array, row by row."""
-    if not shape:
-        yield ()
-        return
-    for first in range(shape[0]):
-        for rest in _indices(shape[1:]):
-            yield (first, *rest)
-
-
 def named_blocks(
-    program: Program, structures: Sequence[str], stages: int, name: Callable[[Argument, tuple[int, ...]], Any]
+    program: ConditionProgram,
+    structures: Sequence[str],
+    stages: int,
+    name: Callable[[CoefficientArray, tuple[int, ...]], Any],
 ) -> list[list[Any]]:
-    """The entries of every block as symbols; 0 where they are not free."""
+    """The entries of every block as symbols; 0 where not free."""
     blocks: list[list[Any]] = [[] for _ in program.blocks]
     for entry in layout(program, structures, stages):
         blocks[entry.block].append(name(entry.argument, entry.at) if entry.is_free else 0)
@@ -66,7 +60,7 @@ def named_blocks(
 
 
 def check_stages(stages: object) -> int:
-    """A number of stages that arrays can have."""
+    """Check a number of stages."""
     count = check_order(stages, "stages")
     if count > MOST_STAGES:
         raise SeriesError(f"stages must be {MOST_STAGES} or less, but was {count}")
@@ -74,17 +68,17 @@ def check_stages(stages: object) -> int:
 
 
 def known_stages(stages: int | None) -> int:
-    """The number of stages where it must be known."""
+    """Check a number of stages that must be given."""
     if stages is None:
         raise SeriesError("stages must be given to write the equations out, but was not")
     return check_stages(stages)
 
 
-def read_arrays(program: Program, arrays: Sequence[Any], stages: int | None) -> tuple[int, list[list[Any]]]:
-    """The number of stages and the blocks of the arrays that somebody passes.
+def read_arrays(program: ConditionProgram, arrays: Sequence[Any], stages: int | None) -> tuple[int, list[list[Any]]]:
+    """Read arrays of coefficients: the number of stages, and the entries of each block.
 
     Raises:
-        SeriesError: Their number or a shape does not fit.
+        SeriesError: The number of arrays or a shape is wrong.
     """
     names = [argument.name for argument in program.arguments]
     if len(arrays) != len(names):
@@ -111,7 +105,7 @@ def _flattened(array: Any, depth: int) -> list[Any]:
 
 
 def _number(entry: Any, name: str) -> Any:
-    """Any kind of number or expression; decimals as fractions, which mix with the others."""
+    """Check a number or expression; decimals become fractions, which mix with other numbers."""
     if isinstance(entry, Decimal) and entry.is_finite():
         return Fraction(entry)
     if not hasattr(entry, "__mul__"):
@@ -120,7 +114,7 @@ def _number(entry: Any, name: str) -> Any:
 
 
 def _shape(array: Any, name: str) -> tuple[int, ...]:
-    """The sizes of nested sequences of numbers."""
+    """The shape of nested sequences of numbers."""
     if isinstance(array, str | bytes | dict | set):
         raise SeriesError(f"{name} must hold numbers in lists, tuples or arrays, but had {array!r:.60}")
     if not hasattr(array, "__len__"):

@@ -1,51 +1,48 @@
-"""Order conditions of a kind of methods: a sequence of equations, in several forms."""
+"""The order conditions of a kind of methods as text, LaTeX, SymPy equations, code, and compiled functions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
+from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.compiling import CompiledConditions
-from bseries.conditions.condition import OrderCondition, equation_of
+from bseries.conditions.condition import OrderCondition, class_weights, equation_of
+from bseries.conditions.condition_program import ConditionProgram, EquationSystem
 from bseries.conditions.kinds import KINDS, NODES
 from bseries.conditions.languages import source
 from bseries.conditions.layout import known_stages, read_arrays
-from bseries.conditions.program import Program, System
-from bseries.conditions.reductions import Simplifying, class_weights
-from bseries.conditions.scalars import Scalars, equations, left_sides
+from bseries.conditions.scalar_equations import ScalarInterpreter, equations, left_sides
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.immutable import ImmutableValue
 from trees.tree import Tree
 
-if TYPE_CHECKING:
-    from bseries.conditions.compiling import CompiledConditions
-
 
 class Request(NamedTuple):
-    """What was asked for, checked: the arguments of `order_conditions` in their normal form."""
+    """The checked arguments of `order_conditions` in normal form."""
 
     kind: str
     order: int
     stages: int | None
     colors: int
     structures: tuple[str, ...]
-    assumptions: Simplifying
+    assumptions: Assumptions
     scalar: str
     symmetric: bool
     limits: Any
 
 
 class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
-    """The order conditions of a kind of methods, as `order_conditions` makes them.
+    """The order conditions of a kind of methods, made by `order_conditions`.
 
-    A sequence of `OrderCondition`s, in the order of the trees; conditions can also be found by a tree or its text. The
-    arrays of coefficients that its methods take and the columns of a Jacobian have the order of `arguments`.
+    A sequence of `OrderCondition`s in the order of the trees, also indexed by trees and their texts. Arrays of
+    coefficients, and the columns of a Jacobian, have the order of `arguments`.
 
     Attributes:
-        request: What was asked for.
+        request: The arguments of `order_conditions`.
         names: The names of the parts.
         classes: The trees of each condition.
 
@@ -83,12 +80,12 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         return self.request.order
 
     @cached_property
-    def system(self) -> System:
+    def system(self) -> EquationSystem:
         """The equations and the program that computes them."""
         kind = KINDS[self.kind]
-        program = Program(*kind.coefficients(self.names))
+        program = ConditionProgram(*kind.coefficients(self.names))
         sums = kind.sums(program)
-        return System(program, [equation_of(trees, sums) for trees in self.classes], self.request.structures)
+        return EquationSystem(program, [equation_of(trees, sums) for trees in self.classes], self.request.structures)
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -165,12 +162,11 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         if len(arrays) == 1 and isinstance(arrays[0], RungeKutta | PartitionedRungeKutta):
             return self._residuals_of_method(arrays[0])
         stages, blocks = read_arrays(self.system.program, arrays, self.request.stages)
-        left = left_sides(self.system, Scalars(self.system.program, stages, blocks))
+        left = left_sides(self.system, ScalarInterpreter(self.system.program, stages, blocks))
         return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
 
     def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
-        """The residuals by way of the method's series, which are exact and simple for irrational tableaux, too."""
-
+        """The residuals from the method's series, which are exact and simple also for irrational tableaux."""
         if self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
             raise SeriesError(f"method must be one of the {len(self.names)}-part {self.kind} kind, but was {method!r}")
         s = series(method, self.order, max_children=self.request.limits)
@@ -184,8 +180,8 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """The conditions as SymPy equations.
 
         Args:
-            *arrays: The arrays of `arguments`, of SymPy expressions or numbers; by default symbols a_ij, b_i, … with
-                zeros where the structure says so.
+            *arrays: The arrays of `arguments`, of SymPy expressions or numbers; by default symbols a_ij, b_i, …, and
+                zeros given by the structure.
             stages: The number of stages; not needed if it was given to `order_conditions`, or with arrays.
             nodes: Write the row sums of A as symbols c_i, and append the equations c_i = Σ a_ij.
 
@@ -210,7 +206,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         return equations(self.system, *given, nodes=nodes)
 
     def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
-        """Source code of a function ``residual`` and, unless declined, ``jacobian``; see `conditions.languages`.
+        """Source code of a function ``residual`` and, by default, ``jacobian``; see `conditions.languages`.
 
         Args:
             language: ``"python"`` (lists; exact on Fractions), ``"numpy"``, ``"numba"``, ``"julia"``, ``"c"``,
@@ -240,7 +236,6 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             end
             <BLANKLINE>
         """
-
         title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
         names = self.names if len(self.names) > 1 else None
         labels = (", ".join(tree.text(names) for tree in trees) for trees in self.classes)
@@ -255,11 +250,10 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         Raises:
             SeriesError: The number of stages is missing or not 1 or more.
         """
-
         return CompiledConditions(self.system, self.known_stages(stages))
 
     def known_stages(self, stages: int | None) -> int:
-        """The number of stages given here or with the request."""
+        """The number of stages given here or to `order_conditions`."""
         return known_stages(self._chosen_stages(stages))
 
     def _chosen_stages(self, stages: int | None) -> int | None:

@@ -1,7 +1,7 @@
-"""Order conditions as numba source: the operations as a table, and loops that run it.
+"""Order conditions as numba source: a table of operations, and loops that execute it.
 
-Straight lines are not for numba: 17 conditions written out take it half a minute to compile, the loops a few seconds,
-however many conditions there are.
+The loops compile in a few seconds for any number of conditions; as straight-line code, 17 conditions take half a
+minute.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from bseries.conditions.kinds import DIAGONALLY_IMPLICIT, EXPLICIT
 
 if TYPE_CHECKING:
-    from bseries.conditions.program import Program, System
+    from bseries.conditions.condition_program import EquationSystem
 
 LOOPS = '''
 
@@ -59,7 +59,7 @@ JACOBIAN = """    v = run(len(OPERATIONS), matrices, vectors)
                     J[k, first[block] + i * s + j] += slope * v[y, j]"""
 
 
-def numba_source(system: System, jacobian: bool) -> list[str]:
+def numba_source(system: EquationSystem, jacobian: bool) -> list[str]:
     """The lines of residual and Jacobian."""
     terms = [(k, term) for k, equation in enumerate(system.equations) for term in equation.summands]
     slopes = [(k, slope) for k, row in enumerate(system.gradients if jacobian else []) for slope in row]
@@ -90,32 +90,26 @@ def _float(number: str) -> str:
     return number if "/" in number else f"{number}.0"
 
 
-def _header(system: System, name: str, what: str) -> list[str]:
-    """The beginning of a function, with all matrices and vectors in two arrays."""
+def _header(system: EquationSystem, name: str, what: str) -> list[str]:
+    """First lines of a function, with all matrices and vectors in two arrays."""
     program = system.program
     lines = ["@njit", f"def {name}({', '.join(system.arguments)}):", f'    """{what}"""']
     lines.append(f"    s = {program.arguments[0].name}.shape[-1]")
     lines.append(f"    matrices = np.zeros(({len(program.operators)}, s, s))")
     lines.append(f"    vectors = np.zeros(({len(program.blocks)}, s))")
     lines.append("    for i in range(s):")
-    for k, (argument, _) in enumerate(program.blocks):
-        if not argument.is_matrix:
-            lines.append(f"        vectors[{k}, i] = {_entry(program, k, 'i')}")
+    for k, block in enumerate(program.blocks):
+        if not block.argument.is_matrix:
+            lines.append(f"        vectors[{k}, i] = {block.code('i')}")
     lines.append("        for j in range(s):")
     relations = {"<": "j < i", "≤": "j <= i"}
     for k, op in enumerate(program.operators):
-        value = relations.get(op.relation) or " + ".join(_entry(program, block, "i, j") for block in op.blocks)
+        value = relations.get(op.relation) or " + ".join(program.blocks[k].code("i, j") for k in op.blocks)
         lines.append(f"            matrices[{k}, i, j] = {value}")
     return lines
 
 
-def _entry(program: Program, block: int, at: str) -> str:
-    argument, part = program.blocks[block]
-    stack = f"{argument.parts.index(part)}, " if argument.is_stack else ""
-    return f"{argument.name}[{stack}{at}]"
-
-
-def _jacobian(system: System) -> list[str]:
+def _jacobian(system: EquationSystem) -> list[str]:
     what = "Derivatives of the residual by the free coefficients, row by row."
     sizes = ["s * s" if argument.is_matrix else "s" for argument, _ in system.program.blocks]
     lines = _header(system, "jacobian", what)
@@ -124,8 +118,8 @@ def _jacobian(system: System) -> list[str]:
     return [*lines, *JACOBIAN.split("\n"), *_selection(system)]
 
 
-def _selection(system: System) -> list[str]:
-    """The lines that move the columns of free coefficients to the front and return them."""
+def _selection(system: EquationSystem) -> list[str]:
+    """Lines that move the columns of free coefficients to the front and return them."""
     lines = ["    free = 0"]
     structures = iter(system.structures)
     for block, (argument, _) in enumerate(system.program.blocks):

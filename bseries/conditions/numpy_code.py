@@ -1,4 +1,4 @@
-"""Order conditions as NumPy source: one line for each stage vector, whatever the number of stages."""
+"""Order conditions as NumPy source: one line for each stage vector, for any number of stages."""
 
 from __future__ import annotations
 
@@ -9,23 +9,17 @@ from typing import TYPE_CHECKING
 from bseries.conditions.kinds import FULL
 
 if TYPE_CHECKING:
-    from bseries.conditions.program import Program, Slope, Summand, System
+    from bseries.conditions.condition_program import ConditionProgram, EquationSystem, EquationTerm, GradientTerm
 
 
-def _block_name(program: Program, block: int) -> str:
-    """A block as a part of an argument."""
-    argument, part = program.blocks[block]
-    return f"{argument.name}[{argument.parts.index(part)}]" if argument.is_stack else argument.name
+class NumpyWriter:
+    """Interpreter that writes a line for each operation; its values are names."""
 
-
-class Writer:
-    """A machine whose values are names, and which writes a line for each operation."""
-
-    def __init__(self, program: Program):
+    def __init__(self, program: ConditionProgram):
         self._program = program
         self.lines: list[str] = []
         self.operators = [
-            _block_name(program, op.blocks[0]) if len(op.blocks) == 1 else f"matrix{k}"
+            program.blocks[op.blocks[0]].code() if len(op.blocks) == 1 else f"matrix{k}"
             for k, op in enumerate(program.operators)
         ]
 
@@ -40,7 +34,7 @@ class Writer:
 
     def vector(self, block: int) -> str:
         """A vector of coefficients."""
-        return _block_name(self._program, block)
+        return self._program.blocks[block].code()
 
     def product(self, x: str, y: str) -> str:
         """The product by components."""
@@ -55,14 +49,14 @@ class Writer:
         return self._line("v", f"{x} @ {self.operators[operator]}")
 
 
-def numpy_source(system: System, labels: Iterable[str], jacobian: bool) -> list[str]:
+def numpy_source(system: EquationSystem, labels: Iterable[str], jacobian: bool) -> list[str]:
     """The lines of residual and Jacobian; a label for each equation goes into a comment."""
     lines = ["import numpy as np", "", "", *_residual(system, labels)]
     return [*lines, "", "", *_jacobian(system)] if jacobian else lines
 
 
-def _header(system: System, writer: Writer, name: str, what: str) -> list[str]:
-    """The beginning of a function: constant matrices, sums of matrices, and the stage vectors."""
+def _header(system: EquationSystem, writer: NumpyWriter, name: str, what: str) -> list[str]:
+    """First lines of a function: constant matrices, sums of matrices, and the stage vectors."""
     program = system.program
     lines = [f"def {name}({', '.join(system.arguments)}):", f'    """{what}"""']
     lines.append(f"    s = {program.arguments[0].name}.shape[-1]")
@@ -71,12 +65,12 @@ def _header(system: System, writer: Writer, name: str, what: str) -> list[str]:
         if op.relation:
             lines.append(f"    {own} = np.tri(s, s, {0 if op.relation == '≤' else -1})")
         elif len(op.blocks) > 1:
-            lines.append(f"    {own} = {' + '.join(_block_name(program, block) for block in op.blocks)}")
+            lines.append(f"    {own} = {' + '.join(program.blocks[k].code() for k in op.blocks)}")
     return lines + [f"    {line}" for line in writer.lines]
 
 
-def _residual(system: System, labels: Iterable[str]) -> list[str]:
-    writer = Writer(system.program)
+def _residual(system: EquationSystem, labels: Iterable[str]) -> list[str]:
+    writer = NumpyWriter(system.program)
     values = system.program.run(writer, system.size)
     lines = _header(system, writer, "residual", "Left-hand sides minus right-hand sides.")
     lines.append("    return np.array([")
@@ -86,8 +80,8 @@ def _residual(system: System, labels: Iterable[str]) -> list[str]:
     return [*lines, "    ])"]
 
 
-def _summand(program: Program, summand: Summand, values: Sequence[str]) -> str:
-    return _times(summand.coefficient, f"{_block_name(program, summand.block)} @ {values[summand.value]}")
+def _summand(program: ConditionProgram, summand: EquationTerm, values: Sequence[str]) -> str:
+    return _times(summand.coefficient, f"{program.blocks[summand.block].code()} @ {values[summand.value]}")
 
 
 def _times(factor: Fraction, value: str) -> str:
@@ -96,9 +90,9 @@ def _times(factor: Fraction, value: str) -> str:
     return f"{factor} * {f'({value})' if ' @ ' in value else value}"
 
 
-def _jacobian(system: System) -> list[str]:
+def _jacobian(system: EquationSystem) -> list[str]:
     gradients = system.gradients
-    writer = Writer(system.program)
+    writer = NumpyWriter(system.program)
     values = system.program.run(writer)
     what = "Derivatives of the residual by the free coefficients, row by row."
     lines = _header(system, writer, "jacobian", what)
@@ -106,24 +100,24 @@ def _jacobian(system: System) -> list[str]:
     for block, (argument, part) in enumerate(system.program.blocks):
         sizes = "s, s" if argument.is_matrix else "s"
         lines.append(f"    d{block} = np.zeros(({count}, {sizes}))  # by {argument.name} {part}".rstrip())
-    for k, slopes in enumerate(gradients):
-        by_block: dict[int, list[Slope]] = {}
-        for slope in slopes:
-            by_block.setdefault(slope.block, []).append(slope)
+    for k, terms in enumerate(gradients):
+        by_block: dict[int, list[GradientTerm]] = {}
+        for term in terms:
+            by_block.setdefault(term.block, []).append(term)
         for block, own in sorted(by_block.items()):
-            lines.append(f"    d{block}[{k}] = {' + '.join(_slope(slope, values) for slope in own)}")
+            lines.append(f"    d{block}[{k}] = {' + '.join(_derivative(term, values) for term in own)}")
     rows = ", ".join(f"d{block}.reshape({count}, -1)" for block in range(len(system.program.blocks)))
     lines.append(f"    J = np.concatenate([{rows}], axis=1)")
     return [*lines, *_selection(system)]
 
 
-def _slope(slope: Slope, values: Sequence[str]) -> str:
-    own = values[slope.x] if slope.y < 0 else f"np.outer({values[slope.x]}, {values[slope.y]})"
-    return _times(slope.factor, own)
+def _derivative(term: GradientTerm, values: Sequence[str]) -> str:
+    own = values[term.x] if term.y < 0 else f"np.outer({values[term.x]}, {values[term.y]})"
+    return _times(term.factor, own)
 
 
-def _selection(system: System) -> list[str]:
-    """The lines that keep the columns of free coefficients."""
+def _selection(system: EquationSystem) -> list[str]:
+    """Lines that select the columns of free coefficients."""
     structures = system.structures
     if all(structure == FULL for structure in structures):
         return ["    return J"]

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 class Stages:
     """The stage matrices and weights of a method, flat, colour by colour.
 
-    Stage vectors multiply componentwise or in blocks: a block of s components is a polynomial modulo
-    z^s + Σ relation_k z^k. One block whose polynomial has the nodes as roots keeps methods with irrational nodes
-    rational (`integrators.StageAlgebra`); modulo z², a block holds a value and a derivative; modulo a high power of z,
-    a polynomial in the time of an exact flow (`bseries.algebra.program_stages`).
+    Stage vectors multiply componentwise, or block by block: a block of s components is a polynomial modulo
+    z^s + Σ relation_k z^k. With one block, whose polynomial has the nodes as roots, methods with irrational nodes stay
+    rational (`integrators.StageAlgebra`); modulo z², a block carries a value and a derivative; modulo a high power of
+    z, a polynomial in the time of an exact flow (`bseries.algebra.stages`).
     """
 
     __slots__ = ("a", "b", "blocks", "longest", "relation", "size")

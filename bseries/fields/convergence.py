@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from bseries.analysis.stability.functions import stability_function
+from bseries.analysis.stability.linear_stability import stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from bseries.analysis.stability.field_elements import dot, from_element, to_elements
-from bseries.analysis.stability.functions import stability_function
-from bseries.analysis.stability.resolvents import adjugate_terms
+from bseries.analysis.stability.linear_stability import adjugate_terms, stability_function
 from bseries.hamiltonians.symplectic_stages import Stages, entry
 
 if TYPE_CHECKING:

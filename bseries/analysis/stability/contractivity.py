@@ -1,7 +1,7 @@
-"""Contractivity for nonlinear problems: algebraic stability, and strong stability preservation.
+"""Contractivity for nonlinear problems: algebraic stability and strong stability preservation.
 
-Both are inequalities between numbers of the tableau and are decided exactly for exact tableaux. For decimals and
-floats, what must not be negative may be so within the error of its terms.
+Both are inequalities between entries of the tableau, decided exactly for exact tableaux, and within the error bounds
+for decimals and floats.
 """
 
 from __future__ import annotations
@@ -12,31 +12,45 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from bseries.analysis.stability import sturm
-from bseries.analysis.stability.field_elements import dot, has_sign, midpoint, stage_matrix, to_elements, upper
-from bseries.analysis.stability.functions import Method, checked_method, function_of
-from bseries.analysis.stability.inexact import Inexact, nearest_float
-from bseries.analysis.stability.resolvents import adjugate_terms, over, to_integers
+from bseries.analysis.stability.field_elements import (
+    Inexact,
+    dot,
+    has_sign,
+    midpoint,
+    nearest_float,
+    stage_matrix,
+    to_elements,
+    upper,
+)
+from bseries.analysis.stability.linear_stability import (
+    MethodOrFunction,
+    adjugate_terms,
+    checked_method,
+    function_of,
+    quotient,
+    to_integers,
+)
 
 if TYPE_CHECKING:
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 MOST_EXACT_STAGES = 3
-"""Tableaux on irrational nodes have entries in the splitting field of the node polynomial, too large beyond."""
+"""With more stages on irrational nodes, the splitting field of the node polynomial is too large."""
 
 
 def is_algebraically_stable(method: RungeKutta) -> bool | None:
     """Whether b_i ≥ 0 and the matrix M with m_ij = b_i a_ij + b_j a_ji − b_i b_j is positive semidefinite.
 
-    Such a method is B-stable: it contracts wherever the flow does. For methods without equivalent or superfluous stages
-    the converse holds too (for DJ-irreducible methods all b_i are then positive). What is decided is the tableau as it
-    stands, which for reducible methods is sufficient only.
+    Such a method is B-stable: it contracts wherever the flow does. For irreducible methods the converse holds too (for
+    DJ-irreducible methods all b_i are then positive). The tableau is not reduced first: for reducible methods the
+    condition is sufficient only.
 
     Args:
-        method: a Runge–Kutta method. Methods on the roots of a rational polynomial are decided by rational forms in the
-            basis 1, x, …: a change of basis changes no sign.
+        method: a Runge–Kutta method. For methods on the roots of a rational polynomial the quadratic forms are rational
+            in the basis 1, x, …; a change of basis keeps their signature.
 
     Returns:
-        The answer; None where it depends on symbols, or hangs on roots of too high a degree.
+        The answer; None where it depends on symbols or on roots of too high a degree.
 
     Raises:
         IntegratorError: `method` is no `RungeKutta`.
@@ -53,7 +67,7 @@ def is_algebraically_stable(method: RungeKutta) -> bool | None:
     """
     rows, weights, _ = stage_matrix(checked_method(method))
     if not all(map(has_sign, (*weights, *(a for row in rows for a in row)))):
-        # For explicit methods m_ii = −b_i², and not all b_i are 0.
+        # For explicit methods m_ii = −b_i², and some b_i is nonzero.
         return False if method.is_explicit and method.weight_sum == 1 else None
     stages = range(method.stages)
     gram = _gram(method, weights)
@@ -63,7 +77,7 @@ def is_algebraically_stable(method: RungeKutta) -> bool | None:
 
 
 def _gram(method: RungeKutta, weights: Sequence[Any]) -> list[list[Any]]:
-    """The matrix of the form Σ b_i f(c_i) g(c_i): diagonal, or in the basis 1, x, … the moments b(x^(k+l))."""
+    """Matrix of the form Σ b_i f(c_i) g(c_i): diagonal, or in the basis 1, x, … the moments b(x^(k+l))."""
     size = len(weights)
     if method.algebra is None:
         return [[b if i == j else Fraction(0) for j in range(size)] for i, b in enumerate(weights)]
@@ -72,10 +86,10 @@ def _gram(method: RungeKutta, weights: Sequence[Any]) -> list[list[Any]]:
 
 
 def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
-    """Whether a symmetric matrix has no negative eigenvalue, by symmetric elimination.
+    """Whether a symmetric matrix is positive semidefinite, by symmetric elimination.
 
-    Errors of the entries of row i move eigenvalues by no more than their sum on the diagonal would (Gershgorin), so the
-    benefit of the doubt is given there.
+    The errors of the entries of each row are added to its diagonal entry, which bounds their effect on the eigenvalues
+    (Gershgorin).
     """
     rows = [list(map(midpoint, row)) for row in matrix]
     for i, row in enumerate(matrix):
@@ -95,19 +109,20 @@ def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
 
 
 def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
-    """The SSP coefficient: the largest r such that steps h ≤ r h_E preserve what Euler steps h ≤ h_E preserve.
+    """SSP coefficient: the largest r such that steps h ≤ r h_E preserve the bounds that Euler steps h ≤ h_E preserve.
 
     It is Kraaijevanger's radius of absolute monotonicity: with K the matrix A with the row b below it and a column of
     zeros, the largest r with K (I + rK)⁻¹ ≥ 0 and r K (I + rK)⁻¹ 1 ≤ 1. The entries are rational functions of r, and
-    the r that satisfy the conditions form an interval from 0 on: its end is the smallest of the first roots at which a
-    numerator changes its sign. What is decided is the tableau as it stands; equivalent stages may lower it.
+    the conditions hold on an interval [0, r]: its end is the smallest root at which a numerator changes sign. The
+    tableau is not reduced first: equivalent stages may lower the coefficient.
 
     Args:
         method: a Runge–Kutta method.
 
     Returns:
-        A `Fraction` where the coefficient is recognised as rational, and verified, else the nearest float; 0 if no step
-        preserves, ``inf`` if every step does; None where it depends on symbols, or hangs on roots of too high a degree.
+        A `Fraction` where the coefficient is recognised as rational (and verified), else the nearest float; 0 if no
+        step preserves them, ``inf`` if every step does; None where it depends on symbols or on roots of too high a
+        degree.
 
     Raises:
         IntegratorError: `method` is no `RungeKutta`.
@@ -141,14 +156,14 @@ def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
 
 
 def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[sturm.Coefficients]:
-    """The polynomials in r that must not become negative: det(I + rA), and what stands above it in the conditions.
+    """Polynomials in r that must be nonnegative: det(I + rA), and the numerators of the conditions over it.
 
-    With C the adjugate of I + rA these are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.
+    With C the adjugate of I + rA the numerators are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.
     """
     whole, scale = to_integers(rows)
     terms = list(adjugate_terms(whole[:-1]))
-    determinant = [over(d, scale**k) for k, (d, _) in enumerate(terms)]
-    adjugate = [[[over(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
+    determinant = [quotient(d, scale**k) for k, (d, _) in enumerate(terms)]
+    adjugate = [[[quotient(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
     columns = [list(zip(*c, strict=True)) for c in adjugate]
     products = [[[dot(row, column) for column in c] for c in columns] for row in rows]
     row_sums = [[sum(row, Fraction(0)) for row in c] for c in adjugate]
@@ -160,27 +175,27 @@ def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[sturm.Coefficients]:
 
 
 def _first(conditions: Iterable[sturm.Coefficients], *, exact: bool) -> Fraction | float:
-    """The smallest r > 0 at which one of some polynomials becomes negative, ``inf`` if there is none."""
+    """The smallest r > 0 at which one of the polynomials becomes negative, ``inf`` if there is none."""
     polynomials = {tuple(map(upper, p)) for p in conditions}
     crossings = [x for x in map(sturm.first_crossing, polynomials) if x is not None]
     least = min(crossings, default=math.inf)
-    # A root that is not rational may round to one that is: the conditions themselves are asked.
+    # An irrational root may round to a rational number: verify it in the conditions themselves.
     if exact and isinstance(least, Fraction) and not any(sturm.sign_at(p, least) < 0 for p in polynomials):
         return least
     return nearest_float(least) if isinstance(least, Fraction) else least
 
 
-def linear_ssp_coefficient(method: Method) -> Fraction | float | None:
-    """The threshold factor: the SSP coefficient for linear problems with constant coefficients.
+def linear_ssp_coefficient(method: MethodOrFunction) -> Fraction | float | None:
+    """Threshold factor: the SSP coefficient for linear problems with constant coefficients.
 
     It is the radius of absolute monotonicity of the stability function, the largest r with R^(k)(x) ≥ 0 for all k and
-    −r ≤ x ≤ 0. For polynomials it is enough to ask this at x = −r.
+    −r ≤ x ≤ 0. For polynomials the condition at x = −r is sufficient.
 
     Args:
         method: an explicit Runge–Kutta method or its stability function.
 
     Returns:
-        As `ssp_coefficient`; None also where R is no polynomial: it then has infinitely many derivatives.
+        As `ssp_coefficient`; None also where R is no polynomial, since it then has infinitely many derivatives.
 
     Example:
         >>> from integrators import method

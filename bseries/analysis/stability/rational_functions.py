@@ -1,4 +1,4 @@
-"""Stability functions as values: exact rational functions of z, evaluated and printed."""
+"""Stability functions: exact rational functions of z, with evaluation, poles, and text."""
 
 from __future__ import annotations
 
@@ -10,8 +10,15 @@ from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self
 
 from bseries.analysis.stability import sturm
-from bseries.analysis.stability.field_elements import from_element, has_sign, midpoint, tells_zero, to_elements
-from bseries.analysis.stability.inexact import Inexact, nearest_float
+from bseries.analysis.stability.field_elements import (
+    Inexact,
+    from_element,
+    has_exact_zero_test,
+    has_sign,
+    midpoint,
+    nearest_float,
+    to_elements,
+)
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
@@ -23,17 +30,18 @@ if TYPE_CHECKING:
 
 
 POLE_DIGITS = 20
+"""Working precision of the first attempt at the poles."""
 
 
 class StabilityFunction(ImmutableValue):
-    """A rational function R(z) = P(z)/Q(z) that a method makes of y' = λy: y_1 = R(hλ) y_0.
+    """Stability function R(z) = P(z)/Q(z) of a method: y_1 = R(hλ) y_0 for y' = λy.
 
-    Numerator and denominator have no factor in common, and Q(0) = 1. Floats are kept as they are given: a factor that
-    they only nearly have in common stays.
+    Numerator and denominator have no common factor, and Q(0) = 1. Approximate common factors of polynomials in floats
+    are kept.
 
     Args:
-        numerator: the coefficients of 1, z, z², …, entries such as a tableau may have.
-        denominator: the same for the denominator; 1 if not given.
+        numerator: the coefficients of 1, z, z², …; any entries that a tableau may have.
+        denominator: the same for the denominator; 1 by default.
 
     Raises:
         IntegratorError: an entry is no number or formula, or the denominator vanishes at 0.
@@ -49,7 +57,7 @@ class StabilityFunction(ImmutableValue):
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.3.
     """
 
-    # numerator and denominator as elements of one field, see `bseries.analysis.stability.field_elements`
+    # P and Q as elements of one field, see `bseries.analysis.stability.field_elements`
     p: sturm.Coefficients
     q: sturm.Coefficients
     floating: bool
@@ -71,14 +79,14 @@ class StabilityFunction(ImmutableValue):
 
     @classmethod
     def from_elements(cls, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> Self:
-        """The function with these coefficients, elements of one field (see `field_elements`)."""
+        """Construct the function from coefficients in one field (see `field_elements`)."""
         function = cls.__new__(cls)
         function._set(p, q, floating=floating, digits=digits)
         return function
 
     def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
         p, q = sturm.strip(p), sturm.strip(q)
-        if p and all(map(tells_zero, (*p, *q))):
+        if p and all(map(has_exact_zero_test, (*p, *q))):
             common = sturm.monic_gcd(p, q)
             p, q = sturm.divide(p, common)[0], sturm.divide(q, common)[0]
         if q[0] != 1:
@@ -100,7 +108,7 @@ class StabilityFunction(ImmutableValue):
         return self.numerator, self.denominator, self.floating, self.digits
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """SymPy cannot pickle rational functions of symbols: they are built again."""
+        """Pickle by the entries where there are symbols: SymPy's rational functions cannot be pickled."""
         if self.parameters:
             return StabilityFunction, (self.numerator, self.denominator)
         return super().__reduce_ex__(protocol)
@@ -112,7 +120,7 @@ class StabilityFunction(ImmutableValue):
 
     @cached_property
     def has_signs(self) -> bool:
-        """Whether signs are decided: no symbols, and no roots of so high a degree that this would take too long."""
+        """Whether signs are decided: no symbols, and no roots of too high a degree."""
         return all(map(has_sign, (*self.p, *self.q)))
 
     @property
@@ -129,7 +137,7 @@ class StabilityFunction(ImmutableValue):
 
     @cached_property
     def poles(self) -> tuple[complex, ...]:
-        """The poles in double precision, multiple ones repeated, by real and then imaginary part."""
+        """The poles in double precision, repeated by multiplicity, sorted by real and then imaginary part."""
         if not self.has_signs:
             raise IntegratorError(
                 f"coefficients must be numbers before poles are found, but Q(z) was {shorten(polynomial_text(self.q))}"
@@ -142,8 +150,8 @@ class StabilityFunction(ImmutableValue):
         """The value R(z).
 
         Args:
-            z: an integer or fraction, for which the value is exact if the coefficients are; a real or complex number or
-                an array of them, evaluated in double precision; or a SymPy expression.
+            z: an integer or fraction, with an exact value if the coefficients are exact; a real or complex number or an
+                array, evaluated in double precision; or a SymPy expression.
 
         Returns:
             A number, an array of the shape of `z`, or a SymPy expression.
@@ -197,10 +205,7 @@ def _bracketed(text: str) -> str:
 
 
 def _roots(factor: sturm.Coefficients) -> list[complex]:
-    """The roots of a square-free polynomial, none of them 0, by Durand and Kerner's iteration.
-
-    It starts near the unit circle, so the variable is first divided by the roots' geometric mean.
-    """
+    """Nonzero roots of a square-free polynomial by the Durand–Kerner iteration, scaled by their geometric mean."""
     import mpmath
 
     ratio = factor[0] / factor[-1]
@@ -221,7 +226,7 @@ def _roots(factor: sturm.Coefficients) -> list[complex]:
 
 
 def _scalar(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
-    """The value at a number; far from 0 in powers of 1/z, which cannot overflow."""
+    """Value at a number; in powers of 1/z for |z| > 1, to avoid overflow."""
     try:
         if abs(z) <= 1:
             return sturm.evaluate(p, z) / sturm.evaluate(q, z)
@@ -233,7 +238,7 @@ def _scalar(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
 
 
 def _array(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
-    """The values at an array of numbers."""
+    """Values at an array of numbers."""
     import numpy as np
 
     try:
@@ -252,10 +257,10 @@ def _array(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
 
 
 def polynomial_text(coefficients: Sequence[Any], *, latex: bool = False) -> str:
-    """The sum of the terms that are not zero, in ascending powers of z.
+    """The nonzero terms of a polynomial as text, in ascending powers of z.
 
     Args:
-        coefficients: elements of a field (see `bseries.analysis.stability.field_elements`), ascending.
+        coefficients: elements of a field (see `field_elements`), ascending.
         latex: whether to write LaTeX.
 
     Example:
@@ -279,7 +284,7 @@ def _term(value: Any, k: int) -> str:
 
 
 def _product(factor: str, sign: str, power: str) -> str:
-    """The product, without a factor 1 of a power."""
+    """A coefficient times a power, without the coefficient 1."""
     return factor + sign * bool(power) + power if factor != "1" or not power else power
 
 

@@ -1,7 +1,7 @@
-"""Signs of real polynomials, decided exactly over any ordered field: Sturm's chains, Routh's scheme.
+"""Signs of real polynomials, decided exactly over ordered fields: Sturm chains and Routh's scheme.
 
-A polynomial is a tuple of coefficients, ascending, without trailing zeros: `Fraction`s or elements of a real number
-field (`RealAlgebraic`). Sums, products and divisors work over any field whose elements are false when zero.
+A polynomial is a tuple of ascending coefficients without trailing zeros: `Fraction`s or elements of a real number
+field (`RealAlgebraic`). Sums, products and divisions work over any field whose elements are false when zero.
 
 References:
     Basu, Pollack, Roy, *Algorithms in Real Algebraic Geometry*, chapters 2 and 9, doi:10.1007/3-540-33099-2.
@@ -15,13 +15,13 @@ from itertools import pairwise, zip_longest
 from math import gcd
 from typing import Any
 
-from bseries.analysis.stability.inexact import nearest_float
+from bseries.analysis.stability.field_elements import nearest_float
 from integrators.exact.polynomials import primitive
 
 Coefficients = tuple[Any, ...]
 
 MOST_DENOMINATOR = 10**6
-"""Rational roots with denominators up to this are recognised; that they are roots is then verified."""
+"""Rational roots with denominators up to this are recognised, and then verified."""
 
 
 def strip(p: Iterable[Any]) -> Coefficients:
@@ -33,7 +33,7 @@ def strip(p: Iterable[Any]) -> Coefficients:
 
 
 def combine(p: Sequence[Any], q: Sequence[Any], factor: int) -> list[Any]:
-    """The coefficients of p + factor · q."""
+    """Coefficients of p + factor · q."""
     return [a + factor * b for a, b in zip_longest(p, q, fillvalue=Fraction(0))]
 
 
@@ -87,25 +87,25 @@ def monic_gcd(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
 
 
 def squarefree_factors(p: Sequence[Any]) -> list[Coefficients]:
-    """Square-free polynomials, the roots of the k-th being the roots of p of multiplicity k, by Yun's algorithm."""
-    slope = derivative(p)
-    common = monic_gcd(p, slope)
-    rest, slope = divide(p, common)[0], divide(slope, common)[0]
+    """Square-free factors by multiplicity (Yun's algorithm): the k-th has the roots of p of multiplicity k."""
+    other = derivative(p)
+    common = monic_gcd(p, other)
+    rest, other = divide(p, common)[0], divide(other, common)[0]
     factors = []
     while len(rest) > 1:
-        slope = strip(combine(slope, derivative(rest), -1))
-        factor = monic_gcd(rest, slope)
+        other = strip(combine(other, derivative(rest), -1))
+        factor = monic_gcd(rest, other)
         factors.append(factor)
-        rest, slope = divide(rest, factor)[0], divide(slope, factor)[0]
+        rest, other = divide(rest, factor)[0], divide(other, factor)[0]
     return factors
 
 
 def first_crossing(p: Sequence[Any]) -> Fraction | float | None:
-    """Where p becomes negative for the first time as x grows from 0.
+    """First x ≥ 0 beyond which p becomes negative.
 
     Returns:
-        0 if p is negative right of 0, None if it is negative nowhere on x > 0, else the smallest positive root of odd
-        multiplicity: a `Fraction` if it is recognised as rational, and verified, else the nearest float.
+        0 if p is negative immediately right of 0, None if p(x) ≥ 0 for all x > 0, else the smallest positive root of
+        odd multiplicity: a `Fraction` if it is recognised as rational (and verified), else the nearest float.
 
     Example:
         >>> first_crossing((Fraction(4), Fraction(0), Fraction(-1)))
@@ -127,7 +127,7 @@ def first_crossing(p: Sequence[Any]) -> Fraction | float | None:
 
 
 def _odd_part(p: Coefficients) -> Coefficients:
-    """The square-free polynomial with the roots of odd multiplicity, of the sign of p at 0."""
+    """Square-free polynomial with the roots of odd multiplicity, and the sign of p at 0."""
     odd: Coefficients = (Fraction(1),)
     for factor in squarefree_factors(p)[::2]:
         odd = multiply(odd, factor)
@@ -140,10 +140,7 @@ def is_nonnegative(p: Sequence[Any]) -> bool:
 
 
 def sturm_chain(p: Coefficients) -> list[Coefficients]:
-    """The chain p, p', −(p mod p'), … up to the greatest common divisor, each times a positive factor.
-
-    Rational polynomials get integer coefficients without a common divisor.
-    """
+    """Sturm chain p, p', −(p mod p'), …, up to positive factors; rational polynomials become primitive integer ones."""
     chain = [_cleared(p), _cleared(derivative(p))]
     while len(chain[-1]) > 1:
         rest, divisor = chain[-2], chain[-1]
@@ -159,17 +156,18 @@ def sturm_chain(p: Coefficients) -> list[Coefficients]:
 
 
 def count_roots(chain: Sequence[Coefficients], low: Fraction, high: Fraction) -> int:
-    """The number of roots in low < x ≤ high of the polynomial that the chain belongs to."""
+    """Number of roots of the chain's polynomial in low < x ≤ high."""
     return _variations(chain, low) - _variations(chain, high)
 
 
 def _variations(chain: Sequence[Coefficients], x: Fraction) -> int:
+    """Number of sign changes of the chain at x."""
     signs = [sign for p in chain if (sign := sign_at(p, x))]
     return sum(a != b for a, b in pairwise(signs))
 
 
 def sign_at(p: Sequence[Any], x: Fraction) -> int:
-    """The sign of p(x), without division: that of the homogeneous polynomial at numerator and denominator of x."""
+    """Sign of p(x) without division: that of the homogenised polynomial at the numerator and denominator of x."""
     value: Any = 0
     power = 1
     for a in reversed(p):
@@ -179,7 +177,7 @@ def sign_at(p: Sequence[Any], x: Fraction) -> int:
 
 
 def _cleared(p: Coefficients) -> Coefficients:
-    """A positive multiple with integer coefficients and no common divisor, if p is rational."""
+    """A positive multiple of p: primitive with integer coefficients if p is rational, else monic up to sign."""
     if not all(isinstance(a, Fraction | int) for a in p):
         return tuple(a / (p[-1] if p[-1] > 0 else -p[-1]) for a in p)
     whole = primitive(p)
@@ -188,7 +186,7 @@ def _cleared(p: Coefficients) -> Coefficients:
 
 
 def _bound(p: Coefficients) -> Fraction:
-    """A power of two that exceeds all roots (Cauchy's bound)."""
+    """A power of two above all roots (Cauchy's bound)."""
     bound = Fraction(2)
     lead = -p[-1] if p[-1] < 0 else p[-1]
     for a in p[:-1]:
@@ -198,7 +196,7 @@ def _bound(p: Coefficients) -> Fraction:
 
 
 def _isolate(chain: Sequence[Coefficients], high: Fraction) -> tuple[Fraction, Fraction]:
-    """An interval low < x ≤ high that holds the smallest positive root and no other."""
+    """Interval low < x ≤ high that isolates the smallest positive root."""
     low = Fraction(0)
     while count_roots(chain, low, high) > 1:
         middle = (low + high) / 2
@@ -210,7 +208,7 @@ def _isolate(chain: Sequence[Coefficients], high: Fraction) -> tuple[Fraction, F
 
 
 def _refine(p: Coefficients, low: Fraction, high: Fraction) -> Fraction | float:
-    """The root in low < x ≤ high of a polynomial that is positive to the left of it."""
+    """The isolated root in low < x ≤ high of a polynomial that is positive left of it, by bisection."""
     while (high - low) * 2**60 > high:
         middle = (low + high) / 2
         if sign_at(p, middle) > 0:
@@ -222,7 +220,7 @@ def _refine(p: Coefficients, low: Fraction, high: Fraction) -> Fraction | float:
 
 
 def is_hurwitz(p: Sequence[Any]) -> bool:
-    """Whether all roots have negative real parts: no change of sign or zero in the first column of Routh's scheme.
+    """Whether all roots have negative real parts: no sign change and no zero in the first column of Routh's scheme.
 
     Example:
         >>> is_hurwitz((Fraction(2), Fraction(2), Fraction(1))), is_hurwitz((Fraction(1), Fraction(0), Fraction(1)))

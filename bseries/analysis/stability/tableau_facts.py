@@ -1,4 +1,4 @@
-"""What a tableau alone tells of a method, collected for reports."""
+"""Linear stability and contractivity of a tableau, collected for reports."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from bseries.analysis.stability import contractivity, phase_errors
-from bseries.analysis.stability import functions as stability
-from bseries.analysis.stability import regions as stability_regions
-from bseries.analysis.stability.field_elements import tells_zero
+from bseries.analysis.stability import contractivity, linear_stability
+from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import format_number
@@ -21,15 +19,15 @@ MOST_STAGES = 30
 OF_FUNCTION: dict[str, Callable[[StabilityFunction], Any]] = {
     "stability_function": str,
     "stability_at_infinity": lambda function: function.at_infinity,
-    "linear_order": phase_errors.linear_order,
-    "dispersion_order": phase_errors.dispersion_order,
-    "dissipation_order": lambda function: _or_infinite(phase_errors.dissipation_order(function)),
-    "i_stable": stability.is_i_stable,
-    "a_stable": stability.is_a_stable,
-    "l_stable": stability.is_l_stable,
-    "stability_angle": stability_regions.stability_angle,
-    "real_stability_interval": stability_regions.real_stability_interval,
-    "imaginary_stability_interval": stability_regions.imaginary_stability_interval,
+    "linear_order": linear_stability.linear_order,
+    "dispersion_order": linear_stability.dispersion_order,
+    "dissipation_order": lambda R: math.inf if (order := linear_stability.dissipation_order(R)) is None else order,
+    "i_stable": linear_stability.is_i_stable,
+    "a_stable": linear_stability.is_a_stable,
+    "l_stable": linear_stability.is_l_stable,
+    "stability_angle": linear_stability.stability_angle,
+    "real_stability_interval": linear_stability.real_stability_interval,
+    "imaginary_stability_interval": linear_stability.imaginary_stability_interval,
     "linear_ssp_coefficient": contractivity.linear_ssp_coefficient,
 }
 OF_TABLEAU: dict[str, Callable[[RungeKutta], Any]] = {
@@ -38,11 +36,11 @@ OF_TABLEAU: dict[str, Callable[[RungeKutta], Any]] = {
 }
 
 SLOW_FORMULAS = ("dispersion_order", "dissipation_order")
-"""What takes SymPy seconds if roots and symbols come together."""
+"""Facts that take SymPy seconds for formulas with both roots and symbols."""
 
 
 def tableau_properties(method: RungeKutta) -> dict[str, Any]:
-    """All that the tableau alone tells of linear stability and contractivity, ready for JSON.
+    """Linear stability and contractivity of a tableau as JSON-ready data.
 
     Args:
         method: a Runge–Kutta method.
@@ -51,8 +49,8 @@ def tableau_properties(method: RungeKutta) -> dict[str, Any]:
         The keys stability_function, stability_at_infinity, linear_order, dispersion_order, dissipation_order, i_stable,
         a_stable, l_stable, stability_angle, real_stability_interval, imaginary_stability_interval,
         linear_ssp_coefficient, algebraically_stable, ssp_coefficient and undecided. Orders are integers, answers are
-        booleans, other numbers are text (``"inf"`` without end). What is not decided is None, and ``undecided`` has its
-        reason.
+        booleans, other numbers are text (``"inf"`` if infinite). Undecided values are None, with the reason in
+        ``undecided``.
 
     Raises:
         IntegratorError: `method` is no `RungeKutta`.
@@ -66,17 +64,17 @@ def tableau_properties(method: RungeKutta) -> dict[str, Any]:
         {'linear_ssp_coefficient': 'the stability function is no polynomial'}
     """
     undecided: dict[str, str] = {}
-    if stability.checked_method(method).stages > MOST_STAGES:
+    if linear_stability.checked_method(method).stages > MOST_STAGES:
         names = (*OF_FUNCTION, *OF_TABLEAU)
         reason = f"more than {MOST_STAGES} stages would take long: ask for each fact by its own function"
         return dict.fromkeys(names) | {"undecided": dict.fromkeys(names, reason)}
     try:
-        function = stability.stability_function(method)
+        function = linear_stability.stability_function(method)
     except IntegratorError as error:
         found: dict[str, Any] = dict.fromkeys(OF_FUNCTION)
         undecided |= dict.fromkeys(OF_FUNCTION, str(error))
     else:
-        if function.parameters and not all(map(tells_zero, (*function.p, *function.q))):
+        if function.parameters and not all(map(has_exact_zero_test, (*function.p, *function.q))):
             undecided |= dict.fromkeys(SLOW_FORMULAS, "formulas with roots and symbols would take long")
         found = {name: None if name in undecided else _ready(ask(function)) for name, ask in OF_FUNCTION.items()}
     found |= {name: _ready(ask(method)) for name, ask in OF_TABLEAU.items()}
@@ -86,12 +84,8 @@ def tableau_properties(method: RungeKutta) -> dict[str, Any]:
     return found | {"undecided": undecided}
 
 
-def _or_infinite(order: int | None) -> int | float:
-    return math.inf if order is None else order
-
-
 def _ready(value: Any) -> Any:
-    """A value for JSON: numbers that are no counts as text."""
+    """A value for JSON: numbers other than integers as text."""
     return value if value is None or isinstance(value, bool | int | str) else format_number(value)
 
 

@@ -16,7 +16,7 @@ from bseries.cli.table import Column
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
-    from bseries.algebra.presentation import Term
+    from bseries.algebra.presentation import SeriesTerm
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
 
@@ -142,18 +142,18 @@ def answer(
     return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
 
 
-def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[Term]:
+def _terms(s: BSeries, nonzero: bool, output: Output) -> Iterator[SeriesTerm]:
     return output.track(s.terms(nonzero=nonzero), len(s))
 
 
-def _table_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[table.Row]:
+def _table_rows(s: BSeries, terms: Iterable[SeriesTerm]) -> Iterator[table.Row]:
     names = names_or_none(s.names)
     for term in terms:
         tree = term.tree
         yield str(tree.order), tree.text(names), term.coefficient_text, term.weight_text, tree.differential(names=names)
 
 
-def _csv_rows(s: BSeries, terms: Iterable[Term]) -> Iterator[table.Row]:
+def _csv_rows(s: BSeries, terms: Iterable[SeriesTerm]) -> Iterator[table.Row]:
     names = names_or_none(s.names)
     for term in terms:
         tree = term.tree

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra.flow_chains import FlowChain
 from bseries.algebra.stages import auxiliary_colors, inputs_of, own_trees
 from bseries.analysis.structure_conditions import SEPARABLE
-from bseries.conditions.lyndon import count_lyndon_words
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.brackets.lie_algebra import TALL
 from trees.counting import check_order, normal_limits
+from trees.lyndon_words import count_lyndon_words
 from trees.table import tree_table
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from functools import cache, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from bseries.conditions.lyndon import lyndon_words
+from trees.lyndon_words import lyndon_words
 
 if TYPE_CHECKING:
     from trees.table import TreeTable

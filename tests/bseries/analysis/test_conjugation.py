@@ -7,7 +7,7 @@ import field_oracles as oracle
 import pytest
 
 import bseries as bs
-from bseries.analysis.structure_conditions import hamiltonian_conditions
+from bseries.analysis.structure import hamiltonian_conditions
 from integrators import TakahashiImada
 
 SEPARABLE = [[0, None], [None, 0]]

@@ -8,8 +8,7 @@ import pytest
 import sympy
 
 from bseries.analysis.stability.contractivity import is_algebraically_stable, linear_ssp_coefficient, ssp_coefficient
-from bseries.analysis.stability.functions import stability_function
-from bseries.analysis.stability.phase_errors import linear_order
+from bseries.analysis.stability.linear_stability import linear_order, stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from integrators import IntegratorError, RungeKutta, catalogue, method
 

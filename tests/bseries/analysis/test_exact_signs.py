@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import sympy
 
-from bseries.analysis.stability.inexact import Inexact
-from bseries.analysis.stability.number_fields import to_number_field
-from bseries.analysis.stability.resolvents import adjugate_terms, characteristic
+from bseries.analysis.stability.field_elements import Inexact, to_number_field
+from bseries.analysis.stability.linear_stability import adjugate_terms, characteristic
 from bseries.analysis.stability.sturm import count_roots, first_crossing, is_hurwitz, squarefree_factors, sturm_chain
 
 

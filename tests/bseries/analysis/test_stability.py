@@ -11,10 +11,20 @@ import numpy as np
 import pytest
 import sympy
 
-from bseries.analysis.stability.functions import e_polynomial, is_a_stable, is_i_stable, is_l_stable, stability_function
-from bseries.analysis.stability.phase_errors import dispersion_order, dissipation_order, linear_order
+from bseries.analysis.stability.linear_stability import (
+    dispersion_order,
+    dissipation_order,
+    e_polynomial,
+    imaginary_stability_interval,
+    is_a_stable,
+    is_i_stable,
+    is_l_stable,
+    linear_order,
+    real_stability_interval,
+    stability_angle,
+    stability_function,
+)
 from bseries.analysis.stability.rational_functions import StabilityFunction
-from bseries.analysis.stability.regions import imaginary_stability_interval, real_stability_interval, stability_angle
 from bseries.analysis.stability.tableau_facts import tableau_properties
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, catalogue, method
 from integrators.exact.expressions import parse_expression

@@ -9,7 +9,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.analysis.structure_conditions import (
+from bseries.analysis.structure import (
+    STRUCTURES,
     cubic_conditions,
     energy_conditions,
     hamiltonian_conditions,
@@ -371,6 +372,12 @@ def test_numbers_beyond_machine_integers(execution):
 def test_refusals(call, message):
     with pytest.raises(bs.errors, match=message):
         call()
+
+
+@pytest.mark.parametrize("method", ["rk4", "stormer-verlet"])
+def test_check_reports_every_structure(method):
+    names = [name for structure in STRUCTURES for name in structure.names]
+    assert list(bs.check(bs.method(method), 3).structure) == names
 
 
 def test_symbols_stay_symbols():

@@ -18,7 +18,6 @@ from series_oracles import weight
 from sympy.polys.matrices import DomainMatrix
 
 import bseries as bs
-from bseries.conditions.lyndon import count_lyndon_words, lyndon_words
 from trees.names import default_names
 
 F = Fraction
@@ -62,13 +61,6 @@ def test_numbers_of_nystrom_trees():
     assert [roots[1].count(n) for n in range(2, 10)] == numbers
     general = bs.order_conditions("general-nystrom", 4)
     assert [sum(c.tree.order == n and c.tree.color == 0 for c in general) for n in (1, 2, 3)] == [1, 2, 6]
-
-
-def test_lyndon_words_are_smaller_than_their_rotations():
-    words = set(lyndon_words(6, 2))
-    everything = [tuple(int(c) for c in f"{k:0{n}b}") for n in range(1, 7) for k in range(2**n)]
-    assert words == {w for w in everything if all(w < w[k:] + w[:k] for k in range(1, len(w)))}
-    assert count_lyndon_words(6, 2) == [sum(len(w) == n for w in words) for n in range(1, 7)]
 
 
 # formulas

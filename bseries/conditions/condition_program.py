@@ -1,12 +1,12 @@
-"""Order conditions as one straight-line program of stage vectors, with its derivatives by reverse accumulation.
+"""Order conditions as one straight-line program of stage vectors, with derivatives by reverse accumulation.
 
-The stage vector of a tree is a product with one factor for each child, and a factor is a vector of coefficients (the
-nodes c) or the image A g of a child's stage vector g. Trees share their parts, so every vector is computed once. The
-left-hand side of a condition is a sum of products b · g.
+The stage vector of a tree is a product with one factor for each child; a factor is a vector of coefficients (the nodes
+c) or the image A g of a child's stage vector g. Vectors of common subtrees are computed once. The left-hand side of a
+condition is a sum of products b · g.
 
-Its derivative is a sum over the edges of the tree that can be cut: with u the product of what came down from the root
-and of the siblings, and g the stage vector of the branch, the edge contributes u_k g_l to ∂/∂a_kl, and Aᵀu is what goes
-up into the branch. These vectors belong to a trunk with a marked node, and trees share them as well.
+Its derivative is a sum over the edges of the tree: with u the adjoint vector at the parent times the factors of the
+siblings, and g the stage vector of the child, the edge contributes u_k g_l to ∂/∂a_kl, and Aᵀu is the adjoint vector at
+the child. Adjoint vectors of common trunks are computed once as well.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple, Protocol, TypeVar
 
-from bseries.conditions.kernels import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR
-
 V = TypeVar("V")
 
+ONE, VECTOR, PRODUCT, IMAGE, PULLBACK = range(5)
+"""Kinds of operations: (1, …, 1); a vector of coefficients; x · y by components; A y; Aᵀ y."""
 
-class Argument(NamedTuple):
+
+class CoefficientArray(NamedTuple):
     """An array of coefficients: a matrix or vector over the stages, or a stack of them, one for each part."""
 
     name: str
@@ -38,21 +39,27 @@ class Argument(NamedTuple):
         return self.parts != ("",)
 
     def shape(self, stages: int) -> tuple[int, ...]:
-        """The sizes of the array."""
+        """The shape of the array."""
         return (len(self.parts),) * self.is_stack + (stages,) * (1 + self.is_matrix)
 
 
-class Block(NamedTuple):
+class CoefficientBlock(NamedTuple):
     """One matrix or vector of an argument."""
 
-    argument: Argument
+    argument: CoefficientArray
     part: str
 
+    def code(self, at: str = "") -> str:
+        """The block, or one of its entries, as an expression in Python."""
+        stack = str(self.argument.parts.index(self.part)) if self.argument.is_stack else ""
+        index = ", ".join(filter(None, (stack, at)))
+        return f"{self.argument.name}[{index}]" if index else self.argument.name
 
-class Operator(NamedTuple):
+
+class StageMatrix(NamedTuple):
     """A stage matrix: the sum of some blocks, or the constant matrix with ones where `relation` holds for j and i.
 
-    `row_sum` is what formulas call its row sums, where they have a name of their own.
+    `row_sum` is the symbol of its row sums in formulas, if they have one.
     """
 
     blocks: tuple[int, ...]
@@ -63,7 +70,7 @@ class Operator(NamedTuple):
     relation: str = ""
 
 
-class Summand(NamedTuple):
+class EquationTerm(NamedTuple):
     """coefficient · (w · g), with w the vector of coefficients in a block and g the value of an operation."""
 
     coefficient: Fraction
@@ -71,8 +78,8 @@ class Summand(NamedTuple):
     value: int
 
 
-class Slope(NamedTuple):
-    """A part of a gradient: factor · x yᵀ for the matrix in a block, or factor · x for a vector (`y` is −1)."""
+class GradientTerm(NamedTuple):
+    """A term of a gradient: factor · x yᵀ for the matrix in a block, or factor · x for a vector (`y` is −1)."""
 
     factor: Fraction
     block: int
@@ -80,8 +87,8 @@ class Slope(NamedTuple):
     y: int
 
 
-class Machine(Protocol[V]):
-    """What carries the operations out: on numbers, on symbols, or by writing code."""
+class Interpreter(Protocol[V]):
+    """Executes the operations on numbers or symbols, or by writing code; `of_one`: x is (1, …, 1)."""
 
     def one(self) -> V:
         """The vector (1, …, 1)."""
@@ -96,7 +103,7 @@ class Machine(Protocol[V]):
         ...
 
     def image(self, operator: int, x: V, *, of_one: bool) -> V:
-        """A x; `of_one`: x is (1, …, 1), the image the row sums."""
+        """A x."""
         ...
 
     def pullback(self, operator: int, x: V) -> V:
@@ -104,18 +111,18 @@ class Machine(Protocol[V]):
         ...
 
 
-class Program:
-    """Operations on stage vectors; equal operations are one.
+class ConditionProgram:
+    """Operations on stage vectors, without duplicates.
 
     Args:
         arguments: The arrays of coefficients.
         operators: The stage matrices.
     """
 
-    def __init__(self, arguments: Sequence[Argument], operators: Sequence[Operator]):
+    def __init__(self, arguments: Sequence[CoefficientArray], operators: Sequence[StageMatrix]):
         self.arguments = tuple(arguments)
         self.operators = tuple(operators)
-        self.blocks = [Block(argument, part) for argument in arguments for part in argument.parts]
+        self.blocks = [CoefficientBlock(argument, part) for argument in arguments for part in argument.parts]
         self.operations: list[tuple[int, int, int]] = []
         self._ids: dict[tuple[int, int, int], int] = {}
         self._factors: dict[int, tuple[int, ...]] = {self._emit(ONE): ()}  # the first operation: its id is ONE, 0
@@ -137,7 +144,7 @@ class Program:
         return self._emit(IMAGE, operator, stage)
 
     def times(self, stage: int, factor: int) -> int:
-        """A stage vector with one more factor."""
+        """The product of a stage vector and a factor."""
         found = factor if stage == ONE else self._emit(PRODUCT, stage, factor)
         self._factors.setdefault(found, (*self._factors[stage], factor))
         return found
@@ -147,7 +154,7 @@ class Program:
         return self._factors[stage]
 
     def _without(self, stage: int, factor: int) -> int:
-        """A stage vector with one factor left out."""
+        """A stage vector without one of its factors."""
         rest = list(self._factors[stage])
         rest.remove(factor)
         found = ONE
@@ -155,11 +162,11 @@ class Program:
             found = self.times(found, other)
         return found
 
-    def gradient(self, summands: Sequence[Summand]) -> list[Slope]:
-        """The derivatives of a sum by all coefficients; appends the operations that they need."""
-        slopes: defaultdict[tuple[int, int, int], Fraction] = defaultdict(Fraction)
+    def gradient(self, summands: Sequence[EquationTerm]) -> list[GradientTerm]:
+        """The derivatives of a sum by all coefficients; appends the operations they need."""
+        derivatives: defaultdict[tuple[int, int, int], Fraction] = defaultdict(Fraction)
         for coefficient, block, stage in summands:
-            slopes[block, stage, -1] += coefficient
+            derivatives[block, stage, -1] += coefficient
             pending = [(stage, self.vector(block), coefficient)]
             while pending:
                 stage, above, factor = pending.pop()
@@ -168,53 +175,53 @@ class Program:
                     u = above if rest == ONE else self._emit(PRODUCT, above, rest)
                     kind, which, branch = self.operations[child]
                     if kind == VECTOR:
-                        slopes[which, u, -1] += factor * multiplicity
+                        derivatives[which, u, -1] += factor * multiplicity
                         continue
                     for own in self.operators[which].blocks:
-                        slopes[own, u, branch] += factor * multiplicity
+                        derivatives[own, u, branch] += factor * multiplicity
                     if branch != ONE:
                         pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
-        return [Slope(factor, *key) for key, factor in slopes.items()]
+        return [GradientTerm(factor, *key) for key, factor in derivatives.items()]
 
-    def run(self, machine: Machine[V], count: int | None = None) -> list[V]:
+    def run(self, interpreter: Interpreter[V], count: int | None = None) -> list[V]:
         """The values of the first `count` operations, by default of all."""
         values: list[V] = []
         for kind, x, y in self.operations[:count]:
             if kind == ONE:
-                values.append(machine.one())
+                values.append(interpreter.one())
             elif kind == VECTOR:
-                values.append(machine.vector(x))
+                values.append(interpreter.vector(x))
             elif kind == PRODUCT:
-                values.append(machine.product(values[x], values[y]))
+                values.append(interpreter.product(values[x], values[y]))
             elif kind == IMAGE:
-                values.append(machine.image(x, values[y], of_one=y == ONE))
+                values.append(interpreter.image(x, values[y], of_one=y == ONE))
             else:
-                values.append(machine.pullback(x, values[y]))
+                values.append(interpreter.pullback(x, values[y]))
         return values
 
 
 class Equation(NamedTuple):
     """Σ summands = right."""
 
-    summands: tuple[Summand, ...]
+    summands: tuple[EquationTerm, ...]
     right: Fraction
 
 
-class System:
+class EquationSystem:
     """Equations with the program that computes them.
 
     Args:
-        program: What computes the stage vectors of the equations.
+        program: The program for the stage vectors.
         equations: The equations.
         structures: The structure of each stage matrix among the arguments.
     """
 
-    def __init__(self, program: Program, equations: Sequence[Equation], structures: Sequence[str]):
+    def __init__(self, program: ConditionProgram, equations: Sequence[Equation], structures: Sequence[str]):
         self.program = program
         self.equations = tuple(equations)
         self.structures = tuple(structures)
         self.size = len(program.operations)
-        """The number of operations that the left-hand sides need; those behind serve the derivatives."""
+        """The number of operations for the left-hand sides; later operations serve the derivatives."""
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -222,6 +229,6 @@ class System:
         return tuple(argument.name for argument in self.program.arguments)
 
     @cached_property
-    def gradients(self) -> list[list[Slope]]:
+    def gradients(self) -> list[list[GradientTerm]]:
         """The derivatives of every left-hand side."""
         return [self.program.gradient(equation.summands) for equation in self.equations]

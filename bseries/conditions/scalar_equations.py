@@ -1,4 +1,4 @@
-"""The operations of a program on numbers and symbols, for exact values, SymPy equations and scalar code."""
+"""Order conditions in numbers and symbols: exact values, SymPy equations, scalar code."""
 
 from __future__ import annotations
 
@@ -8,26 +8,32 @@ from typing import TYPE_CHECKING, Any
 from bseries.conditions.layout import named_blocks
 
 if TYPE_CHECKING:
-    from bseries.conditions.program import Argument, Equation, Program, Slope, System
+    from bseries.conditions.condition_program import (
+        CoefficientArray,
+        ConditionProgram,
+        Equation,
+        EquationSystem,
+        GradientTerm,
+    )
 
 
 Vector = tuple[Any, ...]
 
 
-class Scalars:
-    """Stage vectors as tuples of numbers or expressions.
+class ScalarInterpreter:
+    """Interpreter on stage vectors that are tuples of numbers or expressions.
 
     Args:
         program: The program to be run.
         stages: The number of stages.
         blocks: The coefficients, block by block.
-        keep: Called with every number computed, gives the one to go on with.
-        nodes: Row sums that are known by other means, by operator.
+        keep: Maps every computed number to the one that replaces it, such as the name of a temporary.
+        nodes: Known row sums, by operator.
     """
 
     def __init__(
         self,
-        program: Program,
+        program: ConditionProgram,
         stages: int,
         blocks: Sequence[Sequence[Any]],
         keep: Callable[[Any], Any] = lambda value: value,
@@ -71,7 +77,7 @@ class Scalars:
 
 
 def _sum(values: Any) -> Any:
-    """A sum without zeros, so that expressions stay small."""
+    """A sum that skips zeros, to keep expressions small."""
     total: Any = 0
     for value in values:
         if not (isinstance(value, int) and value == 0):
@@ -84,28 +90,30 @@ def dot(x: Sequence[Any], y: Sequence[Any]) -> Any:
     return _sum(a * b for a, b in zip(x, y, strict=True))
 
 
-def left_sides(system: System, machine: Scalars) -> list[Any]:
+def left_sides(system: EquationSystem, interpreter: ScalarInterpreter) -> list[Any]:
     """The left-hand sides of all equations."""
-    values = system.program.run(machine, system.size)
-    return [left_side(equation, machine, values) for equation in system.equations]
+    values = system.program.run(interpreter, system.size)
+    return [left_side(equation, interpreter, values) for equation in system.equations]
 
 
-def left_side(equation: Equation, machine: Scalars, values: Sequence[Vector]) -> Any:
+def left_side(equation: Equation, interpreter: ScalarInterpreter, values: Sequence[Vector]) -> Any:
     """The left-hand side of one equation."""
     return _sum(
-        summand.coefficient * dot(machine.vector(summand.block), values[summand.value])
+        summand.coefficient * dot(interpreter.vector(summand.block), values[summand.value])
         if summand.coefficient != 1
-        else dot(machine.vector(summand.block), values[summand.value])
+        else dot(interpreter.vector(summand.block), values[summand.value])
         for summand in equation.summands
     )
 
 
-def gradient(program: Program, slopes: Sequence[Slope], stages: int, values: Sequence[Vector]) -> list[list[Any]]:
-    """The derivatives by all entries of all blocks, each block flat."""
+def gradient(
+    program: ConditionProgram, terms: Sequence[GradientTerm], stages: int, values: Sequence[Vector]
+) -> list[list[Any]]:
+    """Derivatives by all entries of all blocks, each block flat."""
     derivatives: list[list[Any]] = [
         [0] * (stages * stages if block.argument.is_matrix else stages) for block in program.blocks
     ]
-    for factor, block, x, y in slopes:
+    for factor, block, x, y in terms:
         own = derivatives[block]
         for i, u in enumerate(values[x]):
             for at, v in [(i, 1)] if y < 0 else [(i * stages + j, v) for j, v in enumerate(values[y])]:
@@ -114,28 +122,28 @@ def gradient(program: Program, slopes: Sequence[Slope], stages: int, values: Seq
     return derivatives
 
 
-def symbol_name(argument: Argument, at: Sequence[int], stages: int) -> str:
-    """The name of a coefficient: a_21, a__p_21 for the part p, a_10_1 where stages have two digits."""
+def symbol_name(argument: CoefficientArray, at: Sequence[int], stages: int) -> str:
+    """The name of a coefficient: a_21, a__p_21 for part p, a_10_1 for ten or more stages."""
     part = argument.parts[at[0]] if argument.is_stack else ""
     digits = [str(k + 1) for k in at[argument.is_stack :]]
     return f"{argument.symbol}{'__' if part else ''}{part}_{('_' if stages > 9 else '').join(digits)}"
 
 
-def equations(system: System, stages: int, blocks: list[list[Any]] | None, *, nodes: bool) -> list[Any]:
+def equations(system: EquationSystem, stages: int, blocks: list[list[Any]] | None, *, nodes: bool) -> list[Any]:
     """The equations in given coefficients, or in symbols."""
     import sympy
 
     program = system.program
 
-    def symbol(argument: Argument, at: tuple[int, ...]) -> Any:
+    def symbol(argument: CoefficientArray, at: tuple[int, ...]) -> Any:
         return sympy.Symbol(symbol_name(argument, at, stages))
 
     if blocks is None:
         blocks = named_blocks(program, system.structures, stages, symbol)
     else:
         blocks = [[sympy.sympify(entry, strict=True) for entry in block] for block in blocks]
-    known, definitions = _nodes(program, Scalars(program, stages, blocks)) if nodes else ({}, [])
-    left = left_sides(system, Scalars(program, stages, blocks, nodes=known))
+    known, definitions = _nodes(program, ScalarInterpreter(program, stages, blocks)) if nodes else ({}, [])
+    left = left_sides(system, ScalarInterpreter(program, stages, blocks, nodes=known))
     found = [
         sympy.Eq(sympy.sympify(a, strict=True), sympy.sympify(equation.right, strict=True), evaluate=False)
         for a, equation in zip(left, system.equations, strict=True)
@@ -143,7 +151,7 @@ def equations(system: System, stages: int, blocks: list[list[Any]] | None, *, no
     return found + definitions
 
 
-def _nodes(program: Program, machine: Scalars) -> tuple[dict[int, tuple[Any, ...]], list[Any]]:
+def _nodes(program: ConditionProgram, interpreter: ScalarInterpreter) -> tuple[dict[int, tuple[Any, ...]], list[Any]]:
     """Symbols for the row sums of each stage matrix, and their definitions."""
     import sympy
 
@@ -151,7 +159,7 @@ def _nodes(program: Program, machine: Scalars) -> tuple[dict[int, tuple[Any, ...
     for k, operator in enumerate(program.operators):
         name = f"c__{operator.part}" if operator.part else "c"
         symbols = []
-        for i, total in enumerate(machine.image(k, machine.one(), of_one=False), 1):
+        for i, total in enumerate(interpreter.image(k, interpreter.one(), of_one=False), 1):
             if total == 0:  # a row without free entries, such as the first of an explicit method
                 symbols.append(0)
                 continue
