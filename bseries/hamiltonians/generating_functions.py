@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import read_symbolic_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.hamiltonians.hamilton_jacobi import HamiltonJacobi, generating_hamiltonian, paired, power_series
-from bseries.hamiltonians.ring_power_series import Composition, PowerSeries, SeriesArithmetic
+from bseries.hamiltonians.power_series import Composition, PowerSeries, SeriesArithmetic
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
     canonical_pairs,

@@ -17,9 +17,9 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.ring_power_series import Expansion, PowerSeries, SeriesArithmetic
+from bseries.hamiltonians.power_series import Expansion, PowerSeries, SeriesArithmetic
 from integrators.core.immutable import remembered
 from trees.counting import check_order
 

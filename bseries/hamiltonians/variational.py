@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.generating_functions import GeneratingFunction
 from bseries.hamiltonians.hamilton_jacobi import check_formula, check_symbols
-from bseries.hamiltonians.ring_power_series import Composition, Expansion
+from bseries.hamiltonians.power_series import Composition, Expansion
 from trees.counting import check_order
 
 if TYPE_CHECKING:

@@ -208,8 +208,8 @@ def test_lattices_take_what_does_not_fit_as_it_is():
 
 def test_python_flint_changes_nothing():
     pytest.importorskip("flint")
+    from bseries.fields.symbolic.differential_rings import _factors_by_sympy
     from bseries.fields.symbolic.flint_rings import FlintRing
-    from bseries.fields.symbolic.written_forms import _factors_by_sympy
 
     ring, f, g = ring_of(tan(x) / (x**2 + y**2), sqrt(x**2 + y**2) + sin(x) ** 3 * exp(-y))
     for _ in range(2):

@@ -15,7 +15,7 @@ import sympy
 
 import bseries as bs
 from bseries import BSeries, SeriesError
-from bseries.fields.differentials import (
+from bseries.fields.elementary_differentials import (
     DerivativeTowers,
     SymbolicSeries,
     elementary_differentials,

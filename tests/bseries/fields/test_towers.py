@@ -7,8 +7,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields import taylor as jets
-from bseries.fields.any_precision import PreciseSeries
+from bseries.fields import taylor_polynomials as jets
+from bseries.fields.evaluation import PreciseSeries
 from integrators.exact.expressions import ELEMENTARY
 
 X, Y = sympy.symbols("x y")

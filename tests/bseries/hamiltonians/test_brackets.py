@@ -14,7 +14,7 @@ from bseries.conditions.lyndon import count_lyndon_words
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.campbell_hausdorff import bch, bracket_hamiltonian
 from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra
-from bseries.hamiltonians.brackets.on_scenes import bracket_terms
+from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from integrators.scenes.model.terms import Term
 from integrators.scenes.particles.expansion import hamiltonian_field
 from trees.table import tree_table

@@ -15,10 +15,8 @@ import sympy
 import bseries as bs
 from bseries.exact.domains import make_values
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.energy_scene import EnergyScene
-from bseries.hamiltonians.evaluation import EnergySeries
-from bseries.hamiltonians.from_trees import energy_series, energy_trees
-from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+from bseries.hamiltonians.from_trees import EnergyScene, EnergySeries, energy_series, energy_trees
+from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from integrators.reference.plain_steps import plain_steps
 from integrators.scenes.particles.parts import pieces_of
 

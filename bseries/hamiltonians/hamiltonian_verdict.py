@@ -22,11 +22,11 @@ from bseries.analysis.order import order_of, trusted
 from bseries.analysis.structure import hamiltonian_field
 from bseries.analysis.structure_conditions import SEPARABLE
 from bseries.analysis.verdicts import failing, samples_of
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
-from bseries.fields.scene_series import SceneSeries, modified_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.brackets.bracket_trees import is_chain
+from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.program.child_bounds import common_bounds
 from integrators.scenes.particles.degrees import degrees
@@ -246,7 +246,7 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
     """u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, by power of h, and the size of the three terms."""
     import mpmath
 
-    from bseries.fields.any_precision import PreciseSeries
+    from bseries.fields.evaluation import PreciseSeries
 
     terms, matrix = PreciseSeries(f, DIGITS).terms, _function(f.scene, structure)
     random, step = Random(1), mpmath.mpf(STEP)

@@ -13,17 +13,9 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
-from bseries.hamiltonians.action_angle.variable_pairs import (
-    MOST_MONOMIALS,
-    check_mapping,
-    names_of,
-    read_pair,
-    simplified_from_within,
-    sizes,
-)
 from integrators.core.arguments import items
 from integrators.core.immutable import Frozen
-from integrators.scenes.model.blocks import Block, check_symbols, poisson_matrix
+from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
@@ -339,39 +331,72 @@ class CoordinateChange(Frozen):
         return CoordinateMaps(self.formulas.values(), self.symbols, poisson_matrix(self.new), inverse)
 
 
-def canonical_transformation(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    formulas: Mapping[str, Any],
-    *,
-    parameters: Iterable[str] = (),
-    positive: Iterable[str] = (),
-) -> CoordinateChange:
-    """A symplectic change of coordinates from its formulas, verified.
+MOST_MONOMIALS = 10_000
+"""Longer formulas are not simplified."""
 
-    Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables.
-        formulas: Maps every old variable to a formula in the new ones.
-        parameters: The names of parameters that formulas may use.
-        positive: The new variables that are positive, such as a radius.
+
+def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
+    """An equal formula, factored, with sin² + cos² = 1 used; very long ones stay as they are."""
+    try:
+        ring = DifferentialRing([formula], symbols, limit=MOST_MONOMIALS)
+        return ring.to_expression(ring.elements[0])
+    except TooLarge:
+        return formula
+
+
+def simplified_from_within(formula: Any, symbols: Sequence[sympy.Symbol]) -> Any:
+    """A formula simplified from within: √(x² + y²) is known as a radius only when its inside is.
+
+    What comes out is factored, or a sum where that is shorter.
+    """
+    import sympy
+
+    def inner(part: Any) -> Any:
+        return part.func(*(simplified(argument, symbols) for argument in part.args))
+
+    def is_opaque(part: Any) -> bool:
+        return bool(part.is_Function or (part.is_Pow and not part.exp.is_Integer))
+
+    factored: Any = simplified(formula.replace(is_opaque, inner), symbols)
+    return min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
+
+
+def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
+    """Momenta and positions, and nothing else.
 
     Raises:
-        SeriesError: It is not symplectic, or does not fit.
-        IntegratorError: A formula is none.
-
-    Example:
-        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
-        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
-        >>> import bseries as bs
-        >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
-        a**2*sin(theta)**4 + a
-        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
-        Traceback (most recent call last):
-            ...
-        bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
-
-    References:
-        HLW, section VI.5 and theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
+        SeriesError: There are others, or another structure.
     """
-    return CoordinateChange(old, new, formulas, parameters=parameters, positive=positive).check()
+    if isinstance(blocks, Scene) and blocks.poisson is not None:
+        raise SeriesError(f"{argument} must be canonical, but {blocks.name} has a Poisson structure of its own")
+    found = blocks.blocks if isinstance(blocks, Scene) else read_blocks(blocks, argument)
+    pair = canonical_blocks(found)
+    if pair is None or len(found) != 2:
+        names = ", ".join(block.name for block in found)
+        raise SeriesError(
+            f"{argument} must be momenta and as many positions, told apart by names such as p and q, "
+            f"but was {names or 'empty':.60}"
+        )
+    return pair
+
+
+def sizes(pair: Sequence[Block]) -> dict[str, Any]:
+    """What the blocks are read from, in the order of the state."""
+    return {block.name: block.size for block in sorted(pair, key=lambda block: block.offset)}
+
+
+def names_of(pair: Sequence[Block]) -> tuple[str, ...]:
+    """The names of all variables, in the order of the state."""
+    return tuple(name for block in sorted(pair, key=lambda block: block.offset) for name in block.variables)
+
+
+def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
+    """Refuse what does not map just these names.
+
+    Raises:
+        SeriesError: One is missing, or there are others.
+    """
+    keys = list(formulas) if isinstance(formulas, Mapping) else None
+    if keys is None or set(keys) != set(names):
+        was = repr(formulas) if keys is None else f"for {', '.join(map(str, keys)) or 'none'}"
+        raise SeriesError(f"{argument} must have a formula for each of {', '.join(names):.60}, but was {was:.60}")

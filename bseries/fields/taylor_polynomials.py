@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import sympy
 
 CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
-"""The operations; `tower_kernels.evaluate_jet` says what each does."""
+"""The operations; `differential_kernels.evaluate_jet` says what each does."""
 
 MOST_FACTORS = 32
 """Powers with whole or half exponents up to this one are products, of roots if need be."""

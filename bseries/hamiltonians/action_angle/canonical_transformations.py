@@ -6,12 +6,55 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.action_angle.canonical import CoordinateChange, canonical_transformation
-from bseries.hamiltonians.action_angle.variable_pairs import check_mapping, names_of, read_pair, simplified
+from bseries.hamiltonians.action_angle.coordinate_change import (
+    CoordinateChange,
+    check_mapping,
+    names_of,
+    read_pair,
+    simplified,
+)
 from integrators.scenes.model.formulas import read_formula
 
 if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
+
+
+def canonical_transformation(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    formulas: Mapping[str, Any],
+    *,
+    parameters: Iterable[str] = (),
+    positive: Iterable[str] = (),
+) -> CoordinateChange:
+    """A symplectic change of coordinates from its formulas, verified.
+
+    Args:
+        old: A scene, or the blocks of its variables: the momenta p and the positions q.
+        new: The blocks of the new variables.
+        formulas: Maps every old variable to a formula in the new ones.
+        parameters: The names of parameters that formulas may use.
+        positive: The new variables that are positive, such as a radius.
+
+    Raises:
+        SeriesError: It is not symplectic, or does not fit.
+        IntegratorError: A formula is none.
+
+    Example:
+        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
+        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
+        >>> import bseries as bs
+        >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
+        a**2*sin(theta)**4 + a
+        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
+        Traceback (most recent call last):
+            ...
+        bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
+
+    References:
+        HLW, section VI.5 and theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
+    """
+    return CoordinateChange(old, new, formulas, parameters=parameters, positive=positive).check()
 
 
 def point_transformation(

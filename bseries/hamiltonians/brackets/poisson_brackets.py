@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from bseries.algebra.stages import check_method, own_trees
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import FLOAT_DIGITS, refusing_large
+from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.flint_rings import fastest
-from bseries.hamiltonians.brackets.bracket_trees import is_chain, kinetic_of, shown_names
-from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets
+from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
 from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
 from integrators.scenes.particles.parts import check_kind, pieces_of

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bseries.fields import taylor as jets
-from bseries.fields.taylor import jet_size
-from bseries.fields.tower_layout import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
+from bseries.fields import taylor_polynomials as jets
+from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
+from bseries.fields.taylor_polynomials import jet_size
 from integrators.scenes.model.local_terms import VALUE
 from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
 
