@@ -1,9 +1,9 @@
-"""Compiled: the terms of a B-series on a scene, at several points, by derivative towers.
+"""Kernels that evaluate the terms of a B-series on a scene at several points, by derivative tensors.
 
-Everything is data: the same machine code serves every scene, method and order. `ints` and `numbers` hold all tables
-(see the tables below). Numbers are handled in groups of `lanes` (rows of sites, or points) that become vector
-instructions; a place in the workspace `A` counts groups. Run by the interpreter on other numbers, with other elementary
-functions in place of those of `math`, the same source computes in any precision.
+The same machine code serves every scene, method and order: `ints` and `numbers` hold all tables, which
+`differential_tables` builds. Rows of sites (or points) are computed in SIMD groups of `lanes`, and indices in the
+workspace `A` count groups. The interpreter runs the same source on other numbers, with other elementary functions in
+place of those of `math`, for any precision.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from trees.compiled import Kernel, float_kernel
 
 EACH, CHAIN, RING, PAIRS, TABLE = range(5)
 
-COUNTS = ("order", "terms", "locals", "jets", "towers", "fields", "dimension")
-"""The first entries of `ints`: sizes, and where in the workspace local variables, jets and towers begin."""
+COUNTS = ("order", "terms", "locals", "polynomials", "towers", "fields", "dimension")
+"""The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
 TABLES = {
     "term": 21,
     "site": 4,
     "argument": 7,
     "datum": 2,
-    "tape": 7,
+    "instruction": 7,
     "product": 3,
     "raised": 1,
     "level": 1,
@@ -54,56 +54,57 @@ TABLES = {
     "child": 1,
     "output": 5,
 }
-"""The tables in `ints`, whose beginnings follow the counts, and the width of their rows.
+"""The tables in `ints`, whose offsets follow the counts, and the width of their rows.
 
-argument: role, offset, stride, 1 if a difference, role, offset, stride · datum: role, first number · tape: operation,
+argument: role, offset, stride, 1 if a difference, role, offset, stride · datum: role, first number · instruction:
+    operation,
 result, operands, first product, end, first factor · product: α, β, γ with x^α = x^β x^γ, by |α| · raised: x^α x_l ·
-level, child_level: by order, where contractions and children begin · contraction: left, own, size, child, first
+level, child_level: offsets of contractions and children by order · contraction: left, own, size, child, first
 direction, end, first use, end · use: 0 or 1 + the child, first output, end · output: monomial, role, offset, stride,
 0 if negative.
 """
 NUMBERS = ("datum_value", "constant", "factor", "factorial", "weight")
-"""The tables in `numbers`; where they begin follows in `ints`."""
+"""The tables in `numbers`; their offsets follow in `ints`."""
 
-ORDER, TERMS, LOCALS, JETS, TOWERS, FIELDS, DIMENSION = range(len(COUNTS))
+ORDER, TERMS, LOCALS, POLYNOMIALS, TOWERS, FIELDS, DIMENSION = range(len(COUNTS))
 (
-    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, TAPE, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
+    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
     CHILD_LEVEL, CHILD, OUTPUT,
 ) = range(len(COUNTS), len(COUNTS) + len(TABLES))  # fmt: skip
 DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(
     len(COUNTS) + len(TABLES), len(COUNTS) + len(TABLES) + len(NUMBERS)
 )
-# The columns of a term: its sites; its ranges in other tables; the jet of its formula, and where the tables of that
-# jet's shape begin; the groups of its towers alone, and with the fields of children.
+# The columns of a term: its sites; its ranges in other tables; the polynomial of its formula, with its degree, size and
+# offsets of index tables; the numbers of groups of its tensors without and with the fields of children.
 (
-    T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_TAPE, T_TAPE_END, T_RESULT,
-    T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
+    T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_INSTRUCTION, T_INSTRUCTION_END,
+    T_RESULT, T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
 ) = range(TABLES["term"])  # fmt: skip
 
 
 class LoweredKernel(Kernel):
-    """A kernel that returns nothing; its callees are lowered kernels as well (see `integrators.lowering`)."""
+    """A kernel without a return value, whose callees are lowered kernels too (see `integrators.compile.lowering`)."""
 
     @cached_property
     def compiled(self) -> Any:
-        """An intrinsic, for kernels that numba compiles."""
+        """The kernel as a numba intrinsic."""
         return lowered()(self.py_func)
 
 
-outer = partial(float_kernel, sources=(taylor_polynomials, *SOURCES))
+numba_kernel = partial(float_kernel, sources=(taylor_polynomials, *SOURCES))
 
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)
-# Widths of rows, and where the second half of a difference begins.
-TERM_ROW, TAPE_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
-    np.uint64(TABLES[name]) for name in ("term", "tape", "argument", "output", "contraction")
+# Widths of rows, and the offset of the second half of a difference.
+TERM_ROW, INSTRUCTION_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
+    np.uint64(TABLES[name]) for name in ("term", "instruction", "argument", "output", "contraction")
 )
 SECOND_HALF = np.uint64(4)
 
 
 @LoweredKernel
 def list_sites(ints, term, points, lane, sites, point, lanes):
-    """Write the sites and the point of every row of a term: points one after the other, rows within them."""
+    """List the site and the point of every row of a term, point by point."""
     kind, count, rows = ints[term + T_KIND], ints[term + T_COUNT], ints[term + T_ROWS]
     for p in range(points):
         i = ZERO
@@ -125,7 +126,7 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
             else:
                 sites[at] = row
                 sites[at + ONE] = ZERO if row + ONE == count else row + ONE
-    # The last group is filled up with copies of its last row, whose results are not used.
+    # Pad the last group with copies of its last row, whose results are not used.
     while lane % lanes != ZERO:
         point[lane] = point[lane - ONE]
         for role in range(ROLES):
@@ -135,7 +136,7 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
 
 @LoweredKernel
 def multiply(A, ints, result, a, b, first, last, lanes):
-    """Add the product of two jets to a third."""
+    """Add the product of two polynomials to a third."""
     product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
@@ -146,7 +147,7 @@ def multiply(A, ints, result, a, b, first, last, lanes):
 
 @LoweredKernel
 def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
-    """Add the products of two jets, each times its factor; b may be the result itself, whose lower degrees are done."""
+    """Add the product of two polynomials, scaled term by term; b may be the result, whose lower degrees are known."""
     product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
@@ -158,7 +159,7 @@ def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
 
 @LoweredKernel
 def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes):
-    """sin and cos, or sinh and cosh: each one's derivative is the other, up to a sign."""
+    """Compute sin and cos, or sinh and cosh, from each other's derivatives."""
     product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
@@ -174,7 +175,7 @@ def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, s
 
 @LoweredKernel
 def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
-    """The functions at the centre of a jet; a power is of `halves` roots where the exponent is so many halves."""
+    """Evaluate a function at the centre of a polynomial; the exponent of a power is `halves`/2 if that is not 0."""
     for w in range(lanes):
         x = A[a * lanes + w]
         at = result * lanes + w
@@ -212,7 +213,7 @@ def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
 
 @LoweredKernel
 def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b, size, first, last, factor, lanes):
-    """A function of a truncated Taylor polynomial, degree by degree, from its differential equation."""
+    """Evaluate a function of a truncated Taylor polynomial, degree by degree, from its differential equation."""
     pair = result + size
     evaluate_centre(A, operation, number, halves, result, a, pair, lanes)
     if operation == POWER:
@@ -232,30 +233,31 @@ def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b,
 
 
 @LoweredKernel
-def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
-    """All steps of a term's formula; the local variables are at `x`, followed by the data."""
+def evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes):
+    """Run the instructions of a term's formula; the local variables are at `x`, followed by the data."""
     size, degree = ints[term + T_SIZE], ints[term + T_DEGREE]
     variables = ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT]
-    cells = size * lanes
-    for s in range(ints[term + T_TAPE], ints[term + T_TAPE_END]):
-        row = ints[TAPE] + s * TAPE_ROW
+    length = size * lanes
+    for s in range(ints[term + T_INSTRUCTION], ints[term + T_INSTRUCTION_END]):
+        row = ints[INSTRUCTION] + s * INSTRUCTION_ROW
         operation, first, number = ints[row], ints[row + TWO], numbers[ints[NUMBER] + s]
-        result, a, b = jets + ints[row + ONE] * size, jets + first * size, jets + ints[row + 3] * size
+        result, a = polynomials + ints[row + ONE] * size, polynomials + first * size
+        b = polynomials + ints[row + 3] * size
         begin, end = ints[row + 4], ints[row + 5]
         r, u, v = result * lanes, a * lanes, b * lanes
         if operation == ADD:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = A[u + i] + A[v + i]
         elif operation == SCALE:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = number * A[u + i]
         elif operation == SHIFT:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = A[u + i]
             for w in range(lanes):
                 A[r + w] += number
         else:
-            for i in range(cells + cells if operation in (CIRCULAR, HYPERBOLIC) else cells):
+            for i in range(length + length if operation in (CIRCULAR, HYPERBOLIC) else length):
                 A[r + i] = 0
             if operation == CONSTANT:
                 for w in range(lanes):
@@ -279,7 +281,7 @@ def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
 
 @LoweredKernel
 def list_places(ints, term, place, lane, sites, point, places, lanes):
-    """Write where in a vector of all points a group of rows has its local variables and its outputs."""
+    """List the indices of the local variables and outputs of a group of rows in a vector of all points."""
     dimension = ints[DIMENSION]
     at = place * lanes
     for k in range(ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]):
@@ -299,7 +301,7 @@ def list_places(ints, term, place, lane, sites, point, places, lanes):
 
 @LoweredKernel
 def gather(A, ints, values, vector, to, first, last, places, place, lanes):
-    """Write the local variables of a group of rows, taken from one vector."""
+    """Gather the local variables of a group of rows from one vector."""
     for k in range(first, last):
         at, plus = (to + k - first) * lanes, (place + TWO * (k - first)) * lanes
         if ints[ints[ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
@@ -312,7 +314,7 @@ def gather(A, ints, values, vector, to, first, last, places, place, lanes):
 
 @LoweredKernel
 def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
-    """Write the data of the sites of a group of rows."""
+    """Gather the data of the sites of a group of rows."""
     begin = ints[term + T_DATUM]
     for k in range(begin, ints[term + T_DATUM_END]):
         row = ints[DATUM_ROWS] + TWO * k
@@ -323,7 +325,7 @@ def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
 
 @LoweredKernel
 def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
-    """Add one output of a tower, or of a sum of towers, to one vector."""
+    """Add one output of a tensor, or of a sum of tensors, to one vector."""
     if positive != ZERO:
         for w in range(rows):
             values[vector, places[place * lanes + w]] += A[tower * lanes + w]
@@ -334,7 +336,7 @@ def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
 
 @LoweredKernel
 def contract(A, ints, left, own, size, child, variables, shape, first, last, lanes):
-    """T_r(u ∘ v) = T_{r+1}(u) · F(v) for all ranks r that are kept, along the local variables that F(v) moves."""
+    """Contract T_r(u ∘ v) = T_{r+1}(u) · F(v) for all stored ranks r, along the variables in the support of F(v)."""
     directions = ints[DIRECTION]
     for k in range(size):
         i, row = (own + k) * lanes, shape + k * variables
@@ -349,14 +351,14 @@ def contract(A, ints, left, own, size, child, variables, shape, first, last, lan
 
 @LoweredKernel
 def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
-    """The towers of the single node: all derivatives of the term's formula."""
-    x, jets, size = ints[LOCALS], ints[JETS], ints[term + T_SIZE]
+    """Compute the tensors of the single node: all derivatives of the term's formula."""
+    x, polynomials, size = ints[LOCALS], ints[POLYNOMIALS], ints[term + T_SIZE]
     first, last = ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]
     list_places(ints, term, place, lane, sites, point, places, lanes)
     gather(A, ints, y, ZERO, x, first, last, places, place, lanes)
     gather_data(A, ints, numbers, term, x + last - first, lane, sites, lanes)
-    evaluate_jet(A, ints, numbers, term, jets, x, lanes)
-    result = jets + ints[term + T_RESULT] * size
+    evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes)
+    result = polynomials + ints[term + T_RESULT] * size
     for k in range(size):
         scale = numbers[ints[FACTORIAL] + ints[term + T_FACTORIAL] + k]
         for w in range(lanes):
@@ -365,7 +367,7 @@ def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, pla
 
 @LoweredKernel
 def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, place, lanes):
-    """Everything that the trees with n nodes need of one group of rows of one term."""
+    """Evaluate the trees with n nodes for one group of rows of one term."""
     begin, end = ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]
     variables, shape = end - begin, ints[RAISED] + ints[term + T_RAISED]
     children, by_order = base + ints[term + T_SLOTS], ints[CHILD_LEVEL] + ints[term + T_CHILD]
@@ -375,7 +377,7 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
     first, stop = ints[term + T_OUTPUT], ints[term + T_OUTPUT_END]
     goal = place + TWO * variables - first
     for i in range((stop - first) * lanes):
-        A[i] = 0  # the workspace begins with the sums of towers, one for each output
+        A[i] = 0  # the workspace begins with the sums of tensors, one for each output
     level = ints[LEVEL] + ints[term + T_LEVEL] + n
     for s in range(ints[level - ONE], ints[level]):
         row = ints[CONTRACTION] + CONTRACTION_ROW * s
@@ -403,8 +405,8 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
 def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
     """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
 
-    `y` is one row with all points, `fields` has a row for each child and `out` one for each order; both begin with
-    zeros. `sites`, `point` and `places` are filled here.
+    `y` is one row with all points. `fields` has a row for each child and `out` one for each order, both initially
+    zero; `sites`, `point` and `places` are filled here.
     """
     for n in range(ONE, ints[ORDER] + ONE):
         lane, base, place = ZERO, ints[TOWERS], ZERO
@@ -423,9 +425,9 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
                 place += ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT]
 
 
-@outer
+@numba_kernel
 def workspace(ints, points, lanes):
-    """What so many points need: rows of sites, groups of numbers, groups of places."""
+    """Workspace for a number of points: rows of sites, groups of numbers, groups of indices."""
     rows, groups, entries = ZERO, ints[TOWERS], ZERO
     for t in range(ints[TERMS]):
         term = ints[TERM] + TERM_ROW * t
@@ -437,9 +439,9 @@ def workspace(ints, points, lanes):
     return rows, groups, entries
 
 
-@outer
+@numba_kernel
 def evaluate_many(y, out, chunk, ints, numbers, lanes):
-    """The terms at many points: `y` has a row for each, `out` one for each order and point; some points at a time."""
+    """Evaluate the terms at many points, in chunks: `y` has a row for each point, `out` for each order and point."""
     dimension, points = y.shape[1], np.uint64(chunk)
     rows, groups, entries = workspace(ints, points, lanes)
     A, places = np.empty(groups * lanes), np.empty(entries * lanes, np.uint64)
@@ -457,7 +459,7 @@ def evaluate_many(y, out, chunk, ints, numbers, lanes):
                 out[n, first + k // dimension, k % dimension] = terms[n, k]
 
 
-@outer
+@numba_kernel
 def evaluate_pointers(y, out, points, dimension, order, chunk, lanes, ints, size, numbers, length):
     """`evaluate_many` on pointers to contiguous arrays."""
     states, terms = carray(y, (points, dimension)), carray(out, (order, points, dimension))

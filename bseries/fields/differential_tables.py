@@ -1,10 +1,10 @@
-"""Derivative towers: from a series and a scene to what the compiled kernels read.
+"""Tables for the compiled evaluation of elementary differentials, from a series and a scene.
 
-F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)). For a formula in few local variables, the *tower* of a forest τ1 … τk of
-children is f^(k+r)(F(τ1), …, F(τk), ·, …, ·) for r = 0, 1, …: symmetric tensors, one number for each monomial. Adding a
-child is one contraction, T_r(u ∘ v) = T_{r+1}(u) · F(v), and the differential is T_0; for a term of a Hamiltonian, the
-gradient T_1. Only what somebody needs is computed: trees with a coefficient, their children, and the ranks from which
-these grow; what the formulas let vanish is left out.
+F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)). For a formula in few local variables, the *derivative tower* of a forest
+τ1 … τk of children consists of the symmetric tensors f^(k+r)(F(τ1), …, F(τk), ·, …, ·) for r = 0, 1, …, with one number
+for each monomial. Adding a child is one contraction, T_r(u ∘ v) = T_{r+1}(u) · F(v); the differential is T_0, and the
+gradient T_1 for a term of a Hamiltonian. The tables list the tensors for trees with nonzero coefficients and for their
+children, without those that vanish for the formulas.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bseries.fields import taylor_polynomials as jets
+from bseries.fields import taylor_polynomials
 from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
-from bseries.fields.taylor_polynomials import jet_size
+from bseries.fields.taylor_polynomials import InstructionList, monomial_count
 from integrators.scenes.model.local_terms import VALUE
 from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 
 Forest = int
-"""The number of a forest of children; 0 is the empty one."""
+"""The index of a forest of children; 0 is the empty forest."""
 
 
 class Forests(NamedTuple):
-    """The forests of children of the trees of a table; trees with equal children share theirs, whatever their colour.
+    """The forests of children of the trees of a table, independent of the colours of roots.
 
     Attributes:
         of_tree: The forest of each tree.
         left: Each forest without its largest tree.
-        right: The id of that tree.
+        right: The id of its largest tree.
         order: The number of nodes of a tree with these children.
-        children: The number of trees in it.
+        children: The number of children.
     """
 
     of_tree: list[Forest]
@@ -50,7 +50,7 @@ class Forests(NamedTuple):
 
 
 def find_forests(table: TreeTable) -> Forests:
-    """The forests of a table's trees, smaller ones first."""
+    """The forests of children in a table, by size."""
     order, _, left, right = table.lists
     known: dict[tuple[Forest, int], Forest] = {}
     forests = Forests([], [0], [-1], [1], [0])
@@ -69,15 +69,15 @@ def find_forests(table: TreeTable) -> Forests:
     return forests
 
 
-class TermNeeds:
-    """What one term has to compute: which forests, and up to which rank."""
+class TermTensors:
+    """The forests that one term contributes to, with the highest rank of each."""
 
     def __init__(self, term: LocalTerm, scene: System, pieces: Sequence[Piece], moved: Sequence[frozenset[Family]]):
         import sympy
 
         self.term = term
         self.outputs = [piece.outputs(term, scene) for piece in pieces]
-        # Where the outputs of a colour are derivatives all are, so that their trees are read from rank 1.
+        # The outputs of a colour are all derivatives, read at rank 1, or all values, read at rank 0.
         self.lowest = [int(outputs[0].derivative != VALUE) if outputs else None for outputs in self.outputs]
         variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         self.degree = degree(term.formula, variables)
@@ -88,7 +88,7 @@ class TermNeeds:
         self.ranks: dict[Forest, int] = {}
 
     def alive(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
-        """Whether the tower of a forest can be other than zero."""
+        """Whether the tensors of a forest may be nonzero."""
         if self.degree is not None and forests.children[forest] > self.degree:
             return False
         while forest:
@@ -99,44 +99,46 @@ class TermNeeds:
         return True
 
     def rank_for(self, forests: Forests, forest: Forest, color: int) -> int | None:
-        """The rank that trees of a colour with these children are read from; None if the term adds nothing to them."""
+        """The rank at which trees of a colour with these children are read; None if the term does not contribute."""
         rank = self.lowest[color]
         beyond = rank is not None and self.degree is not None and forests.children[forest] + rank > self.degree
         return None if beyond else rank
 
-    def need(self, forest: Forest, rank: int) -> None:
-        """Ask for the ranks of a tower up to one."""
+    def require(self, forest: Forest, rank: int) -> None:
+        """Require the tensors of a forest up to a rank."""
         self.ranks[forest] = max(self.ranks.get(forest, 0), rank)
 
     def size(self, forests: Forests, forest: Forest) -> int:
-        """The numbers of the tower of a forest; ranks that vanish for a polynomial are left out."""
+        """The number of entries for a forest, without ranks that vanish for a polynomial."""
         rank = self.ranks[forest]
         if self.degree is not None:
             rank = min(rank, self.degree - forests.children[forest])
-        return jet_size(len(self.term.arguments), rank)
+        return monomial_count(len(self.term.arguments), rank)
 
 
-class Needs(NamedTuple):
-    """What is to be computed: by term, and which trees' differentials others are contracted with."""
+class RequiredTensors(NamedTuple):
+    """The tensors to compute for each term, and the trees whose differentials are contracted with others."""
 
-    terms: list[TermNeeds]
+    terms: list[TermTensors]
     children: list[int]
     forests: Forests
 
 
-def find_needs(table: TreeTable, wanted: Sequence[bool], scene: System, pieces: Sequence[Piece]) -> Needs:
-    """Which towers the wanted trees need, found from the largest trees down.
+def find_required_tensors(
+    table: TreeTable, wanted: Sequence[bool], scene: System, pieces: Sequence[Piece]
+) -> RequiredTensors:
+    """Find the tensors that the wanted trees need, from the largest trees down.
 
     Args:
         table: The trees.
-        wanted: For each tree, whether its differential enters the sum.
+        wanted: Whether the differential of each tree is in the sum.
         scene: The scene.
-        pieces: The piece of the field that each colour of the trees stands for.
+        pieces: The piece of the field for each colour of the trees.
     """
     forests = find_forests(table)
     _, colors, _, _ = table.lists
     moved = supports(scene, pieces)
-    terms = [TermNeeds(term, scene, pieces, moved) for term in scene.numeric_terms]
+    terms = [TermTensors(term, scene, pieces, moved) for term in scene.numeric_terms]
     alive: list[list[bool]] = []
     vanishes: list[bool] = []
     of_order = defaultdict(list)
@@ -161,53 +163,60 @@ def find_needs(table: TreeTable, wanted: Sequence[bool], scene: System, pieces: 
                 for term, a in zip(terms, alive[forest], strict=True):
                     rank = term.rank_for(forests, forest, colors[tree])
                     if a and rank is not None:
-                        term.need(forest, rank)
+                        term.require(forest, rank)
         for forest in of_order[n]:
             for term in terms:
                 if forest and forest in term.ranks:
-                    term.need(forests.left[forest], term.ranks[forest] + 1)
+                    term.require(forests.left[forest], term.ranks[forest] + 1)
                     is_child[forests.right[forest]] = True
     children = [tree for tree, needed in enumerate(is_child) if needed]
-    return Needs([term for term in terms if term.ranks], children, forests)
+    return RequiredTensors([term for term in terms if term.ranks], children, forests)
 
 
-SITE_CODES = {"single": EACH, "each": EACH, "chain": CHAIN, "ring": RING, "pairs": PAIRS, "table": TABLE}
+SITE_KINDS = {"single": EACH, "each": EACH, "chain": CHAIN, "ring": RING, "pairs": PAIRS, "table": TABLE}
 
 
-class PlanBuilder:
-    """Collects the rows of all tables, term by term.
+class TableBuilder:
+    """Builder of the tables that the kernels read, term by term.
 
     Args:
         table: The trees.
-        needs: What is to be computed.
-        weights: The factor of each tree's differential, already in the numbers of the computation.
-        convert: Makes such a number of an exact one.
+        required: The tensors to compute.
+        weights: The factor of each tree's differential, in the numbers of the computation.
+        convert: Converts exact numbers to those of the computation.
     """
 
     def __init__(
-        self, table: TreeTable, needs: Needs, weights: Sequence[Any], dimension: int, convert: Callable[[Any], Any]
+        self,
+        table: TreeTable,
+        required: RequiredTensors,
+        weights: Sequence[Any],
+        dimension: int,
+        convert: Callable[[Any], Any],
     ):
-        self.table, self.needs, self.weights, self.dimension, self.convert = table, needs, weights, dimension, convert
+        self.table, self.required, self.weights = table, required, weights
+        self.dimension, self.convert = dimension, convert
         self.order = table.max_order
         self.rows: dict[str, list[Any]] = defaultdict(list)
         self.known: dict[Any, int] = {}
-        self.child_number = {tree: at for at, tree in enumerate(needs.children)}
+        self.child_number = {tree: at for at, tree in enumerate(required.children)}
         self.trees_of: dict[int, list[int]] = defaultdict(list)
-        for tree, forest in enumerate(needs.forests.of_tree):
+        for tree, forest in enumerate(required.forests.of_tree):
             self.trees_of[forest].append(tree)
 
-    def plan(self) -> tuple[Any, list[Any]]:
-        """All tables as the kernels read them: unsigned integers, and numbers."""
+    def build(self) -> tuple[Any, list[Any]]:
+        """All tables, as unsigned integers and numbers."""
         sums = locals_ = largest = 0
-        for needs in self.needs.terms:
-            tape, degree = self._tape(needs)
-            self._add_term(needs, tape, degree)
-            variables = len(needs.term.arguments)
-            sums = max(sums, sum(map(len, needs.outputs)))
-            locals_ = max(locals_, variables + len(needs.term.data))
-            largest = max(largest, tape.jets * jets.jet_size(variables, degree))
+        for tensors in self.required.terms:
+            degree = tensors.ranks[0] if tensors.degree is None else min(tensors.ranks[0], tensors.degree)
+            variables = len(tensors.term.arguments)
+            program = taylor_polynomials.instruction_list(tensors.term.formula, variables, degree)
+            self._add_term(tensors, program, degree)
+            sums = max(sums, sum(map(len, tensors.outputs)))
+            locals_ = max(locals_, variables + len(tensors.term.data))
+            largest = max(largest, program.polynomials * monomial_count(variables, degree))
         work = (sums, sums + locals_, sums + locals_ + largest)
-        counts = (self.order, len(self.needs.terms), *work, len(self.needs.children), self.dimension)
+        counts = (self.order, len(self.required.terms), *work, len(self.required.children), self.dimension)
         ints = [*counts, *(0,) * (len(TABLES) + len(NUMBERS))]
         numbers: list[Any] = []
         for at, (name, width) in enumerate(TABLES.items(), len(COUNTS)):
@@ -219,12 +228,8 @@ class PlanBuilder:
             numbers += map(self.convert, self.rows[name])
         return np.array(ints, np.uint64), numbers
 
-    def _tape(self, needs: TermNeeds) -> tuple[jets.Tape, int]:
-        degree = needs.ranks[0] if needs.degree is None else min(needs.ranks[0], needs.degree)
-        return jets.record(needs.term.formula, len(needs.term.arguments), degree), degree
-
-    def _add_term(self, needs: TermNeeds, tape: jets.Tape, degree: int) -> None:
-        term, rows = needs.term, self.rows
+    def _add_term(self, tensors: TermTensors, program: InstructionList, degree: int) -> None:
+        term, rows = tensors.term, self.rows
         variables = len(term.arguments)
         arguments, data = len(rows["argument"]), len(rows["datum"])
         for argument in term.arguments:
@@ -233,98 +238,99 @@ class PlanBuilder:
         for datum in term.data:
             rows["datum"].append((datum.role, len(rows["datum_value"])))
             rows["datum_value"] += datum.values
-        first_step = len(rows["tape"])
-        self._add_steps(tape, variables, degree)
-        ranges = self._add_outputs(needs)
-        slots, children = self._add_contractions(needs, ranges)
-        shape = jets.shape(variables, degree)
+        first_instruction = len(rows["instruction"])
+        self._add_instructions(program, variables, degree)
+        ranges = self._add_outputs(tensors)
+        groups, children = self._add_contractions(tensors, ranges)
+        shape = taylor_polynomials.shape(variables, degree)
         sites = term.sites
         site_row = len(rows["site"])
         rows["site"] += [(*row, *(0,) * (TABLES["site"] - len(row))) for row in sites.table]
         rows["term"].append(
             (
-                *(SITE_CODES[sites.kind], sites.count, site_row, sites.size),
-                *(arguments, len(rows["argument"]), data, len(rows["datum"]), first_step, len(rows["tape"])),
-                *(tape.result, degree, len(shape.factorials)),
-                self._once("raised", shape, shape.raised),
-                self._once("factorial", shape, shape.factorials),
-                *(slots, slots + len(children) * variables, ranges[0][0], ranges[-1][1]),
+                *(SITE_KINDS[sites.kind], sites.count, site_row, sites.size),
+                *(arguments, len(rows["argument"]), data, len(rows["datum"])),
+                *(first_instruction, len(rows["instruction"])),
+                *(program.result, degree, len(shape.factorials)),
+                self._shared_offset("raised", shape, shape.raised),
+                self._shared_offset("factorial", shape, shape.factorials),
+                *(groups, groups + len(children) * variables, ranges[0][0], ranges[-1][1]),
                 *(len(rows["level"]) - self.order - 1, len(rows["child_level"]) - self.order - 1),
             )
         )
 
-    def _once(self, name: str, key: Any, values: Iterable[Any]) -> int:
-        """Where values begin in a table; equal ones are kept once."""
+    def _shared_offset(self, name: str, key: Any, values: Iterable[Any]) -> int:
+        """The offset of values in a table, where equal values are stored once."""
         if (name, key) not in self.known:
             self.known[name, key] = len(self.rows[name])
             self.rows[name] += values
         return self.known[name, key]
 
-    def _add_steps(self, tape: jets.Tape, variables: int, degree: int) -> None:
-        for step in tape.steps:
-            begin = self._once("product", step.products, step.products)
+    def _add_instructions(self, program: InstructionList, variables: int, degree: int) -> None:
+        for instruction in program.instructions:
+            begin = self._shared_offset("product", instruction.products, instruction.products)
             factor = len(self.rows["factor"])
-            self.rows["factor"] += jets.factors(step, variables, degree)
-            operands = (step.operation, step.result, step.first, step.second)
-            self.rows["tape"].append((*operands, begin, begin + len(step.products), factor))
-            self.rows["constant"].append(0 if step.number is None else step.number)
+            self.rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
+            operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
+            self.rows["instruction"].append((*operands, begin, begin + len(instruction.products), factor))
+            self.rows["constant"].append(0 if instruction.number is None else instruction.number)
 
-    def _add_outputs(self, needs: TermNeeds) -> list[tuple[int, int]]:
-        """The outputs of each colour, one colour after the other."""
+    def _add_outputs(self, tensors: TermTensors) -> list[tuple[int, int]]:
+        """Add the outputs, by colour; returns the range of each colour."""
         ranges = []
-        for outputs in needs.outputs:
+        for outputs in tensors.outputs:
             begin = len(self.rows["output"])
             self.rows["output"] += [_output(output) for output in outputs]
             ranges.append((begin, len(self.rows["output"])))
         return ranges
 
-    def _add_contractions(self, needs: TermNeeds, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
-        """The contractions by order, the first of each term being none; the groups they fill, and the children."""
-        forests, rows = self.needs.forests, self.rows
-        wanted = sorted(needs.ranks, key=lambda forest: (forests.order[forest], forest))
+    def _add_contractions(self, tensors: TermTensors, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
+        """Add the contractions by order, none for the single node; returns the numbers of groups and the children."""
+        forests, rows = self.required.forests, self.rows
+        wanted = sorted(tensors.ranks, key=lambda forest: (forests.order[forest], forest))
         children = sorted({forests.right[forest] for forest in wanted if forest})
         local = {tree: at for at, tree in enumerate(children)}
         orders, colors = self.table.lists[:2]
-        directions = [(self._once("direction", chosen, chosen), len(chosen)) for chosen in needs.directions]
-        place, slots = self._places(needs, wanted)
+        directions = [(self._shared_offset("direction", chosen, chosen), len(chosen)) for chosen in tensors.directions]
+        offset, groups = self._offsets(tensors, wanted)
         rows["level"].append(len(rows["contraction"]))
         for n in range(1, self.order + 1):
             for forest in (forest for forest in wanted if forests.order[forest] == n):
                 uses = len(rows["use"])
-                self._add_uses(needs, forest, ranges)
+                self._add_uses(tensors, forest, ranges)
                 contraction = 0, 0, 0, 0, 0, 0
                 if forest:
                     right = forests.right[forest]
                     first, count = directions[colors[right]]
-                    size = needs.size(forests, forest)
-                    contraction = place[forests.left[forest]], place[forest], size, local[right], first, first + count
+                    size = tensors.size(forests, forest)
+                    contraction = offset[forests.left[forest]], offset[forest], size, local[right], first, first + count
                 rows["contraction"].append((*contraction, uses, len(rows["use"])))
             rows["level"].append(len(rows["contraction"]))
         begin = len(rows["child"])
         rows["child"] += [self.child_number[tree] for tree in children]
         rows["child_level"] += [begin + sum(orders[tree] < n for tree in children) for n in range(self.order + 1)]
-        return slots, children
+        return groups, children
 
-    def _places(self, needs: TermNeeds, wanted: list[int]) -> tuple[dict[int, int], int]:
-        """Where towers lie in a group, and how many numbers they take; those that nothing grows from share a place."""
-        forests = self.needs.forests
+    def _offsets(self, tensors: TermTensors, wanted: list[int]) -> tuple[dict[int, int], int]:
+        """The offset of each forest in a group, and their total size; forests contained in no other share an offset."""
+        forests = self.required.forests
         lefts = {0, *(forests.left[forest] for forest in wanted)}
-        place, slots, shared = {}, 0, 0
+        offset, groups, shared = {}, 0, 0
         for forest in wanted:
-            size = needs.size(forests, forest)
+            size = tensors.size(forests, forest)
             if forest in lefts:
-                place[forest] = slots
-                slots += size
+                offset[forest] = groups
+                groups += size
             else:
                 shared = max(shared, size)
-        return {forest: place.get(forest, slots) for forest in wanted}, slots + shared
+        return {forest: offset.get(forest, groups) for forest in wanted}, groups + shared
 
-    def _add_uses(self, needs: TermNeeds, forest: int, ranges: list[tuple[int, int]]) -> None:
-        """Where the differentials of the trees with these children go: into the sum, or to those who need them."""
+    def _add_uses(self, tensors: TermTensors, forest: int, ranges: list[tuple[int, int]]) -> None:
+        """Add the trees with these children to the sum, or to the fields of children."""
         colors = self.table.lists[1]
         for tree in self.trees_of[forest]:
             first, last = ranges[colors[tree]]
-            if needs.rank_for(self.needs.forests, forest, colors[tree]) is None:
+            if tensors.rank_for(self.required.forests, forest, colors[tree]) is None:
                 continue
             if self.weights[tree] != 0:
                 self.rows["use"].append((0, first, last))

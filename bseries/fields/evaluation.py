@@ -20,7 +20,7 @@ from bseries.exact.domains import to_float
 from bseries.exceptions import SeriesError
 from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
-from bseries.fields.differential_tables import PlanBuilder, find_needs
+from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
 from integrators import IntegratorError
 from integrators.compile.modules import load_module
@@ -229,15 +229,15 @@ def contractions(ints: Any) -> int:
 def build_tables(series: SeriesOnScene, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
     """The tables of the kernels, with numbers made by `convert`."""
     trees, scene = series.trees, series.scene
-    needs = find_needs(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
-    return PlanBuilder(trees.table, needs, weights, scene.dimension, convert).plan()
+    needs = find_required_tensors(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
+    return TableBuilder(trees.table, needs, weights, scene.dimension, convert).build()
 
 
 FUNCTIONS = (
     *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
     *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
 )
-CONSTANTS = ("TERM_ROW", "TAPE_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
+CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
 
 
 class PreciseSeries:

@@ -1,4 +1,4 @@
-"""Modified Hamiltonians that are known as formulas, evaluated."""
+"""Evaluation of modified Hamiltonians given as formulas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class EnergyFormulas:
-    """A sum Σ h^k · formula, as compiled functions of a state and a step size, and in any precision.
+    """Sum Σ h^k · formula, evaluated by compiled functions or in any precision.
 
     Args:
         symbols: The variables.
@@ -42,11 +42,11 @@ class EnergyFormulas:
 
     @property
     def evaluator(self) -> EnergyFormulas:
-        """What evaluates it."""
+        """The object itself, which evaluates the sum."""
         return self
 
     def symbolic(self, k: int) -> sympy.Expr:
-        """What h^k multiplies."""
+        """The coefficient of h^k."""
         return self.formulas[k]
 
     def _compiled(self, columns: Sequence[Sequence[sympy.Expr]]) -> CompiledFormulas:
@@ -73,7 +73,7 @@ class EnergyFormulas:
 
     @property
     def compiled(self) -> Callable[[Any, float], float]:
-        """The sum as a function (y, h) compiled by numba."""
+        """The sum as a numba function (y, h)."""
         return self.total.module.first
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
@@ -81,7 +81,7 @@ class EnergyFormulas:
         return self.total.values(states, step, workers)[:, 0]
 
     def terms(self, states: np.ndarray, workers: int = 1) -> np.ndarray:
-        """The terms at the rows of `states`: a row for each power of h."""
+        """The terms at the rows of `states`, one row for each power of h."""
         return self._terms.values(states, 0.0, workers).T
 
     def gradient(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
@@ -89,11 +89,11 @@ class EnergyFormulas:
         return self._gradient.values(states, step, workers)
 
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
-        """The sum at one point, in numbers of mpmath with the precision that is set; they have more than `digits`."""
+        """The sum at one point, in the current precision of mpmath, which exceeds `digits`."""
         import mpmath
         import sympy
 
-        # A variable may have the name of a function of mpmath, so symbols are replaced.
+        # Dummy symbols, since a variable may have the name of a function of mpmath.
         terms = sympy.lambdify(self.symbols, list(self.formulas), "mpmath", cse=True, dummify=True)
         try:
             value = mpmath.polyval(terms(*y)[::-1], h)

@@ -1,12 +1,15 @@
-"""One step of a symplectic method for the harmonic oscillator p' = −q, q' = p, and where its logarithm converges.
+"""Modified Hamiltonians of symplectic methods for quadratic Hamiltonians, in closed form.
 
-The step is [[a, −x b], [x c, d]] for the step size x, with rational functions a, b, c, d of s = x². Its determinant is
-1, its eigenvalues are e^(±iθ) with cos θ = (a + d)/2, and its logarithm is
+y' = Ay with A = J⁻¹S splits into modes on which A² = −κ. On a mode a method acts as on the harmonic oscillator p' = −q,
+q' = p with the step size x = h √κ: any Runge–Kutta method, and other methods of kicks and drifts if H = T(p) + U(q).
+The step for the oscillator is [[a, −x b], [x c, d]] with rational functions a, b, c, d of s = x². Its determinant is 1,
+its eigenvalues are e^(±iθ) with cos θ = (a + d)/2, and its logarithm is
 
     θ / sin θ · [[(a − d)/2, −x b], [x c, (d − a)/2]],    sin θ = (1 + cos θ) tan(θ/2).
 
-As a function of x it is singular at poles of the step, and where θ is a multiple of π other than 0, unless the step is
-±1 there.
+It is singular in x at poles of the step, and where θ is a nonzero multiple of π, unless the step is ±1 there. Hence
+
+    H̃ = Σ_κ θ/sin θ (c T_κ + b U_κ + (d − a)/h X_κ)   with T = ½ pᵀBp, U = ½ qᵀCq, X = ½ pᵀq on the mode κ.
 """
 
 from __future__ import annotations
@@ -38,18 +41,18 @@ if TYPE_CHECKING:
 
 
 DIGITS = 60
-"""Digits to compute roots with; multiple ones lose many."""
+"""Digits for the computation of roots; multiple roots lose many."""
 TOLERANCE = 1e-9
-"""What counts as zero at a root."""
+"""Largest value that counts as zero at a root."""
 PIECES = 64
-"""In how many pieces the way to a point is cut when an angle is followed."""
+"""The number of segments along which the branch of an angle is continued."""
 
 
 class OscillatorStep:
-    """The step of a method, as exact functions of s = x².
+    """Step of a method for the harmonic oscillator, as exact functions of s = x².
 
     Args:
-        entries: a, b, c, d.
+        entries: The functions a, b, c, d.
         s: Their variable.
     """
 
@@ -64,7 +67,7 @@ class OscillatorStep:
 
     @classmethod
     def of_runge_kutta(cls, method: RungeKutta) -> OscillatorStep:
-        """From R(xA) with A² = −1: the even and the odd part of the stability function."""
+        """The step of a Runge–Kutta method: even and odd part of R(xA) with A² = −1."""
         import sympy
 
         s, z = sympy.symbols("s z")
@@ -80,17 +83,17 @@ class OscillatorStep:
 
     @classmethod
     def of_stages(cls, stages: Stages) -> OscillatorStep:
-        """From kicks by U = q²/2 and drifts by T = p²/2: P_i = p − x Σ a_ij Q_j, Q_i = q + x Σ â_ij P_j.
+        """The step of kicks by U = q²/2 and drifts by T = p²/2: P_i = p − x Σ a_ij Q_j, Q_i = q + x Σ â_ij P_j.
 
-        With the values z at the stages, Q_i of those that kick and P_i of those that drift, z = z_0 + x N z, and the
-        step is 1 + x E (1 − xN)⁻¹ z_0.
+        The values z at the stages (Q_i for kicks, P_i for drifts) satisfy z = z_0 + x N z, so that the step is
+        1 + x E (1 − xN)⁻¹ z_0.
         """
         import sympy
 
         rows = stages.stages
 
         def changes(at: LinearForm, momentum: bool) -> list[Any]:
-            """By what multiples of the values momenta, or positions, change on the way to a point."""
+            """The coefficients of the stage values in the change of momenta, or positions, up to a point."""
             signed = ((-1, one.forces) if momentum else (1, one.velocities) for one in rows)
             return [
                 sign * entry(at, multiples) if one.kicks is momentum else Fraction(0)
@@ -113,13 +116,13 @@ class OscillatorStep:
                 moved = [dot(end, [dot(row, vector) for row in adjugate]) for _, adjugate in terms]
                 if i == j:
                     numerator = determinant + _even(s, [Fraction(0), *moved])
-                else:  # one power of x less, and the sign of −x b
+                else:  # divided by x, with the sign of −x b
                     numerator = _even(s, moved) * (-1 if i == 0 else 1)
                 found.append(numerator / determinant)
         return cls(found, s)
 
     def formulas(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
-        """θ/sin θ times b, c and (d − a)/h at x = h √κ; real as long as tan(θ/2) is, from h = 0 on."""
+        """θ/sin θ times b, c and (d − a)/h at x = h √κ, on the branch from h = 0 while tan(θ/2) is real."""
         import sympy
 
         s = h**2 * kappa
@@ -135,11 +138,7 @@ class OscillatorStep:
         return found[0], found[1], found[2]
 
     def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
-        """θ/2, and tan(θ/2) as the product of h √κ r and a root; for κ < 0 without the factors i.
-
-        Returns:
-            θ/2, the rational part h √κ r, and the root.
-        """
+        """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; for κ < 0 without the factors i."""
         import sympy
 
         squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
@@ -154,7 +153,7 @@ class OscillatorStep:
         return angle, rational, root
 
     def coefficients(self, x: complex) -> tuple[complex, complex, complex]:
-        """θ/sin θ times b, c and (d − a)/x, on the branch that is continuous from x = 0."""
+        """θ/sin θ times b, c and (d − a)/x, on the branch continuous from x = 0."""
         if x == 0:
             return 1.0, 1.0, 0.0
         a, b, c, d = self._numeric(x * x)
@@ -164,17 +163,17 @@ class OscillatorStep:
         return angle / sine * b, angle / sine * c, angle / sine * (d - a) / x
 
     def _angle(self, x: complex) -> tuple[complex, complex]:
-        """θ and sin θ, followed from 0 to x along a straight line."""
+        """θ and sin θ, continued from 0 to x along a straight line."""
         before = now = sine = 0j
         for k in range(1, PIECES + 1):
             s = (x * k / PIECES) ** 2
             a, b, c, d = self._numeric(s)
-            positive = cmath.sqrt(s * b * c - ((a - d) / 2) ** 2)  # more exact than from cos θ
+            positive = cmath.sqrt(s * b * c - ((a - d) / 2) ** 2)  # more accurate than from cos θ
             expected, principal = 2 * now - before, -1j * cmath.log((a + d) / 2 + 1j * positive)
             choices = []
             for sign in (1, -1):
-                turns = round(((expected - sign * principal) / (2 * math.pi)).real)
-                choices.append((sign * principal + 2 * math.pi * turns, sign * positive))
+                periods = round(((expected - sign * principal) / (2 * math.pi)).real)
+                choices.append((sign * principal + 2 * math.pi * periods, sign * positive))
             before, (now, sine) = now, min(choices, key=lambda choice: abs(choice[0] - expected))
         return now, sine
 
@@ -186,7 +185,7 @@ class OscillatorStep:
         return math.inf
 
     def _candidates(self) -> list[tuple[complex, bool]]:
-        """Poles of the step, and where cos θ = ±1, those nearest to 0 first."""
+        """Poles of the step and points with cos θ = ±1, by distance from 0."""
         import mpmath
         import sympy
 
@@ -204,7 +203,7 @@ class OscillatorStep:
         return sorted(found, key=lambda candidate: abs(candidate[0]))
 
     def _is_regular(self, s: complex) -> bool:
-        """Whether the logarithm is analytic where cos θ = ±1: the step is ±1, or θ = 0."""
+        """Whether the logarithm is analytic at a point with cos θ = ±1: the step is ±1, or θ = 0."""
         a, b, c, d = self._numeric(s)
         if max(abs(b), abs(c), abs(a - d)) < TOLERANCE:
             return True
@@ -213,7 +212,7 @@ class OscillatorStep:
 
 
 def _parts(polynomial: Any, z: sympy.Symbol, square: Any) -> tuple[Any, Any]:
-    """The even part, and the odd part divided by z, with `square` for z²."""
+    """The even part and the odd part divided by z, with `square` in place of z²."""
     import sympy
 
     parts: tuple[list[Any], list[Any]] = ([], [])
@@ -223,14 +222,14 @@ def _parts(polynomial: Any, z: sympy.Symbol, square: Any) -> tuple[Any, Any]:
 
 
 def _even(s: sympy.Symbol, coefficients: Sequence[Any]) -> Any:
-    """An even polynomial in x, given by the coefficients of 1, x, x², …"""
+    """The even part of a polynomial in x with given coefficients, in s = x²."""
     import sympy
 
     return sympy.Add(*(sympy.sympify(from_element(x), strict=True) * s**k for k, x in enumerate(coefficients[::2])))
 
 
 class Mode(NamedTuple):
-    """The part on which A² = −κ; for Runge–Kutta methods, which need not tell T from U, T is all of H there."""
+    """Mode on which A² = −κ; for Runge–Kutta methods T is all of H there, and U and X are 0."""
 
     kappa: Any
     T: Any
@@ -239,7 +238,7 @@ class Mode(NamedTuple):
 
 
 def quadratic_form(scene: Scene) -> Any:
-    """The matrix S of H = ½ yᵀSy; None if H is another function, or has symbols."""
+    """The matrix S of H = ½ yᵀSy; None if H is not quadratic, or has symbols."""
     import sympy
 
     H, y = scene.hamiltonian, scene.symbols
@@ -251,13 +250,13 @@ def quadratic_form(scene: Scene) -> Any:
 
 
 class LinearHamiltonian:
-    """The modified Hamiltonian of a symplectic method on a linear Hamiltonian system.
+    """Modified Hamiltonian of a symplectic method on a linear Hamiltonian system.
 
     Args:
         method: The method.
         scene: The scene.
         form: The matrix S.
-        parts: What the method's parts are.
+        parts: The parts of the method on the scene.
 
     Raises:
         SeriesError: The method is not symplectic, or no closed form is known.
@@ -318,7 +317,7 @@ class LinearHamiltonian:
             ]
 
     def _modes(self, values: list[Any], matrix: Callable[[Any], Any]) -> list[Mode]:
-        """The parts on which A² = −κ, by projections that are polynomials in A²; `matrix` makes one of exact rows."""
+        """The modes for the values of κ, by projections that are polynomials in A²; `matrix` converts exact rows."""
         import sympy
 
         size = self._scene.dimension
@@ -346,11 +345,11 @@ class LinearHamiltonian:
         return (y.T * self._form * y)[0, 0] / 2
 
     def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """H̃ at the rows of y."""
+        """Values of H̃ at the rows of y."""
         return ((y @ self.matrix(h)) * y).sum(axis=1)
 
     def radii(self, y: np.ndarray) -> np.ndarray:
-        """The radius of convergence, the same everywhere."""
+        """Radii of convergence, equal at all points."""
         import numpy as np
 
         return np.full(len(y), self.radius)
@@ -368,7 +367,7 @@ class LinearHamiltonian:
         return total.real
 
     def expression(self, h: Any) -> sympy.Expr:
-        """H̃ as a formula; real up to the first step size at which an eigenvalue of the step is −1."""
+        """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
         import sympy
 
         y = sympy.Matrix(self._scene.symbols)
@@ -381,7 +380,7 @@ class LinearHamiltonian:
 
 
 def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
-    """Refuse other methods than those of kicks by all of U(q) and drifts by all of T(p)."""
+    """Check that a method consists of kicks by U(q) and drifts by T(p)."""
     import sympy
 
     parts = {stage.hamiltonian for stage in stages.stages}
@@ -394,7 +393,7 @@ def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
 
 
 def _minimal_polynomial(square: Any, name: str) -> Any:
-    """The polynomial with the eigenvalues of −A² as simple roots; there must be no Jordan blocks."""
+    """The minimal polynomial of −A², which must have simple roots."""
     import sympy
 
     polynomial = sympy.Poly(square.charpoly().as_expr(), extension=True).sqf_part()
@@ -407,7 +406,7 @@ def _minimal_polynomial(square: Any, name: str) -> Any:
 
 
 def _simple_roots(factor: Any) -> list[Any]:
-    """The roots of a polynomial of degree one or two; none of others."""
+    """The roots of a polynomial of degree one or two; an empty list for higher degrees."""
     import sympy
 
     return list(sympy.roots(factor)) if factor.degree() <= 2 else []

@@ -155,7 +155,7 @@ class Composition:
     def _slopes(self, k: int) -> list[tuple[PowerSeries, PowerSeries]]:
         """Pairs of a variable and the derivative of a generator in it, both at the point."""
         polynomials = self._formulas.polynomials
-        slopes = ((y, polynomials.slope_of_generator(k, i)) for i, y in enumerate(self._point))
+        slopes = ((y, polynomials.generator_derivative(k, i)) for i, y in enumerate(self._point))
         return [(y, self._polynomial(slope)) for y, slope in slopes if slope]
 
 

@@ -4,9 +4,9 @@ With a stage for every point and every part H^k of the Hamiltonian that is evalu
 
     P_i = p − h Σ_j a_ij H^j_q(P_j, Q_j),    Q_i = q + h Σ_j â_ij H^j_p(P_j, Q_j),
 
-and the step is the same with weights b and b̂. It is symplectic if b_i â_ij + b̂_j a_ji = b_i b̂_j wherever stage i kicks
-and stage j drifts, and b_i = b̂_i for stages that do both (HLW, theorems VI.4.3 and VI.4.6, here for any number of
-parts).
+and the step is the same with weights b and b̂. It is symplectic if b_i â_ij + b̂_j a_ji = b_i b̂_j wherever stage i
+kicks and stage j drifts, and b_i = b̂_i for stages that do both (HLW, theorems VI.4.3 and VI.4.6, here for any number
+of parts).
 """
 
 from __future__ import annotations
