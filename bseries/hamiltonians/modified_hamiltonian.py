@@ -1,4 +1,4 @@
-"""The routes to the modified Hamiltonian of a method on a scene."""
+"""Modified Hamiltonians of methods on scenes, as functions of the state and the step size."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 
 
 class ModifiedHamiltonian:
-    """The modified Hamiltonian H̃ = H + h H_2 + h² H_3 + …, truncated, as a function of the state and the step size.
+    """Truncated modified Hamiltonian H̃ = H + h H_2 + h² H_3 + … as a function of the state and the step size.
 
-    Such functions are made by `modified_hamiltonian`. For h = 0 it is H, with its constant.
+    Use `modified_hamiltonian` to make one. For h = 0 it is H, with its constant.
 
     Attributes:
         method: The method, or the field series.
         scene: The scene.
-        order: The number of terms N: powers h^0 … h^(N−1).
-        parts: What the method's parts are on the scene, if that was said.
-        route: How it was found: ``"trees"``, ``"brackets"``, ``"generating-function"`` or ``"integration"``.
+        order: The number of terms N, with the powers h^0 … h^(N−1).
+        parts: The parts of the method on the scene, if given.
+        route: The way of computation: ``"trees"``, ``"brackets"``, ``"generating-function"`` or ``"integration"``.
 
     Example:
         >>> import bseries as bs
@@ -73,7 +73,7 @@ class ModifiedHamiltonian:
 
     @property
     def label(self) -> str:
-        """What it is the modified Hamiltonian of."""
+        """The name of the modified Hamiltonian."""
         return f"the modified Hamiltonian of {name_of(self.method)}"
 
     @property
@@ -91,7 +91,7 @@ class ModifiedHamiltonian:
 
     @cached_property
     def verdict(self) -> HamiltonianVerdict:
-        """How far there is a modified Hamiltonian, which may end with the terms here: looked at beyond them.
+        """The order to which a modified Hamiltonian exists, tested beyond the terms computed here.
 
         Example:
             >>> import bseries as bs
@@ -116,7 +116,7 @@ class ModifiedHamiltonian:
             A float, or an array of shape (n,).
 
         Raises:
-            SeriesError: `y` has another number of variables, or is not of numbers.
+            SeriesError: `y` has the wrong number of variables, or is not numeric.
         """
         states, shape = read_states(y, self.scene.dimension)
         step = read_step(h)
@@ -125,25 +125,25 @@ class ModifiedHamiltonian:
         return values if len(shape) == 2 else float(values[0])
 
     def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
-        """The terms at one point or many, without powers of h.
+        """The terms at one point or many, without the powers of h.
 
         Args:
-            y: As for calls.
+            y: As for a call.
             workers: The number of threads that share the points.
 
         Returns:
-            An array (order,) or (order, n): its k-th row is what h^k multiplies.
+            An array (order,) or (order, n); the k-th row is the coefficient of h^k.
         """
         states, shape = read_states(y, self.scene.dimension)
         return self._energy.evaluator.terms(states, workers).reshape(self.order, *shape[1:])
 
     @property
     def compiled(self) -> Any:
-        """A function (y, h) compiled by numba, for use in other compiled code."""
+        """A numba function (y, h) for other compiled code."""
         return self._energy.evaluator.compiled
 
     def observer(self, h: float) -> Callable[[float, Any], float]:
-        """A function (t, y) that `bs.integrate` can observe.
+        """An observer (t, y) for `bs.integrate`.
 
         Example:
             >>> import bseries as bs
@@ -162,18 +162,17 @@ class ModifiedHamiltonian:
         return modified_energy
 
     def precise(self, y: Any, h: Any, digits: int = 50) -> Any:
-        """The value at one point in so many digits, as a number of mpmath.
+        """The value at one point with a given number of digits, as a number of mpmath.
 
         Args:
-            y: One point: numbers, fractions, text or numbers of mpmath.
+            y: One point: numbers, fractions, strings or numbers of mpmath.
             h: The step size.
             digits: The number of decimal digits.
 
         Raises:
-            SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
-            IntegratorError: An argument is not of its kind.
+            SeriesError: The coefficients have fewer digits, or `y` has the wrong number of values.
+            IntegratorError: An argument has the wrong type.
         """
-
         arithmetic = Arithmetic(digits)
         with arithmetic.working():
             point = arithmetic.read(y, "y")
@@ -183,13 +182,13 @@ class ModifiedHamiltonian:
             return arithmetic.rounded(arithmetic.vector([value]))[0]
 
     def symbolic(self, k: int) -> sympy.Expr:
-        """The formula of what h^k multiplies.
+        """The formula of the coefficient of h^k.
 
         Args:
             k: The power of h, from 0 to order − 1.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         check_power(k, self.order - 1)
         if k not in self._formulas:
@@ -201,10 +200,10 @@ class ModifiedHamiltonian:
         return {}
 
     def expression(self, h: Any) -> sympy.Expr:
-        """The whole formula for a step size, a number or a symbol.
+        """The formula for a step size, a number or a symbol.
 
         Raises:
-            SeriesError: `h` is neither.
+            SeriesError: `h` is neither a number nor an expression.
         """
         import sympy
 
@@ -213,14 +212,14 @@ class ModifiedHamiltonian:
 
     @cached_property
     def field(self) -> SceneSeries:
-        """The truncated modified equation, whose Hamiltonian it is."""
+        """The truncated modified equation with this Hamiltonian."""
         return modified_field(self.method, self.scene, self.order, parts=self.parts)
 
     def gradient(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
-        """The gradient at one point or many; for trees it is the field, f = (−∂H̃/∂q, ∂H̃/∂p), read from it.
+        """The gradient at one point or many; by trees from the modified equation f = (−∂H̃/∂q, ∂H̃/∂p).
 
         Args:
-            y: As for calls.
+            y: As for a call.
             h: The step size.
             workers: The number of threads that share the points.
 
@@ -239,7 +238,7 @@ class ModifiedHamiltonian:
         return gradient
 
     def to_dict(self) -> dict[str, Any]:
-        """The formulas as JSON-ready data."""
+        """The formulas and the verdict as plain data."""
         return {
             "schema": 1,
             "kind": "hamiltonian",
@@ -254,7 +253,7 @@ class ModifiedHamiltonian:
         }
 
     def to_latex(self) -> str:
-        """The formula as LaTeX, without terms that vanish; it says where the modified Hamiltonian ends."""
+        """The formula as LaTeX, without zero terms, with a note on where the modified Hamiltonian ends."""
         import sympy
 
         terms = [(k, sympy.latex(self.symbolic(k))) for k in range(self.order) if self.symbolic(k) != 0]
@@ -273,22 +272,22 @@ ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
 def modified_hamiltonian(
     method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
 ) -> ModifiedHamiltonian:
-    """The modified Hamiltonian of a method on a scene: the Hamiltonian of its modified equation, truncated.
+    """The modified Hamiltonian of a method on a scene: the Hamiltonian of its truncated modified equation.
 
     Args:
-        method: A method, or a field series (such as `modified_equation` gives).
-        scene: The scene: canonical, or a Poisson system.
-        order: The number of terms N: powers h^0 … h^(N−1). For a series None means its own order.
-        parts: For methods that treat parts of the field: maps their names to blocks or parts of the scene, where it is
-            not clear from the names.
+        method: A method, or a field series such as a `modified_equation`.
+        scene: A canonical scene, or a Poisson system.
+        order: The number of terms N, with the powers h^0 … h^(N−1); by default the order of a series.
+        parts: For methods that split the field: a map from the names of their parts to blocks or parts of the scene,
+            where the names differ.
         route: ``"trees"`` (elementary Hamiltonians), ``"brackets"`` (nested Poisson brackets, for splittings and
             compositions), ``"generating-function"`` (the Hamilton–Jacobi equation), ``"integration"`` (of the modified
-            equation on this scene), or ``"auto"``: trees where the method is symplectic, else brackets on a Poisson
-            system, else integration.
+            equation on this scene), or ``"auto"``: trees for symplectic methods, else brackets on a Poisson system,
+            else integration.
 
     Raises:
-        SeriesError: The modified equation is not Hamiltonian on the scene; the route does not lead to it; an argument
-            is out of its range.
+        SeriesError: The modified equation is not Hamiltonian on the scene, the route does not apply, or an argument is
+            out of range.
 
     Example:
         >>> import bseries as bs
@@ -326,14 +325,14 @@ def modified_hamiltonian(
         if order is None:
             raise SeriesError("order must be given for a method, but was None")
         order = check_order(order)
-    found, energy = _found(method, scene, order, parts, route)
+    found, energy = _route_and_energy(method, scene, order, parts, route)
     return ModifiedHamiltonian(method, scene, order, parts, found, energy)
 
 
-def _found(
+def _route_and_energy(
     method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
 ) -> tuple[str, EnergySeries | EnergyFormulas]:
-    """The route that leads to H̃, and H̃."""
+    """The route to H̃, and H̃ itself."""
     canonical = scene.is_hamiltonian and scene.poisson is None
     if route == "trees" or (route == "auto" and canonical):
         found = _by_trees(method, scene, order, parts, canonical)
@@ -361,11 +360,11 @@ def _found(
 def _with_constants(
     terms: tuple[sympy.Expr, ...], method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
 ) -> tuple[sympy.Expr, ...]:
-    """Integrals with the constants that elementary Hamiltonians or brackets have, where one of these is their sum."""
+    """Integrals with the constants of elementary Hamiltonians or brackets, where these give H̃."""
     if route == "brackets" and isinstance(method, BSeries):
         return terms
     try:
-        _, energy = _found(method, scene, order, parts, route)
+        _, energy = _route_and_energy(method, scene, order, parts, route)
     except (SeriesError, IntegratorError):
         return terms
     found = [terms[0]]
@@ -378,7 +377,7 @@ def _with_constants(
 
 
 def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, canonical: bool) -> EnergySeries | None:
-    """H̃ by trees; None if the modified equation is not Hamiltonian for all Hamiltonians like that of the scene."""
+    """H̃ by trees; None if the modified equation is not Hamiltonian for all H of the kind of the scene."""
     if not canonical:
         raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {scene.title} is not")
     trees = energy_trees(method, scene, order, parts)
@@ -386,7 +385,7 @@ def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, ca
 
 
 def _check_hamiltonian(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> None:
-    """Refuse a modified equation that is not Hamiltonian on the scene."""
+    """Check that the modified equation is Hamiltonian on the scene."""
     verdict = hamiltonian_verdict(method, scene, order, parts=parts)
     if verdict.order == 0:
         raise SeriesError(f"scene must be Hamiltonian, but the field of {scene.title} is not")

@@ -1,4 +1,4 @@
-"""Symplectic changes of coordinates of several kinds, from less than all their formulas."""
+"""Canonical transformations from formulas, point transformations, generating functions, action-angle variables."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ def canonical_transformation(
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
 ) -> CoordinateChange:
-    """A symplectic change of coordinates from its formulas, verified.
+    """A verified symplectic change of coordinates, from its formulas.
 
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
         new: The blocks of the new variables.
-        formulas: Maps every old variable to a formula in the new ones.
-        parameters: The names of parameters that formulas may use.
+        formulas: A map from every old variable to a formula in the new ones.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive, such as a radius.
 
     Raises:
-        SeriesError: It is not symplectic, or does not fit.
-        IntegratorError: A formula is none.
+        SeriesError: The change is not symplectic, or variables do not fit.
+        IntegratorError: A formula is invalid.
 
     Example:
         >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
@@ -65,20 +65,20 @@ def point_transformation(
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
 ) -> CoordinateChange:
-    """The symplectic change of coordinates that extends one of positions, q = χ(Q).
+    """The symplectic change of coordinates that extends a change of positions q = χ(Q).
 
-    Momenta change by P = χ'(Q)ᵀ p: the generating function is p·χ(Q).
+    Momenta become P = χ'(Q)ᵀ p; the generating function is p·χ(Q).
 
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
         new: The blocks of the new variables P, Q.
-        positions: Maps the old positions to formulas in the new ones.
-        parameters: The names of parameters that formulas may use.
+        positions: A map from the old positions to formulas in the new ones.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive, such as a radius.
 
     Raises:
-        SeriesError: The positions do not determine each other, or do not fit.
-        IntegratorError: A formula is none.
+        SeriesError: The Jacobian matrix is singular everywhere, or positions do not fit.
+        IntegratorError: A formula is invalid.
 
     Example:
         >>> new = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
@@ -125,16 +125,16 @@ def generating_transformation(
 
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q, under other names.
-        S: The formula, in new momenta and old positions; P·q is the identity's.
-        positions: The solution q of Q = ∇_P S(P, q), formulas in P and Q by the names of q; needed where this is not
-            linear in q.
-        parameters: The names of parameters that formulas may use.
+        new: The blocks of the new variables P, Q, with other names.
+        S: A formula in new momenta and old positions; P·q gives the identity.
+        positions: The solution q of Q = ∇_P S(P, q), as formulas in P and Q by the names of q; needed for equations
+            that are not linear in q.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive.
 
     Raises:
-        SeriesError: The equations for q are not solved, or what is given does not fit.
-        IntegratorError: A formula is none.
+        SeriesError: `positions` do not solve the equations, or arguments do not fit.
+        IntegratorError: A formula is invalid.
 
     Example:
         >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*q + q^2/2 + sin(P)"))
@@ -191,12 +191,12 @@ def harmonic_action_angle(
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
         new: The blocks of the actions and the angles.
-        frequencies: The ω_i, numbers or formulas in parameters.
-        parameters: The names of these parameters.
+        frequencies: The frequencies ω_i, numbers or formulas in parameters.
+        parameters: The names of parameters.
 
     Raises:
         SeriesError: The frequencies or variables do not fit.
-        IntegratorError: A frequency is no formula.
+        IntegratorError: A frequency is not a formula.
 
     Example:
         >>> change = harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
@@ -223,7 +223,7 @@ def harmonic_action_angle(
 
 
 def _linear_solution(relations: Sequence[Any], q: Sequence[Any], places: Sequence[Any], momenta: Sequence[Any]) -> Any:
-    """The q of Q = A q + b, where A and b depend on P only."""
+    """Solve Q = A q + b for q, where A and b depend on P only."""
     import sympy
 
     matrix = sympy.Matrix(relations).jacobian(list(q))
@@ -235,7 +235,7 @@ def _linear_solution(relations: Sequence[Any], q: Sequence[Any], places: Sequenc
 
 
 def _solved(matrix: Any, right: Sequence[Any], symbols: Sequence[Any], argument: str) -> list[Any]:
-    """The solution of a linear system, simplified."""
+    """Solve a linear system; the solution is simplified."""
     import sympy
 
     determinant = simplified(matrix.det(method="berkowitz"), symbols)

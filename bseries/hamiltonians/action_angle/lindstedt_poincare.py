@@ -1,4 +1,4 @@
-"""Normal forms: nearly integrable Hamiltonians without their angles, and the way there and back."""
+"""Lindstedt–Poincaré series: normal forms of nearly integrable Hamiltonians, with the change of variables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class SmallDenominator(NamedTuple):
-    """A denominator k·ω at a point: its k, the order in ε at which it first divides, and its value.
+    """Denominator k·ω at a point: k, the first order in ε at which it occurs, and its value.
 
     Example:
         >>> SmallDenominator((3, -2), 3, 0.26).k
@@ -41,10 +41,10 @@ class SmallDenominator(NamedTuple):
 
 
 class NormalForm:
-    """What `lindstedt_poincare` gives: the new Hamiltonian, the generating function, and the map both ways.
+    """Result of `lindstedt_poincare`: the new Hamiltonian, the generating function and the change of variables.
 
-    The new variables (b, φ) bear the names of the old ones (a, θ), in formulas and in states; in the generating
-    function S(b, θ) actions are new ones and angles old ones.
+    The new variables (b, φ) have the names of the old ones (a, θ) in formulas and states. In the generating function
+    S(b, θ), actions are new and angles old variables.
 
     Attributes:
         scene: The scene.
@@ -68,8 +68,8 @@ class NormalForm:
         array([1.  , 1.  , 0.5 , 0.25])
     """
 
-    def __init__(self, scene: Scene, parameter: str, layout: tuple[Block, Block], elimination: Elimination):
-        self.scene, self.parameter, self._layout, self._elimination = scene, parameter, layout, elimination
+    def __init__(self, scene: Scene, parameter: str, blocks: tuple[Block, Block], elimination: Elimination):
+        self.scene, self.parameter, self._blocks, self._elimination = scene, parameter, blocks, elimination
         self.actions, self.angles = elimination.fourier.actions, elimination.fourier.angles
         self.order = len(elimination.normal) - 1
 
@@ -82,7 +82,7 @@ class NormalForm:
         """The term of the new Hamiltonian with ε^k.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         return self._hamiltonians[self._power(k)]
 
@@ -94,7 +94,7 @@ class NormalForm:
         """The new Hamiltonian for a value of the parameter, a number or a symbol.
 
         Raises:
-            SeriesError: `eps` is neither.
+            SeriesError: `eps` is neither a number nor an expression.
         """
         import sympy
 
@@ -102,10 +102,10 @@ class NormalForm:
         return sympy.Add(*(term * value**k for k, term in enumerate(self._hamiltonians)))
 
     def generating_function(self, k: int) -> sympy.Expr:
-        """S_k(b, θ), the term of the generating function with ε^k; S_0 = 0.
+        """The term S_k(b, θ) of the generating function with ε^k; S_0 = 0.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         return self._elimination.fourier.expression(self._elimination.generating[self._power(k)])
 
@@ -115,26 +115,26 @@ class NormalForm:
 
     @property
     def resonances(self) -> Mapping[tuple[int, ...], int]:
-        """The k of the angles that the new Hamiltonian still depends on, with the orders at which they come in."""
+        """The resonant modes k of the new Hamiltonian, with the first orders at which they occur."""
         return MappingProxyType(self._elimination.resonances)
 
     @cached_property
     def denominators(self) -> Mapping[tuple[int, ...], sympy.Expr]:
-        """The formulas k·ω(b), by k, that something was divided by."""
+        """The formulas of the denominators k·ω(b), by k."""
         write = self._elimination.fourier.coefficients.to_expression
         return MappingProxyType({k: write(found.value) for k, found in self._elimination.denominators.items()})
 
     def small_denominators(self, actions: Any, count: int = 10) -> list[SmallDenominator]:
-        """The smallest denominators at a point; zero is that of a resonance there.
+        """The smallest denominators at a point; zero for a resonance.
 
         Args:
             actions: The values of the actions.
-            count: How many to list.
+            count: The number of denominators to list.
 
         Raises:
-            SeriesError: `actions` are not as many numbers, or lie outside the domain of ω; `count` is no number.
+            SeriesError: `actions` are not the right number of numbers, or outside the domain of ω, or `count` is
+                invalid.
         """
-
         if isinstance(count, bool) or not isinstance(count, int) or count < 0:
             raise SeriesError(f"count must be a whole number, 0 or more, but was {count!r:.60}")
         numbers = read_numbers(items(actions, "actions"), "actions")
@@ -152,34 +152,34 @@ class NormalForm:
     # The change of variables.
 
     def to_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
-        """(a, θ) ↦ (b, φ) at one point or many: b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ).
+        """Map (a, θ) to (b, φ) at one point or many: b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ).
 
         Args:
             y: The state, of shape (variables,), or (variables, n) for n points.
             eps: The value of the parameter.
-            workers: How many threads share the points.
+            workers: The number of threads that share the points.
 
         Returns:
             An array of the shape of `y`.
 
         Raises:
-            SeriesError: Newton's method does not find b somewhere: ε is too large, or a denominator too small.
+            SeriesError: Newton's method does not converge at a point: ε is too large, or a denominator too small.
         """
         return self._mapped(False, y, eps, workers)
 
     def from_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
-        """(b, φ) ↦ (a, θ), the inverse of `to_normal`."""
+        """Map (b, φ) to (a, θ), the inverse of `to_normal`."""
         return self._mapped(True, y, eps, workers)
 
     @cached_property
     def compiled(self) -> ModuleType:
         """A module with compiled functions ``to_normal(y, eps, out)`` and ``from_normal(y, eps, out)``.
 
-        They take contiguous arrays, and write nan where Newton's method does not converge.
+        Their arguments are contiguous arrays; results are nan where Newton's method does not converge.
         """
         from bseries.hamiltonians.action_angle.normal_form_maps import compiled_maps
 
-        return compiled_maps(self._elimination, self._layout, self.parameter)
+        return compiled_maps(self._elimination, self._blocks, self.parameter)
 
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
         import numpy as np
@@ -189,18 +189,18 @@ class NormalForm:
         states, shape = read_states(y, self.scene.dimension)
         value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self.compiled
         in_threads(lambda k: map_states(maps, is_back, states[k], value, out[k]), len(states), workers)
-        lost = np.flatnonzero(~np.isfinite(out).all(axis=1))
-        if lost.size:
+        failed = np.flatnonzero(~np.isfinite(out).all(axis=1))
+        if failed.size:
             raise SeriesError(
                 f"y must be where Newton's method can solve for the change of variables with {self.parameter} = "
-                f"{value}, but at {lost.size} of {len(states)} points it could not, such as "
-                f"{states[lost[0]].tolist()!s:.60}"
+                f"{value}, but at {failed.size} of {len(states)} points it could not, such as "
+                f"{states[failed[0]].tolist()!s:.60}"
             )
         return out.T.reshape(shape)
 
     @cached_property
     def normal_scene(self) -> Scene:
-        """The system of the new Hamiltonian, truncated: a scene with the parameter as a symbol."""
+        """The system with the truncated new Hamiltonian, as a scene with the parameter as a symbol."""
         import sympy
 
         blocks = {block.name: block.size for block in self.scene.blocks}
@@ -239,7 +239,7 @@ class NormalForm:
 
 
 MOST_MONOMIALS = 100_000
-"""Series with longer coefficients are refused."""
+"""Series with longer coefficients raise an error."""
 
 
 def lindstedt_poincare(
@@ -251,28 +251,28 @@ def lindstedt_poincare(
     keep_resonant: bool = False,
     limit: int = MOST_MONOMIALS,
 ) -> NormalForm:
-    """Eliminate the angles of H = K(a) + ε H_1(a, θ) + ε² H_2(a, θ) + … through a power of ε.
+    """Eliminate the angles of H = K(a) + ε H_1(a, θ) + ε² H_2(a, θ) + … up to a power of ε.
 
-    The symplectic change of variables b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ) with S = ε S_1 + … + ε^N S_N takes H to
-    K(b) + ε K_1(b) + … + ε^N K_N(b) + O(ε^(N+1)): along solutions b changes by O(t ε^(N+1)) only. All is exact; what
-    is divided by are the functions k·ω(b), ω = ∇K, for finitely many k.
+    The symplectic change of variables b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ) with S = ε S_1 + … + ε^N S_N transforms
+    H to K(b) + ε K_1(b) + … + ε^N K_N(b) + O(ε^(N+1)), so that b changes by O(t ε^(N+1)) along solutions. The formulas
+    are exact, with denominators k·ω(b), ω = ∇K, for finitely many k.
 
     Args:
-        scene: The system in action-angle variables: blocks of actions and of angles, which play the parts of p and q.
-        order: The power N of ε to eliminate the angles through.
-        parameter: The name of ε: that of a parameter of the scene, whatever its value.
-        perturbations: H_1, H_2, …, as formulas in the scene's variables, to be added to its Hamiltonian; the
-            parameter need then not be one of the scene's.
-        keep_resonant: Keep modes with k·ω = 0 for all actions in the new Hamiltonian, which then depends on the
-            resonant combinations of angles, instead of refusing them.
-        limit: Most monomials that a coefficient may have on the way.
+        scene: The system in action-angle variables, with blocks of actions and angles in the roles of p and q.
+        order: The highest power N of ε.
+        parameter: The name of ε, that of a parameter of the scene with any value.
+        perturbations: Formulas H_1, H_2, … to be added to the Hamiltonian of the scene, which then need not have the
+            parameter.
+        keep_resonant: Whether to keep modes with k·ω = 0 for all actions in the new Hamiltonian, which then depends on
+            resonant combinations of angles. Otherwise they raise an error.
+        limit: Largest number of monomials in an intermediate coefficient.
 
     Returns:
-        The series; see `NormalForm`.
+        The series, as a `NormalForm`.
 
     Raises:
-        SeriesError: The scene is not Hamiltonian in all its variables, H has infinitely many Fourier modes or depends
-            on angles without the perturbation, there is a resonance, or the formulas grow too large.
+        SeriesError: The scene is not Hamiltonian in all its variables, H has infinitely many Fourier modes, K depends
+            on angles, a resonance occurs, or the formulas are too large.
 
     Example:
         >>> import bseries as bs
@@ -294,11 +294,11 @@ def lindstedt_poincare(
     """
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise SeriesError(f"order must be a whole number ≥ 1, but was {order!r:.60}")
-    layout = _layout(scene)
+    blocks = _action_angle_blocks(scene)
     given = None if perturbations is None else items(perturbations, "perturbations")
-    energies = _powers(scene, parameter, order, given)
+    energies = _taylor_terms(scene, parameter, order, given)
 
-    actions, angles = (scene.symbols[block.offset : block.end] for block in layout)
+    actions, angles = (scene.symbols[block.offset : block.end] for block in blocks)
     try:
         fourier = FourierRing(energies, actions, angles, limit=limit)
         elimination = Elimination(fourier, [fourier.read(term) for term in energies], keep_resonant=keep_resonant)
@@ -306,10 +306,10 @@ def lindstedt_poincare(
         raise SeriesError(f"order must be smaller: a coefficient would have more than {limit} monomials") from None
     except RecursionError:
         raise SeriesError("hamiltonian must be nested less deeply than the interpreter's limit") from None
-    return NormalForm(scene, parameter, layout, elimination)
+    return NormalForm(scene, parameter, blocks, elimination)
 
 
-def _layout(scene: Any) -> tuple[Block, Block]:
+def _action_angle_blocks(scene: Any) -> tuple[Block, Block]:
     """The blocks of actions and of angles."""
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
@@ -318,8 +318,8 @@ def _layout(scene: Any) -> tuple[Block, Block]:
     return read_pair(scene, "scene")
 
 
-def _powers(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
-    """H_0 = K, H_1, …, the Taylor coefficients of the Hamiltonian in the parameter."""
+def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
+    """The Taylor coefficients H_0 = K, H_1, … of the Hamiltonian in the parameter."""
     import sympy
 
     known = isinstance(parameter, str) and parameter in scene.parameters

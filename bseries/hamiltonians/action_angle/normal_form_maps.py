@@ -1,6 +1,10 @@
-"""The change of variables b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ) compiled, both ways.
+"""Compiled change of variables b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ), in both directions.
 
-The equation that is implicit, for b or for θ, is solved by Newton's method.
+The implicit equation, for b or for θ, is solved by Newton's method. S and its derivatives are Fourier sums with
+polynomial coefficients, stored in tables: a row of `rows` is a coefficient of S, or of one of its derivatives in the
+actions, with a mode, a flag for sines, and a range of monomials. A monomial is a number times some entries of `powers`,
+the powers of ε and of the generators of the coefficients. Only the generators need code of their own, a C function, so
+that the kernels are compiled once.
 """
 
 from __future__ import annotations
@@ -55,7 +59,7 @@ numbers = np.array({numbers}, np.float64)
 
 @cfunc(types.void(types.float64, DOUBLES, DOUBLES), **OPTIONS)
 def generators(eps, b, out):
-    """What the coefficients are polynomials in."""
+    """Generators of the coefficients."""
 {lines}
 
 
@@ -79,7 +83,7 @@ def from_normal(y, eps, out):
 '''
 
 EPS = -1
-"""Stands for ε among the numbers of generators."""
+"""The index of ε among the generators."""
 
 
 def compiled_maps(elimination: Elimination, layout: Sequence[Block], parameter: str) -> ModuleType:
@@ -103,7 +107,7 @@ def compiled_maps(elimination: Elimination, layout: Sequence[Block], parameter: 
 
 
 def map_states(maps: ModuleType, is_back: bool, states: np.ndarray, eps: float, out: np.ndarray) -> None:
-    """Map the rows of `states` to the rows of `out`, by a module that `compiled_maps` has made."""
+    """Map the rows of `states` to the rows of `out`, by a module made by `compiled_maps`."""
     function = maps.map_points
     y, image, ints, numbers = (
         array.ctypes.data_as(function.argtypes[k])
@@ -113,7 +117,7 @@ def map_states(maps: ModuleType, is_back: bool, states: np.ndarray, eps: float, 
 
 
 def _rows(fourier: FourierRing, generating: Sequence[FourierPolynomial], i: int | None) -> Rows:
-    """The coefficients of S, or of its derivative with respect to the i-th action: their monomials by modes."""
+    """The monomials by mode of S, or of its derivative in the i-th action."""
     rows: Rows = defaultdict(list)
     for n, term in enumerate(generating):
         for mode, x in (term if i is None else fourier.along_action(term, i)).items():
@@ -123,7 +127,7 @@ def _rows(fourier: FourierRing, generating: Sequence[FourierPolynomial], i: int 
 
 
 def _largest_exponents(kinds: Iterable[Rows]) -> dict[int, int]:
-    """The largest exponent of every generator that occurs; ε comes first."""
+    """The largest exponent of each generator, with ε first."""
     largest = {EPS: 1}
     for _, powers in (monomial for rows in kinds for row in rows.values() for monomial in row):
         for generator, exponent in powers:
@@ -132,7 +136,7 @@ def _largest_exponents(kinds: Iterable[Rows]) -> dict[int, int]:
 
 
 def _generator_lines(fourier: FourierRing, largest: Iterable[int], parameter: str) -> list[str]:
-    """Statements for the values of the generators."""
+    """Statements that compute the generators."""
     import sympy
 
     eps, known = sympy.Symbol(parameter), fourier.coefficients.generators
@@ -145,15 +149,15 @@ def _generator_lines(fourier: FourierRing, largest: Iterable[int], parameter: st
 
 
 def _tables(kinds: Sequence[Rows], largest: Mapping[int, int], size: int) -> tuple[list[int], list[float]]:
-    """What the kernels read, after the offsets."""
+    """The tables of the kernels, after the offsets."""
     modes = {k: None for rows in kinds for k, _ in rows}
-    place = {k: at for at, k in enumerate(modes)}
+    index = {k: at for at, k in enumerate(modes)}
     first_power = dict(zip(largest, accumulate(largest.values(), initial=0), strict=False))
     rows: list[tuple[int, ...]] = []
     factors: list[list[int]] = []
     numbers: list[float] = []
     for (k, is_sine), monomials in (row for kind in kinds for row in kind.items()):
-        rows.append((place[k], int(is_sine), len(numbers), len(numbers) + len(monomials)))
+        rows.append((index[k], int(is_sine), len(numbers), len(numbers) + len(monomials)))
         for number, powers in monomials:
             numbers.append(number)
             factors.append([first_power[generator] + exponent - 1 for generator, exponent in powers])
@@ -173,20 +177,20 @@ COLUMNS = 4
 MODE, IS_SINE, FIRST_MONOMIAL, LAST_MONOMIAL = range(COLUMNS)
 """The columns of `rows`."""
 HEADER = 7
-"""Whole numbers before the tables."""
+"""The number of integers before the tables."""
 
 MOST_ITERATIONS = 200
-NARROWEST = 2.0**-8
-"""Shares of S are followed in steps down to this one."""
-SETTLED = 1e-8
-"""Newton's method has converged where it moves by less; it goes on until it comes no nearer."""
+SMALLEST_SHARE = 2.0**-8
+"""The smallest step of the continuation in S."""
+CONVERGED = 1e-8
+"""Newton's method has converged if its step is smaller; it continues until steps no longer decrease."""
 
 solver = partial(float_kernel, sources=(machine, linear_algebra))
 
 
 @float_kernel
 def find_powers(generators, first_power, powers):
-    """The powers of every generator, from 1 on; those of the k-th begin at first_power[k]."""
+    """Compute the powers of every generator, from 1 on; those of the k-th begin at first_power[k]."""
     for k in range(len(generators)):
         x = 1.0
         for at in range(first_power[k], first_power[k + 1]):
@@ -196,7 +200,7 @@ def find_powers(generators, first_power, powers):
 
 @float_kernel
 def find_coefficients(first, last, rows, first_factor, factors, numbers, powers, coefficients):
-    """The coefficients of some rows."""
+    """Compute the coefficients of a range of rows."""
     for row in range(first, last):
         total = 0.0
         for monomial in range(rows[row, FIRST_MONOMIAL], rows[row, LAST_MONOMIAL]):
@@ -209,7 +213,7 @@ def find_coefficients(first, last, rows, first_factor, factors, numbers, powers,
 
 @float_kernel
 def find_waves(theta, modes, cosines, sines):
-    """cos k·θ and sin k·θ of all modes."""
+    """Compute cos k·θ and sin k·θ of all modes."""
     for mode in range(len(modes)):
         phase = 0.0
         for i in range(len(theta)):
@@ -219,20 +223,20 @@ def find_waves(theta, modes, cosines, sines):
 
 
 @float_kernel
-def slopes_along_angles(first_row, rows, modes, coefficients, cosines, sines, out):
-    """∇_θ S, from the rows of S itself."""
+def angle_gradient(first_row, rows, modes, coefficients, cosines, sines, out):
+    """Compute ∇_θ S from the rows of S."""
     for i in range(len(out)):
         out[i] = 0.0
     for row in range(first_row[0], first_row[1]):
         mode = rows[row, MODE]
-        slope = coefficients[row] * (cosines[mode] if rows[row, IS_SINE] else -sines[mode])
+        value = coefficients[row] * (cosines[mode] if rows[row, IS_SINE] else -sines[mode])
         for i in range(len(out)):
-            out[i] += modes[mode, i] * slope
+            out[i] += modes[mode, i] * value
 
 
 @float_kernel
-def slopes_along_actions(first_row, rows, coefficients, cosines, sines, out):
-    """∇_b S, from the rows of the derivatives."""
+def action_gradient(first_row, rows, coefficients, cosines, sines, out):
+    """Compute ∇_b S from the rows of the derivatives."""
     for i in range(len(out)):
         out[i] = 0.0
         for row in range(first_row[i + 1], first_row[i + 2]):
@@ -241,34 +245,34 @@ def slopes_along_actions(first_row, rows, coefficients, cosines, sines, out):
 
 
 @float_kernel
-def mixed_slopes(first_row, rows, modes, coefficients, cosines, sines, out):
-    """∂²S/∂θ_i∂b_j in row i and column j, from the rows of the derivatives."""
+def mixed_derivatives(first_row, rows, modes, coefficients, cosines, sines, out):
+    """Compute the matrix ∂²S/∂θ_i∂b_j from the rows of the derivatives."""
     size = len(first_row) - 2
     out[:] = 0.0
     for j in range(size):
         for row in range(first_row[j + 1], first_row[j + 2]):
             mode = rows[row, MODE]
-            slope = coefficients[row] * (cosines[mode] if rows[row, IS_SINE] else -sines[mode])
+            value = coefficients[row] * (cosines[mode] if rows[row, IS_SINE] else -sines[mode])
             for i in range(size):
-                out[i, j] += modes[mode, i] * slope
+                out[i, j] += modes[mode, i] * value
 
 
 @solver
-def advance(x, origin, share, slope, matrix, pivots, step):
-    """A step of Newton's method for x + share · slope(x) = origin; how far it moves x, relative to numbers beyond 1.
+def newton_step(x, origin, share, gradient, matrix, pivots, step):
+    """Take a Newton step for x + share · g(x) = origin; returns its size, relative for entries beyond 1.
 
     Args:
         x: The unknowns, changed in place.
-        origin: What they are where the share is 0.
+        origin: The solution for the share 0.
         share: A number from 0 to 1.
-        slope: slope(x).
-        matrix: slope'(x); it is destroyed.
-        pivots: Room for as many numbers as there are unknowns.
-        step: The same.
+        gradient: The vector g(x).
+        matrix: The matrix g'(x), which is overwritten.
+        pivots: Workspace of the size of x.
+        step: Workspace of the size of x.
     """
     size = len(x)
     for i in range(size):
-        step[i] = x[i] + share * slope[i] - origin[i]
+        step[i] = x[i] + share * gradient[i] - origin[i]
         for j in range(size):
             matrix[i, j] *= share
         matrix[i, i] += 1.0
@@ -283,21 +287,21 @@ def advance(x, origin, share, slope, matrix, pivots, step):
 
 @solver
 def map_point(is_back, y, eps, out, actions, angles, generators, tables):
-    """(a, θ) ↦ (b, φ), or back; nan where Newton's method does not find b, or θ.
+    """Map (a, θ) to (b, φ), or back; the result is nan where Newton's method does not converge.
 
-    Far solutions solve the same equations. What counts is the one that the identity becomes as S grows from nothing:
-    the share of S that is aimed at is halved until each step of Newton's method is at most half of the one before. If
-    that one ends on the way, plain steps may find another.
+    The equations have other solutions far away. The wanted solution is the continuation of the identity in a share of S
+    from 0 to 1. The increment of the share is halved until each Newton step is at most half of the previous one. If the
+    continuation fails, plain Newton steps are tried.
 
     Args:
         is_back: Whether (b, φ) is given.
         y: The point.
         eps: The value of ε.
-        out: Where the image goes.
-        actions: Where the actions begin in a point.
-        angles: Where the angles begin.
+        out: The image.
+        actions: The offset of the actions in a point.
+        angles: The offset of the angles.
         generators: The address of a C function void (double ε, double *b, double *out).
-        tables: first_row, rows, modes, first_power, first_factor, factors, numbers.
+        tables: The tables first_row, rows, modes, first_power, first_factor, factors, numbers.
 
     References:
         P. Deuflhard, *Newton Methods for Nonlinear Problems*, section 5.1 (continuation with the monotonicity test).
@@ -319,20 +323,20 @@ def map_point(is_back, y, eps, out, actions, angles, generators, tables):
             find_coefficients(0, len(rows), rows, first_factor, factors, numbers, powers, coefficients)
         if iteration == 0 or is_back:
             find_waves(theta, modes, cosines, sines)
-        slopes_along_angles(first_row, rows, modes, coefficients, cosines, sines, along_angles)
-        slopes_along_actions(first_row, rows, coefficients, cosines, sines, along_actions)
+        angle_gradient(first_row, rows, modes, coefficients, cosines, sines, along_angles)
+        action_gradient(first_row, rows, coefficients, cosines, sines, along_actions)
         if reached == 1.0:
             break
-        mixed_slopes(first_row, rows, modes, coefficients, cosines, sines, mixed)
+        mixed_derivatives(first_row, rows, modes, coefficients, cosines, sines, mixed)
         for i in range(size):
             for j in range(size):
                 matrix[i, j] = mixed[j, i] if is_back else mixed[i, j]
-        slope, last, share = along_actions if is_back else along_angles, moved, min(1.0, reached + width)
-        moved = advance(x, origin, share, slope, matrix, pivots, step)
-        if moved == 0.0 or moved >= last < SETTLED:
+        gradient, last, share = along_actions if is_back else along_angles, moved, min(1.0, reached + width)
+        moved = newton_step(x, origin, share, gradient, matrix, pivots, step)
+        if moved == 0.0 or moved >= last < CONVERGED:
             reached, width, moved, known[:] = share, 2.0 * width, np.inf, x
-        elif last >= SETTLED and not moved <= growth * last:
-            if width > NARROWEST:
+        elif last >= CONVERGED and not moved <= growth * last:
+            if width > SMALLEST_SHARE:
                 width, x[:] = width / 2.0, known
             else:
                 reached, width, growth, x[:], known[:] = 0.0, 1.0, np.inf, origin, origin
@@ -344,10 +348,10 @@ def map_point(is_back, y, eps, out, actions, angles, generators, tables):
 
 @solver
 def map_pointers(is_back, y, eps, out, points, generators, ints, length, numbers):
-    """`map_point` on pointers: `y` and `out` have a row for each of the points.
+    """Map points given by pointers; `y` and `out` have a row for each point.
 
-    `ints` begins with the offsets of actions and angles in a point, and with the numbers of degrees of freedom, rows,
-    modes, generators and monomials; then come, one after the other, all tables but `numbers`.
+    `ints` begins with the offsets of actions and angles, and the numbers of degrees of freedom, rows, modes, generators
+    and monomials; then all tables but `numbers` follow.
     """
     table = carray(ints, (length,))
     actions, angles, size = table[0], table[1], table[2]
@@ -365,7 +369,7 @@ def map_pointers(is_back, y, eps, out, points, generators, ints, length, numbers
 
 @cache
 def mapping():
-    """The kernel that maps points, as a C function."""
+    """The kernel `map_pointers` as a C function."""
     reals, whole = machine.DOUBLES, types.int64
     return map_pointers.c_function(
         types.void(types.int64, reals, types.float64, reals, whole, whole, types.CPointer(whole), whole, reals)
