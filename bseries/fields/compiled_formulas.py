@@ -74,9 +74,6 @@ class CompiledFormulas:
     Attributes:
         lines: The statements that compute the sums.
 
-    Raises:
-        IntegratorError: A formula has further symbols, or cannot be computed in doubles.
-
     Example:
         >>> import numpy as np, sympy
         >>> p, q = sympy.symbols("p q")
@@ -86,17 +83,13 @@ class CompiledFormulas:
     """
 
     def __init__(self, symbols: Sequence[sympy.Symbol], columns: Sequence[Sequence[sympy.Expr]]):
-        self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
-        self.lines = self._lines()
-
-    def _lines(self) -> list[str]:
-        """Statements that compute the sums f0, f1, … from y0, y1, … and h."""
         import sympy
 
+        self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
         h = sympy.Dummy("h")
         sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
         names = {symbol: f"y{i}" for i, symbol in enumerate(self.symbols)}
-        return source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
+        self.lines = source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
 
     def is_faster(self, contractions: int) -> bool:
         """Whether the formulas cost less than this number of tensor contractions."""

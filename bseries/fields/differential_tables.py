@@ -22,7 +22,7 @@ from integrators.scenes.model.local_terms import VALUE
 from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
 
 if TYPE_CHECKING:
-    from integrators.scenes.model.local_terms import LocalTerm, Output, Place
+    from integrators.scenes.model.local_terms import LocalTerm
     from integrators.scenes.model.system import System
     from trees.table import TreeTable
 
@@ -87,7 +87,7 @@ class TermTensors:
         ]
         self.ranks: dict[Forest, int] = {}
 
-    def alive(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
+    def nonzero(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
         """Whether the tensors of a forest may be nonzero."""
         if self.degree is not None and forests.children[forest] > self.degree:
             return False
@@ -127,19 +127,12 @@ class RequiredTensors(NamedTuple):
 def find_required_tensors(
     table: TreeTable, wanted: Sequence[bool], scene: System, pieces: Sequence[Piece]
 ) -> RequiredTensors:
-    """Find the tensors that the wanted trees need, from the largest trees down.
-
-    Args:
-        table: The trees.
-        wanted: Whether the differential of each tree is in the sum.
-        scene: The scene.
-        pieces: The piece of the field for each colour of the trees.
-    """
+    """Find the tensors that the wanted trees need, from the largest trees down."""
     forests = find_forests(table)
     _, colors, _, _ = table.lists
     moved = supports(scene, pieces)
     terms = [TermTensors(term, scene, pieces, moved) for term in scene.numeric_terms]
-    alive: list[list[bool]] = []
+    nonzero: list[list[bool]] = []
     vanishes: list[bool] = []
     of_order = defaultdict(list)
     for forest, n in enumerate(forests.order):
@@ -147,12 +140,12 @@ def find_required_tensors(
     known = 0
     for tree, forest in enumerate(forests.of_tree):
         while known <= forest:
-            alive.append([term.alive(forests, known, colors, vanishes) for term in terms])
+            nonzero.append([term.nonzero(forests, known, colors, vanishes) for term in terms])
             known += 1
         vanishes.append(
             not any(
                 a and t.rank_for(forests, forest, colors[tree]) is not None
-                for a, t in zip(alive[forest], terms, strict=True)
+                for a, t in zip(nonzero[forest], terms, strict=True)
             )
         )
     is_child = [False] * len(table)
@@ -160,7 +153,7 @@ def find_required_tensors(
         for tree in reversed(table.ids(n)):
             if (wanted[tree] or is_child[tree]) and not vanishes[tree]:
                 forest = forests.of_tree[tree]
-                for term, a in zip(terms, alive[forest], strict=True):
+                for term, a in zip(terms, nonzero[forest], strict=True):
                     rank = term.rank_for(forests, forest, colors[tree])
                     if a and rank is not None:
                         term.require(forest, rank)
@@ -280,7 +273,7 @@ class TableBuilder:
         ranges = []
         for outputs in tensors.outputs:
             begin = len(self.rows["output"])
-            self.rows["output"] += [_output(output) for output in outputs]
+            self.rows["output"] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
             ranges.append((begin, len(self.rows["output"])))
         return ranges
 
@@ -338,8 +331,3 @@ class TableBuilder:
             if tree in self.child_number:
                 self.rows["use"].append((1 + self.child_number[tree], first, last))
                 self.rows["weight"].append(0)
-
-
-def _output(output: Output) -> tuple[int, ...]:
-    place: Place = output.place
-    return output.derivative + 1, place.role, place.offset, place.stride, int(output.sign > 0)

@@ -30,12 +30,7 @@ if TYPE_CHECKING:
 
 
 class DerivativeTowers:
-    """Derivative tensors of coloured fields, computed on demand: f^(m+r)(F(u1), …, F(um)) for the tree [u1, …, um].
-
-    Args:
-        ring: The ring of the fields.
-        fields: One field for each colour, with one element for each variable.
-    """
+    """Derivative tensors of coloured fields, computed on demand: f^(m+r)(F(u1), …, F(um)) for the tree [u1, …, um]."""
 
     def __init__(self, ring: DifferentialRing, fields: Sequence[Sequence[Element]]):
         self.ring = ring
@@ -178,11 +173,7 @@ class SymbolicSeries:
             return tuple(self.ring.to_expression(element, simplify=simplify) for element in elements)
 
     def elements(self, n: int) -> tuple[Element, ...]:
-        """The contribution of the trees with n nodes, as elements of `ring`.
-
-        Raises:
-            SeriesError: `n` exceeds the order of the series, or a formula the limit.
-        """
+        """The contribution of the trees with n nodes, as elements of `ring`."""
         series = self.series
         if check_order(n) > series.order:
             raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
@@ -199,40 +190,6 @@ class SymbolicSeries:
         return number * Fraction(1, int(self.series.table.symmetry_and_density[0][at]))
 
 
-def symbolic_terms(
-    series: BSeries,
-    fields: Fields,
-    variables: Iterable[sympy.Symbol],
-    *,
-    simplify: bool = True,
-    limit: int = MOST_MONOMIALS,
-) -> list[Formulas]:
-    """The formulas of a series on a field; see `SymbolicSeries`.
-
-    Args:
-        series: The series, such as a modified equation.
-        fields: One field for each colour of its trees: a formula for every variable.
-        variables: The symbols of the variables.
-        simplify: Whether to use common denominators and factor the formulas.
-        limit: Largest number of monomials in an intermediate formula.
-
-    Returns:
-        For n = 1 … order the formulas of the trees with n nodes, in a modified equation the coefficients of h^(n−1).
-
-    Raises:
-        SeriesError: The fields or variables do not fit the series, a formula divides by zero or exceeds the limit.
-
-    Example:
-        >>> import bseries as bs, sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> midpoint = bs.modified_equation(bs.method("implicit-midpoint"), 3)
-        >>> symbolic_terms(midpoint, [(-sympy.sin(q), p)], (p, q))
-        [(-sin(q), p), (0, 0), (-(p**2 - 2*cos(q))*sin(q)/24, -p*cos(q)/12)]
-    """
-    written = SymbolicSeries(series, fields, variables, limit=limit)
-    return [written.term(n, simplify=simplify) for n in range(1, series.order + 1)]
-
-
 def elementary_differentials(
     trees: Iterable[Tree | str],
     fields: Fields,
@@ -241,7 +198,7 @@ def elementary_differentials(
     simplify: bool = True,
     limit: int = MOST_MONOMIALS,
 ) -> list[Formulas]:
-    """The elementary differentials F(τ) of several trees; see `symbolic_differential` for one.
+    """The elementary differentials F(τ) of trees, F([τ1,…,τm]) = f^(m)(F(τ1),…,F(τm)), as formulas.
 
     Args:
         trees: The trees, such as a `TreeTable`.
@@ -279,38 +236,6 @@ def elementary_differentials(
     return found
 
 
-def symbolic_differential(
-    tree: Tree | str,
-    fields: Fields,
-    variables: Iterable[sympy.Symbol],
-    *,
-    simplify: bool = True,
-    limit: int = MOST_MONOMIALS,
-) -> Formulas:
-    """The elementary differential F(τ) of a tree, F([τ1,…,τm]) = f^(m)(F(τ1),…,F(τm)).
-
-    Args:
-        tree: The tree.
-        fields: One field for each colour: a formula for every variable.
-        variables: The symbols of the variables.
-        simplify: Whether to use common denominators and factor the formulas.
-        limit: Largest number of monomials in an intermediate formula.
-
-    Raises:
-        SeriesError: The fields or variables do not fit the tree, a formula divides by zero or exceeds the limit.
-
-    Example:
-        >>> import sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> symbolic_differential("[τ,[τ]]", [(-sympy.sin(q), p)], (p, q))
-        (-p*sin(q)**2, 0)
-
-    References:
-        HLW, definition III.1.2.
-    """
-    return elementary_differentials([tree], fields, variables, simplify=simplify, limit=limit)[0]
-
-
 def _digits(series: BSeries) -> int | None:
     """Significant digits of the results: one less than those of rounded decimals."""
     if series.digits is not None:
@@ -338,7 +263,7 @@ def _towers(
     if digits is None and any(formula.has(sympy.Float) for formula in formulas):
         digits = FLOAT_DIGITS
     with refusing_large(limit):
-        ring = DifferentialRing.of([*formulas, *others], symbols, limit=limit, digits=digits)
+        ring = DifferentialRing([*formulas, *others], symbols, limit=limit, digits=digits)
         return DerivativeTowers(ring, [[ring.element(formula) for formula in row] for row in rows])
 
 

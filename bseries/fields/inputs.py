@@ -16,14 +16,7 @@ if TYPE_CHECKING:
 
 
 def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Read points as contiguous rows of doubles, with their original shape.
-
-    Args:
-        y: One point of shape (size,), or n points of shape (size, n).
-        size: The number of variables.
-
-    Raises:
-        SeriesError: `y` has entries other than real numbers, or the wrong shape.
+    """Read a point (size,) or n points (size, n) as contiguous rows of doubles; returns also the original shape.
 
     Example:
         >>> read_states([[1, 2, 3], [4, 5, 6]], 2)[0].tolist()
@@ -48,13 +41,6 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
 
 def read_step(h: Any, argument: str = "h") -> float:
     """Read a step size or another parameter as a double.
-
-    Args:
-        h: The number.
-        argument: Its name in messages.
-
-    Raises:
-        SeriesError: `h` is not a finite real number.
 
     Example:
         >>> from fractions import Fraction
@@ -86,11 +72,7 @@ def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: 
 
 
 def read_symbolic_step(h: Any, argument: str = "h") -> Any:
-    """Read a step size or another small parameter as a SymPy expression.
-
-    Raises:
-        SeriesError: `h` is neither.
-    """
+    """Read a step size or another small parameter as a SymPy expression."""
     import sympy
 
     if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):

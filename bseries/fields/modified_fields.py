@@ -14,7 +14,14 @@ from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS
 from bseries.fields.inputs import check_power
-from bseries.fields.scene_trees import SceneTrees, SeriesOnScene, shapes, trees_of_method, trees_of_series
+from bseries.fields.scene_trees import (
+    SceneTrees,
+    SeriesOnScene,
+    mapped_uncertainty,
+    shapes,
+    trees_of_method,
+    trees_of_series,
+)
 from integrators.reference.plain_arithmetic import Arithmetic
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.scene import Scene
@@ -25,7 +32,6 @@ if TYPE_CHECKING:
 
     from bseries.fields.evaluation import CompiledSeries
     from integrators.methods.program.program import Method
-    from integrators.scenes.scene import Scene
 
 
 ROUTES = ("auto", "towers", "symbolic")
@@ -82,7 +88,7 @@ class SceneSeries(SeriesOnScene):
         return self.evaluator.value(y, h, workers)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.scene, self.trees, self.series, self._wanted)
+        return partial(SceneSeries, route=self._wanted), (self.scene, self.trees, self.series)
 
     @property
     def route(self) -> str:
@@ -260,18 +266,9 @@ def _make(
     if trees.table != trees.shapes:
         plain_id = shapes(trees.table, trees.shapes)
         chosen = make_values(trees.table, [values[at] for at in plain_id])
-        uncertainty = plain.uncertainty and partial(_uncertainty_of_shape, plain.uncertainty, plain_id)
+        uncertainty = plain.uncertainty and partial(mapped_uncertainty, plain.uncertainty, plain_id)
         plain = BSeries(trees.table, chosen, plain.empty, digits=plain.digits, uncertainty=uncertainty)
     return SceneSeries(scene, trees, plain.with_label(f"{title} of {method.name}"), route=route)
-
-
-def _rebuilt(scene: Scene, trees: SceneTrees, series: BSeries, route: str) -> SceneSeries:
-    return SceneSeries(scene, trees, series, route=route)
-
-
-def _uncertainty_of_shape(uncertainty: Callable[[int], float], plain_id: list[int], at: int) -> float:
-    """The uncertainty of the coefficient of a coloured tree, which is that of the tree without colours."""
-    return uncertainty(plain_id[at])
 
 
 def modifying_steps(

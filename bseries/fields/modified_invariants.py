@@ -115,7 +115,7 @@ def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) 
     energy = f.scene.hamiltonian
     if k == 0 and energy is not None:
         H = ring.element(energy)
-        if all(ring.is_zero(ring.derivative(H, i) - slope) for i, slope in enumerate(gradient)):
+        if all(ring.is_zero(ring.derivative(H, i) - x) for i, x in enumerate(gradient)):
             return energy
     found = potential(ring, gradient)
     if found is None:
@@ -191,6 +191,6 @@ def structure_matrix(scene: Scene) -> list[list[Any]]:
     if scene.canonical_pair is None:
         raise SeriesError(
             f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not; momenta and "
-            "positions are blocks with names that tell these, such as p and q"
+            "positions are recognised by the names of blocks, such as p and q"
         )
     return poisson_matrix(scene.canonical_pair)

@@ -7,7 +7,7 @@ quadratic kinetic energy), so the smaller table is used.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,7 +25,6 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.elementary_differentials import SymbolicSeries
     from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
@@ -47,17 +46,7 @@ class SceneTrees(NamedTuple):
 
 
 def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None) -> SceneTrees:
-    """The trees needed for the series of a method on a scene.
-
-    Args:
-        method: The method.
-        order: Largest number of nodes.
-        scene: The scene.
-        parts: The parts of the method on the scene, see `pieces_of`.
-
-    Raises:
-        SeriesError: The scene does not have the parts of the method, or is not of the kind the method is made for.
-    """
+    """The trees needed for the series of a method on a scene."""
     check_method(method)
     if auxiliary_colors(method):
         raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
@@ -101,9 +90,6 @@ class SeriesOnScene:
         scene: The scene.
         trees: The trees and the pieces of the field that their colours stand for.
         series: The coefficients.
-
-    Raises:
-        SeriesError: The series has other trees.
     """
 
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries):
@@ -177,3 +163,8 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
                 )
             )  # fmt: skip
     return found
+
+
+def mapped_uncertainty(uncertainty: Callable[[int], float], ids: Sequence[int], at: int) -> float:
+    """The uncertainty of a coefficient taken from another tree; a function of a module, for pickling."""
+    return uncertainty(ids[at])

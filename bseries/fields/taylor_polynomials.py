@@ -89,12 +89,7 @@ def products(
 ) -> tuple[tuple[int, int, int], ...]:
     """Triples (α, β, γ) of monomials with x^α = x^β x^γ and |α| ≤ degree, sorted by |α|.
 
-    Args:
-        variables: The number of variables.
-        degree: The highest degree.
-        first: The indices β.
-        second: The indices γ.
-        proper: Whether to leave out β = 0.
+    The indices β and γ are those in `first` and `second`; `proper` excludes β = 0.
 
     Example:
         >>> products(1, 2, frozenset([0, 1]), frozenset([0, 1]), False)
@@ -147,13 +142,7 @@ class InstructionList(NamedTuple):
 def instruction_list(formula: sympy.Expr, variables: int, degree: int) -> InstructionList:
     """The instructions that compute the truncated Taylor polynomial of a formula.
 
-    Args:
-        formula: A formula in the symbols x0, x1, … (local variables) and d0, d1, … (data).
-        variables: The number of local variables.
-        degree: The highest degree, at least 0.
-
-    Raises:
-        SeriesError: The formula has a function without a known differential equation.
+    Its symbols are x0, x1, … for the local variables and d0, d1, … for data.
 
     Example:
         >>> import sympy

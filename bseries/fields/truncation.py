@@ -24,7 +24,6 @@ from integrators.scenes.particles.degrees import Piece, degrees
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.fields.modified_fields import SceneSeries
     from integrators import RungeKutta
 
 
@@ -283,7 +282,9 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
         HLW, section IX.7 (the optimal truncation index).
     """
     norms = _norms(check_field(f), y)
-    step = _checked_step(h)
+    step = read_step(h)
+    if step == 0:
+        raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
     found = Reach(f"{f.label} on {f.scene.name}", step, norms)
     if method is not None:
         radius, spectral = convergence_radius(method).radius, _spectral_radius(f, method)
@@ -314,13 +315,6 @@ def _warning(found: Reach) -> str:
         f"{found.label} is worse at order {found.order} than at order {found.optimal_order}: for h = {found.h:g} its "
         f"terms no longer shrink beyond h^{found.optimal_power}; order {found.order} needs h ≤ {found.largest_step:.3g}"
     )
-
-
-def _checked_step(h: Any) -> float:
-    step = read_step(h)
-    if step == 0:
-        raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
-    return step
 
 
 def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:

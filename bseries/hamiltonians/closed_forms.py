@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class FieldNijhoff:
     """Closed form c ((I ln I − (I − u) ln(I − u))/u − 1), I = (α + p)(β + q), u = c h, or u = −c h if implicit in q.
 
-    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or the other way round).
+    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or vice versa).
 
     Args:
         invariant: The invariant I.
@@ -92,30 +92,6 @@ class FieldNijhoff:
         return c * (np.log(i) - ((1 / u - 1) * np.log1p(-u) + 1 if h else 0))
 
 
-class ClosedForm(Protocol):
-    """Interface of closed forms; `values` and `radii` are for the rows of an array of points."""
-
-    kind: str
-    radius: Any
-
-    @property
-    def limit(self) -> sympy.Expr:
-        """The limit h → 0."""
-        ...
-
-    def expression(self, h: Any) -> sympy.Expr:
-        """The formula for a step size."""
-        ...
-
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """Values of H̃ at points."""
-        ...
-
-    def radii(self, y: np.ndarray) -> np.ndarray:
-        """Radii of convergence at points."""
-        ...
-
-
 class ClosedHamiltonian:
     """Modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
 
@@ -132,13 +108,14 @@ class ClosedHamiltonian:
         ('field-nijhoff', (p + 1)*(q + 1))
     """
 
-    def __init__(self, method: Method, scene: Scene, parts: Any, form: ClosedForm):
+    def __init__(self, method: Method, scene: Scene, parts: Any, form: FieldNijhoff | LinearHamiltonian):
         self.label = f"{method.name} on {scene.name}"
         self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
         self.kind, self.radius = form.kind, form.radius
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _closed, self._arguments
+        method, scene, parts = self._arguments
+        return partial(closed_hamiltonian, parts=parts), (method, scene)
 
     def __repr__(self) -> str:
         return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
@@ -252,16 +229,10 @@ def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> Cl
         E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
         (2003) 1673–1683.
     """
-    return _closed(method, scene, parts)
-
-
-def _closed(method: Method, scene: Scene, parts: Any) -> ClosedHamiltonian:
     check_method(method)
     canonical_pairs(scene)
     form = quadratic_form(scene)
-    found: Any = (
-        FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
-    )
+    found = FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
     if found is None:
         raise SeriesError(
             "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "

@@ -26,7 +26,7 @@ from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import SymbolicSeries
 from bseries.fields.modified_fields import SceneSeries
-from bseries.fields.scene_trees import SceneTrees, flat_fields, trees_of_method, trees_of_series
+from bseries.fields.scene_trees import SceneTrees, flat_fields, mapped_uncertainty, trees_of_method, trees_of_series
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
 from bseries.hamiltonians.energy_formulas import EnergyFormulas
 from integrators import IntegratorError
@@ -46,9 +46,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.algebra.bseries import BSeries
     from bseries.analysis.verdicts import Verdict
-    from bseries.fields.scene_trees import SceneTrees
     from integrators import Scene
     from integrators.methods.program.program import Method
     from integrators.scenes.model.local_terms import LocalTerm
@@ -183,14 +181,7 @@ MOST_SIMPLIFIED = 300
 
 
 class EnergySeries:
-    """The sum of the energies of a series, as a function of the state and the step size.
-
-    Args:
-        scene: The scene with its energies.
-        trees: The trees in the colours of its pieces.
-        series: The coefficients, nonzero only for trees with energies at their roots.
-        route: ``"towers"``, ``"symbolic"`` or ``"auto"``.
-    """
+    """The sum of the energies of a series, as a function of the state and the step size."""
 
     def __init__(self, scene: EnergyScene, trees: SceneTrees, series: BSeries, route: str = "auto"):
         self.scene, self._wanted = scene, route
@@ -374,11 +365,7 @@ def _table_of_twins(
 
 
 def energy_series(trees: EnergyTrees) -> EnergySeries:
-    """The modified Hamiltonian as a series on the scene with its energies.
-
-    Raises:
-        SeriesError: The trees of the series do not contain the twins.
-    """
+    """The modified Hamiltonian as a series on the scene with its energies."""
     table, field = trees.table, trees.field
     count, total = len(trees.scene.field_pieces), sum(count_trees(table.max_order, table.colors))
     values, sources, coefficients = field.coefficients(), [0] * len(table), [Fraction(0)] * len(table)
@@ -389,7 +376,7 @@ def energy_series(trees: EnergyTrees) -> EnergySeries:
             )
         if factor:
             sources[tree], coefficients[tree] = source, factor * values[source]
-    uncertainty = field.uncertainty and partial(_uncertainty_of_twin, field.uncertainty, sources)
+    uncertainty = field.uncertainty and partial(mapped_uncertainty, field.uncertainty, sources)
     label = field.label or "a series"
     series = BSeries(
         table, make_values(table, coefficients), 0, label=label, digits=field.digits, uncertainty=uncertainty
@@ -423,7 +410,3 @@ def _twins(trees: EnergyTrees, count: int) -> list[tuple[int, Fraction]]:
 
 def _product(graft: Callable[[int, int], int], u: int, v: int) -> int:
     return graft(u, v) if u >= 0 and v >= 0 else OUTSIDE
-
-
-def _uncertainty_of_twin(uncertainty: Any, sources: list[int], at: int) -> float:
-    return uncertainty(sources[at])

@@ -136,17 +136,7 @@ def generating_function(method: Method, scene: Scene, order: int, *, parts: Any 
 def generating_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
     """The modified Hamiltonian of a symplectic method from its generating function, by the Hamilton–Jacobi recursion.
 
-    Args:
-        method: As for `generating_function`.
-        scene: The scene.
-        order: The number N of terms.
-        parts: As for `modified_field`.
-
-    Returns:
-        The terms with h^0, …, h^(N−1).
-
-    Raises:
-        SeriesError: As for `generating_function`.
+    Arguments and errors are those of `generating_function`; the result has the terms with h^0, …, h^(order−1).
 
     Example:
         >>> import bseries as bs
@@ -229,7 +219,7 @@ class _StageSeries:
         numbers = {*self._weights, *self._b.values(), *(x for row in rows for x, _ in row)}
         irrational = [x for x in numbers if not isinstance(x, Fraction)]
         formulas = [stage.hamiltonian for stage in self._stages]
-        self._ring = DifferentialRing.of([*formulas, *irrational, *scene.symbols], scene.symbols)
+        self._ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
         self._elements = self._ring.elements
         self.arithmetic = SeriesArithmetic(self._ring)
         self._numbers = {x: self.arithmetic.read(x) for x in irrational}

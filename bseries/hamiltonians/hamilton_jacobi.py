@@ -28,12 +28,7 @@ if TYPE_CHECKING:
 
 
 class HamiltonJacobi:
-    """Double series of W and v, with coefficients computed on demand.
-
-    Args:
-        ring: The arithmetic: a `DifferentialRing`, or its `FlintRing`.
-        pairs: The indices of p_i and q_i in the ring.
-    """
+    """Double series of W and v, in the arithmetic of `ring`, with coefficients computed on demand."""
 
     def __init__(self, ring: Any, pairs: Sequence[tuple[int, int]]):
         self._ring = ring

@@ -99,12 +99,12 @@ class HamiltonianVerdict(NamedTuple):
         """A sentence on the power of h to which a modified Hamiltonian exists; empty without a known limit."""
         if self.exists_through is None:
             return ""
-        H, last, broken, scene = "H~", f"h^{self.exists_through}", f"h^{self.order}", self.scene
+        H, last, violated, scene = "H~", f"h^{self.exists_through}", f"h^{self.order}", self.scene
         general = f"; the first tree to break it for {self.kind} is {self.broken_tree}" if self.broken_tree else ""
         if latex:
-            H, last, broken = r"$\widetilde{H}$", f"$h^{{{self.exists_through}}}$", f"$h^{{{self.order}}}$"
+            H, last, violated = r"$\widetilde{H}$", f"$h^{{{self.exists_through}}}$", f"$h^{{{self.order}}}$"
             scene, general = "this scene", general.replace("_", r"\_").replace("τ", r"$\tau$")
-        return f"{H} exists through {last} only: on {scene} the term with {broken} has no Hamiltonian{general}."
+        return f"{H} exists through {last} only: on {scene} the term with {violated} has no Hamiltonian{general}."
 
     @property
     def broken_tree(self) -> str | None:
@@ -215,11 +215,7 @@ def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str
 
 
 def hamiltonian_order(f: SceneSeries) -> int:
-    """The largest n for which the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene.
-
-    Raises:
-        SeriesError: The scene has no structure matrix.
-    """
+    """The largest n for which the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene."""
     structure = structure_matrix(f.scene)
     symbols = [*f.scene.parameter_values.values(), *f.weights]
     test = _by_formulas if any(getattr(x, "free_symbols", ()) for x in symbols) else _by_numbers
@@ -239,8 +235,8 @@ def _by_numbers(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool
     with mpmath.workdps(DIGITS):
         samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
         residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
-        broken = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
-    return [k not in broken for k in range(f.order)]
+        violated = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
+    return [k not in violated for k in range(f.order)]
 
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:

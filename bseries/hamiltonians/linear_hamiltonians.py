@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from integrators import RungeKutta
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
@@ -49,12 +48,7 @@ PIECES = 64
 
 
 class OscillatorStep:
-    """Step of a method for the harmonic oscillator, as exact functions of s = x².
-
-    Args:
-        entries: The functions a, b, c, d.
-        s: Their variable.
-    """
+    """Step of a method for the harmonic oscillator: the `entries` a, b, c, d as exact functions of s = x²."""
 
     def __init__(self, entries: Sequence[sympy.Expr], s: sympy.Symbol):
         import sympy
@@ -250,17 +244,7 @@ def quadratic_form(scene: Scene) -> Any:
 
 
 class LinearHamiltonian:
-    """Modified Hamiltonian of a symplectic method on a linear Hamiltonian system.
-
-    Args:
-        method: The method.
-        scene: The scene.
-        form: The matrix S.
-        parts: The parts of the method on the scene.
-
-    Raises:
-        SeriesError: The method is not symplectic, or no closed form is known.
-    """
+    """Modified Hamiltonian of a symplectic method for H = ½ yᵀSy with the matrix `form`."""
 
     kind = "linear"
 
@@ -290,7 +274,8 @@ class LinearHamiltonian:
     def _exact_modes(self) -> list[Mode]:
         import sympy
 
-        roots = [root for factor, _ in self._polynomial.factor_list()[1] for root in _simple_roots(factor)]
+        factors = [factor for factor, _ in self._polynomial.factor_list()[1] if factor.degree() <= 2]
+        roots = [root for factor in factors for root in sympy.roots(factor)]
         if len(roots) < self._polynomial.degree():
             raise SeriesError(
                 f"scene must have frequencies that are square roots for a formula, but the squares of those of "
@@ -403,10 +388,3 @@ def _minimal_polynomial(square: Any, name: str) -> Any:
     if not value.applyfunc(sympy.simplify).is_zero_matrix:
         raise SeriesError(f"scene must have a square A² that can be diagonalised, but that of {name} has Jordan blocks")
     return polynomial
-
-
-def _simple_roots(factor: Any) -> list[Any]:
-    """The roots of a polynomial of degree one or two; an empty list for higher degrees."""
-    import sympy
-
-    return list(sympy.roots(factor)) if factor.degree() <= 2 else []

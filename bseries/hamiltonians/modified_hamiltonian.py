@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from bseries.fields.modified_fields import SceneSeries
     from bseries.hamiltonians.from_trees import EnergySeries
-    from integrators import Scene
     from integrators.methods.program.program import Method
 
 
@@ -369,7 +368,7 @@ def _with_constants(
         return terms
     found = [terms[0]]
     for k, term in enumerate(terms[1:], 1):
-        ring = DifferentialRing.of([energy.symbolic(k) - term], scene.symbols)
+        ring = DifferentialRing([energy.symbolic(k) - term], scene.symbols)
         gap = ring.elements[0]
         is_constant = all(ring.is_zero(ring.derivative(gap, i)) for i in range(scene.dimension))
         found.append(term + ring.to_expression(gap) if is_constant else term)

@@ -25,11 +25,7 @@ if TYPE_CHECKING:
 
 
 class PowerSeries:
-    """Power series in h, with coefficients computed on demand.
-
-    Args:
-        coefficient: The coefficient of h^n as a function of n; it may use lower coefficients of this and other series.
-    """
+    """Power series in h, with coefficients computed on demand, from lower ones of this and other series."""
 
     __slots__ = ("_coefficient", "_known")
 
@@ -44,12 +40,7 @@ class PowerSeries:
 
 
 class SeriesArithmetic:
-    """Sums and products of power series.
-
-    Args:
-        ring: The ring of the coefficients.
-        closed: Whether the ring gets no further generators, so that the fastest arithmetic applies.
-    """
+    """Sums and products of power series; the fastest arithmetic needs a ring `closed` to new generators."""
 
     def __init__(self, ring: DifferentialRing, *, closed: bool = True):
         self.ring = ring
@@ -168,9 +159,6 @@ class Expansion:
         variables: The variables of the values.
         others: Further formulas in these variables.
         limit: Largest number of monomials of a coefficient.
-
-    Raises:
-        SeriesError: A formula has no value at h = 0.
     """
 
     def __init__(
@@ -183,11 +171,11 @@ class Expansion:
         limit: int = MOST_MONOMIALS,
     ):
         self._start = dict(start)
-        self.formulas = DifferentialRing.of(formulas, start, limit=limit)
+        self.formulas = DifferentialRing(formulas, start, limit=limit)
         self.elements = self.formulas.elements
         used = {k for element in self.elements for k in generators_of(element.terms)}
         values = (self._value(k) for k in sorted(used))
-        self.ring = DifferentialRing.of([*others, *values], variables, limit=limit)
+        self.ring = DifferentialRing([*others, *values], variables, limit=limit)
         self.arithmetic = SeriesArithmetic(self.ring, closed=False)  # derivatives of the formulas add generators
 
     def _value(self, k: int) -> Any:

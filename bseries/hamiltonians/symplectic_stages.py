@@ -85,17 +85,7 @@ def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
 
 
 def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages:
-    """The stages of a symplectic method on a canonical Hamiltonian scene.
-
-    Args:
-        method: The method: a tableau, or a program of evaluations of the field and of flows of kicks and drifts.
-        scene: The scene.
-        parts: The parts of the method on the scene; see `integrators.scenes.particles.parts.pieces_of`.
-
-    Raises:
-        SeriesError: The scene is not canonical, or the method is not exact, of another kind, or not symplectic (the
-            message names the condition that fails).
-    """
+    """The stages of a symplectic method on a canonical Hamiltonian scene."""
     canonical_pairs(scene)
     program = check_method(method).program
     if method.domain in ("decimal", "float"):

@@ -7,7 +7,7 @@ and equal formulas have equal normal forms without a search for simplifications.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from fractions import Fraction
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -99,20 +99,16 @@ class DifferentialRing:
 
     def __init__(
         self,
-        formulas: Sequence[sympy.Expr],
-        variables: Sequence[sympy.Symbol],
+        formulas: Iterable[sympy.Expr],
+        variables: Iterable[sympy.Symbol],
         *,
         limit: int = MOST_MONOMIALS,
         digits: int | None = None,
     ):
+        formulas = tuple(formulas)
         self.polynomials = FormulaRing(formulas, variables, limit, digits)
         self.elements = tuple(map(self.element, formulas))
         self.zero = Element(self, {})
-
-    @classmethod
-    def of(cls, formulas: Iterable[sympy.Expr], variables: Iterable[sympy.Symbol], **options: Any) -> DifferentialRing:
-        """The ring of some formulas, which are its `elements`."""
-        return cls(tuple(formulas), tuple(variables), **options)
 
     @property
     def variables(self) -> tuple[sympy.Symbol, ...]:
@@ -125,11 +121,7 @@ class DifferentialRing:
         return tuple(self.polynomials.expressions)
 
     def element(self, formula: sympy.Expr) -> Element:
-        """Convert a formula to an element.
-
-        Raises:
-            SeriesError: The formula divides by zero, or is not finite.
-        """
+        """Convert a formula to an element."""
         return Element(self, self.polynomials.read(formula))
 
     def coerce(self, value: Element | Number) -> Element:

@@ -25,11 +25,7 @@ def fastest(ring: DifferentialRing) -> DifferentialRing | FlintRing:
 
 
 class FlintRing:
-    """A differential ring closed under differentiation, with polynomials of python-flint as elements.
-
-    Args:
-        ring: The ring.
-    """
+    """A differential ring closed under differentiation, with polynomials of python-flint as elements."""
 
     def __init__(self, ring: DifferentialRing):
         self.ring = ring

@@ -11,7 +11,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
@@ -34,14 +33,7 @@ MOST_MULTIPLE = 50
 
 
 class FormulaRing(GeneratedRing):
-    """Ring that contains some formulas and their derivatives.
-
-    Args:
-        formulas: The formulas that determine the generators; later formulas may add generators.
-        variables: The symbols to differentiate in; other symbols are parameters.
-        limit: Results with more monomials raise `TooLarge`.
-        digits: The number of digits of floats in results; None for exact numbers.
-    """
+    """Ring that contains some formulas and their derivatives; arguments as for `DifferentialRing`."""
 
     def __init__(
         self, formulas: Sequence[sympy.Expr], variables: Iterable[sympy.Symbol], limit: int, digits: int | None
@@ -81,11 +73,7 @@ class FormulaRing(GeneratedRing):
         return any(self.generator_derivative(k, i) for k, _ in exponents(monomial) for i in variables)
 
     def read(self, formula: sympy.Expr) -> Terms:
-        """Convert a formula to a polynomial in the generators.
-
-        Raises:
-            SeriesError: The formula divides by zero, or is not finite.
-        """
+        """Convert a formula to a polynomial in the generators."""
         found = self._known.get(formula)
         if found is None:
             found = self._known[formula] = self._interpret(formula)
@@ -107,7 +95,7 @@ class FormulaRing(GeneratedRing):
         if name:
             argument = formula.args[0]
             return self._exponential(argument) if name == "exp" else self._periodic(name, argument)
-        if formula in _not_finite():
+        if formula in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
             raise SeriesError(f"formula must be finite, but holds {formula}")
         return self._opaque(formula)
 
@@ -210,18 +198,10 @@ def _name(formula: sympy.Basic) -> str:
     return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
 
 
-@lru_cache(maxsize=1)
-def _not_finite() -> tuple[Any, ...]:
-    import sympy
-
-    return sympy.nan, sympy.zoo, sympy.oo, -sympy.oo
-
-
 class Lattice:
-    """Lattice of integer combinations of polynomials, with a basis in echelon form (one row for each pivot).
+    """Lattice of integer combinations of polynomials, with a basis in echelon form.
 
-    Args:
-        priority: Key of monomials; pivots have the largest key.
+    Each row has its own pivot, the monomial with the largest `priority`.
 
     Example:
         >>> lattice = Lattice()

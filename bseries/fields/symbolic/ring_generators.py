@@ -70,13 +70,7 @@ class Quotient(NamedTuple):
 
 
 class GeneratedRing(RewritingRing):
-    """Polynomials in functions of some variables, with a derivation.
-
-    Args:
-        variables: The symbols to differentiate in.
-        limit: Results with more monomials raise `TooLarge`.
-        digits: The number of digits of floats in results; None for exact numbers.
-    """
+    """Polynomials in functions of some variables, with a derivation."""
 
     def __init__(self, variables: Iterable[sympy.Symbol], limit: int, digits: int | None):
         super().__init__(limit)
@@ -228,11 +222,7 @@ class GeneratedRing(RewritingRing):
     # Powers.
 
     def raised(self, terms: Terms, power: Fraction, index: int = 1, displayed: sympy.Expr | None = None) -> Terms:
-        """A polynomial to a rational power; `index` is that of expected roots, `displayed` the base in results.
-
-        Raises:
-            SeriesError: Zero is raised to a negative power.
-        """
+        """A polynomial to a rational power; `index` is that of expected roots, `displayed` the base in results."""
         index = math.lcm(index, power.denominator)
         if power >= 0 and power.denominator == 1:
             return self._whole_power(terms, int(power))

@@ -92,10 +92,10 @@ def partial(terms: Terms, k: int) -> Terms:
 
 def generators_of(terms: Iterable[int]) -> list[int]:
     """The indices of the generators in a polynomial, ascending."""
-    seen = 0
+    union = 0
     for monomial in terms:
-        seen |= monomial
-    return [k for k, _ in exponents(seen)]
+        union |= monomial
+    return [k for k, _ in exponents(union)]
 
 
 def total(parts: Iterable[tuple[Number, Terms]]) -> Terms:
@@ -108,11 +108,7 @@ def total(parts: Iterable[tuple[Number, Terms]]) -> Terms:
 
 
 class RewritingRing:
-    """Polynomials in a growing list of generators, modulo the rules added so far.
-
-    Args:
-        limit: Results with more monomials raise `TooLarge`.
-    """
+    """Polynomials in a growing list of generators, modulo the rules added so far, with at most `limit` monomials."""
 
     def __init__(self, limit: int):
         self.limit = limit
@@ -160,14 +156,14 @@ class RewritingRing:
     def reduced(self, terms: Terms) -> Terms:
         """The normal form; the argument is modified."""
         while True:
-            seen = 0
+            union = 0
             for monomial in terms:
-                seen |= monomial
-            if seen & self._overflow or len(terms) > self.limit:
+                union |= monomial
+            if union & self._overflow or len(terms) > self.limit:
                 raise TooLarge
             changed = False
             for rule in self.rules:
-                if rule.divides(seen):  # necessary: exponents are at most those of `seen`
+                if rule.divides(union):  # necessary: exponents are at most those of `union`
                     changed |= _rewrite(terms, rule)
             if not changed:
                 return {m: x for m, x in terms.items() if x}

@@ -218,7 +218,7 @@ class CoordinateChange(Frozen):
             ) from None
 
     def _find_defect(self) -> tuple[str, sympy.Expr, int] | None:
-        ring = DifferentialRing.of(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
+        ring = DifferentialRing(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
         gradients = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
         names, matrix = names_of(self.old), poisson_matrix(self.old)
         momenta, positions = (range(block.offset, block.end) for block in self.new)
@@ -362,7 +362,7 @@ def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
     if pair is None or len(found) != 2:
         names = ", ".join(block.name for block in found)
         raise SeriesError(
-            f"{argument} must be momenta and as many positions, told apart by names such as p and q, "
+            f"{argument} must be momenta and as many positions, with names such as p and q, "
             f"but was {names or 'empty':.60}"
         )
     return pair

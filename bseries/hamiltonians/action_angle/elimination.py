@@ -40,9 +40,6 @@ class Elimination:
         terms: The terms K, H_1, …, H_N.
         keep_resonant: Whether resonant modes stay in N; otherwise they raise an error.
 
-    Raises:
-        SeriesError: K depends on angles, or a resonance occurs.
-
     Attributes:
         generating: The terms S_0 = 0, S_1, …, S_N.
         normal: The terms N_0 = K, N_1, …, N_N.
@@ -119,13 +116,7 @@ class Elimination:
 
 
 class TaylorShift:
-    """Taylor expansion of f(x + δ) in powers of ε, for the known terms of f = Σ ε^m f_m and δ = Σ ε^j δ_j.
-
-    Args:
-        fourier: The ring.
-        derivative: derivative(f, i) is the derivative of f in the i-th direction.
-        directions: The number of directions.
-    """
+    """Taylor expansion of f(x + δ) in powers of ε, for the known terms of f = Σ ε^m f_m and δ = Σ ε^j δ_j."""
 
     def __init__(
         self, fourier: FourierRing, derivative: Callable[[FourierPolynomial, int], FourierPolynomial], directions: int

@@ -81,11 +81,7 @@ class FourierRing:
     # Reading and writing.
 
     def read(self, formula: Any) -> FourierPolynomial:
-        """Convert a formula to a Fourier polynomial.
-
-        Raises:
-            SeriesError: The formula is not a trigonometric polynomial in the angles.
-        """
+        """Convert a formula to a Fourier polynomial."""
         if not formula.free_symbols & self._angles:
             return self._clean({self.constant: self.coefficients.element(formula)})
         if formula.is_Add:
@@ -198,11 +194,7 @@ class FourierRing:
             return bool(abs(mpmath.fsum(summands)) <= mpmath.fsum(map(abs, summands)) * mpmath.mpf(10) ** -DIGITS)
 
     def reciprocal(self, x: Element) -> Element:
-        """One over a coefficient, with rationalised denominators for numbers.
-
-        Raises:
-            SeriesError: The coefficient is zero.
-        """
+        """One over a coefficient, with rationalised denominators for numbers."""
         import sympy
 
         ring = self.coefficients

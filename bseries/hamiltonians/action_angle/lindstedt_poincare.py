@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.hamiltonians.action_angle.elimination import Elimination
     from integrators.scenes.model.blocks import Block
 
 

@@ -87,11 +87,7 @@ EPS = -1
 
 
 def compiled_maps(elimination: Elimination, layout: Sequence[Block], parameter: str) -> ModuleType:
-    """The module with both maps; see `NormalForm.compiled`.
-
-    Raises:
-        SeriesError: A parameter of the scene is a symbol.
-    """
+    """The module with both maps; see `NormalForm.compiled`."""
     fourier = elimination.fourier
     size = len(fourier.actions)
     kinds = [_rows(fourier, elimination.generating, i) for i in (None, *range(size))]

@@ -78,9 +78,7 @@ class Span:
 class LieAlgebra:
     """Lie algebra of the brackets of the parts of a field, as series on a table of trees.
 
-    Args:
-        table: The trees.
-        letters: The colours in the sorting order of words.
+    The colours `letters` are in the sorting order of words.
 
     Example:
         >>> from trees.table import tree_table

@@ -34,21 +34,7 @@ MOST_SIMPLIFIED = 2000
 
 
 def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
-    """The modified Hamiltonian of a splitting method on a scene, from brackets, as formulas by power of h.
-
-    Args:
-        method: A method as for `bracket_hamiltonian`.
-        scene: A Hamiltonian or Poisson system that is the sum of the method's parts.
-        order: Largest number of letters N, with the powers h^0 … h^(N−1).
-        parts: As for `modified_field`.
-
-    Returns:
-        The formulas of H, H_2, H_3, …
-
-    Raises:
-        SeriesError: The scene or its parts are not Hamiltonian, the modified equation of the method is not a sum of
-            brackets, or a formula is too large.
-        IntegratorError: The scene does not have the parts of the method, or is not of the kind the method is made for.
+    """The modified Hamiltonian of a splitting method on a scene, as formulas by power of h; see `bracket_hamiltonian`.
 
     Example:
         >>> import bseries as bs
@@ -120,7 +106,7 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
     formulas = [*energies.values(), *chain.from_iterable(flows.values()), *numbers]
     digits = None if brackets.digits is None else max(1, min(brackets.digits - 1, FLOAT_DIGITS))
     with refusing_large(MOST_MONOMIALS):
-        ring = DifferentialRing.of(formulas, scene.symbols, digits=digits)
+        ring = DifferentialRing(formulas, scene.symbols, digits=digits)
         arithmetic = fastest(ring)
         backwards = {
             name: [(i, arithmetic.load(-ring.element(entry))) for i, entry in enumerate(flow) if entry]

@@ -265,7 +265,7 @@ def check_against_trees(method, scene, order, parts=None):
     field = bs.modified_field(method, scene, order, parts=parts)
     for k, energy in enumerate(found):
         pairs = list(zip(hamiltonian_field(energy, scene), field.symbolic(k), strict=True))
-        ring = DifferentialRing.of([x for pair in pairs for x in pair], scene.symbols)
+        ring = DifferentialRing([x for pair in pairs for x in pair], scene.symbols)
         assert all(ring.is_zero(ring.element(a) - ring.element(b)) for a, b in pairs), k
     return found
 
