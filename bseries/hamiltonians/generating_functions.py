@@ -23,7 +23,7 @@ from bseries.hamiltonians.symplectic_stages import (
     hamiltonian_constant,
     symplectic_stages,
 )
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
 from trees.counting import check_order
 
@@ -241,12 +241,12 @@ class _StageSeries:
     def _number(self, x: Any) -> Any:
         return self._numbers.get(x, x)
 
-    @remembered
+    @cached_method
     def _at(self, at: LinearForm) -> Composition:
         """The composition of formulas with a point."""
         return Composition(self.arithmetic, self._ring, self._point(at))
 
-    @remembered
+    @cached_method
     def _point(self, at: LinearForm) -> list[PowerSeries]:
         """A point, with a series for every variable."""
         found: dict[int, PowerSeries] = {}

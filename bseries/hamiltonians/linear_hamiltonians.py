@@ -28,7 +28,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.truncation import convergence_radius
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
 from integrators import RungeKutta
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 
 if TYPE_CHECKING:
     import numpy as np
@@ -339,7 +339,7 @@ class LinearHamiltonian:
 
         return np.full(len(y), self.radius)
 
-    @remembered
+    @cached_method
     def matrix(self, h: float) -> np.ndarray:
         """The matrix G of H̃ = yᵀGy."""
         import numpy as np
