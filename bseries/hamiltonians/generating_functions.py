@@ -267,7 +267,7 @@ class _StageSeries:
 
         return PowerSeries(coefficient)
 
-    @remembered
+    @cached_method
     def _derivative(self, k: int, place: int) -> PowerSeries:
         """The derivative of H^k in a variable at stage k."""
         return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))

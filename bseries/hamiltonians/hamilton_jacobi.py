@@ -20,7 +20,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.power_series import Expansion, PowerSeries, SeriesArithmetic
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from trees.counting import check_order
 
 if TYPE_CHECKING:

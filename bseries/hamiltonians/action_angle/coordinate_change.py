@@ -14,7 +14,7 @@ from bseries.fields.inputs import read_states
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
 from integrators.core.arguments import items
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
@@ -87,7 +87,7 @@ class CoordinateMaps:
             return np.array([np.broadcast_to(entry, z.shape[1:]) for entry in function(*z)], float)
 
 
-class CoordinateChange(Frozen):
+class CoordinateChange(ImmutableValue):
     """Change of coordinates y = ψ(z), from new coordinates z = (P, Q) to old coordinates y = (p, q).
 
     Args:
