@@ -13,7 +13,7 @@ from .kinds import Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
 if TYPE_CHECKING:
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.modified_fields import SceneSeries
 
 POINTS = 400
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.advice.growth import goes_on
 from bseries.advice.modified_terms import ModifiedTerms, numeric_inverse_structure
-from bseries.fields.scene_series import modified_field
+from bseries.fields.modified_fields import modified_field
 
 if TYPE_CHECKING:
     import numpy as np

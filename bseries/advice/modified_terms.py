@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.advice.growth import goes_on
 from bseries.analysis.structure import symmetry, symplecticity
 from bseries.exceptions import SeriesError
-from bseries.fields.scene_series import modified_field
+from bseries.fields.modified_fields import modified_field
 from integrators.methods.program.evaluations import Flow
 from integrators.methods.program.transformations import mapped
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.modified_fields import SceneSeries
     from integrators import Program, Scene
     from integrators.methods.program.program import Method
 

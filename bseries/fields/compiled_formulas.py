@@ -1,4 +1,4 @@
-"""Formulas in a state and a step size compiled: as one function, for one point or many."""
+"""Compiled evaluation of formulas in a state and a step size, at one point or many."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-NANOSECONDS_OF_CONTRACTION = 15
-NANOSECONDS_OF_OPERATION = 1
-"""What a contraction of towers and an operation of a formula cost, roughly; routes are chosen by these."""
+CONTRACTION_NANOSECONDS = 15
+OPERATION_NANOSECONDS = 1
+"""Estimated costs of a contraction of derivative tensors and of one operation; they choose the route."""
 
 FORMULAS = '''\
 """A B-series as formulas."""
@@ -65,17 +65,14 @@ def many(y, h, out):
 
 
 class CompiledFormulas:
-    """Sums Σ h^k · formula, compiled together, so that nothing is computed twice.
+    """Sums Σ h^k · formula, compiled as one function that shares common subexpressions.
 
     Args:
         symbols: The variables.
-        columns: For each sum its formulas by power of h.
+        columns: The formulas of each sum, by power of h.
 
     Attributes:
-        lines: The lines of code that compute the sums.
-
-    Raises:
-        IntegratorError: A formula has other symbols, or cannot be computed in doubles.
+        lines: The statements that compute the sums.
 
     Example:
         >>> import numpy as np, sympy
@@ -86,22 +83,17 @@ class CompiledFormulas:
     """
 
     def __init__(self, symbols: Sequence[sympy.Symbol], columns: Sequence[Sequence[sympy.Expr]]):
-        self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
-        self.lines = self._lines()
-
-    def _lines(self) -> list[str]:
-        """The lines of code that compute the sums, f0, f1, …, from y0, y1, … and h."""
         import sympy
 
+        self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
         h = sympy.Dummy("h")
         sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
         names = {symbol: f"y{i}" for i, symbol in enumerate(self.symbols)}
-        return source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
+        self.lines = source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
 
     def is_faster(self, contractions: int) -> bool:
-        """Whether the formulas cost less than so many contractions of towers."""
-
-        return NANOSECONDS_OF_OPERATION * operation_cost(self.lines) < NANOSECONDS_OF_CONTRACTION * contractions
+        """Whether the formulas cost less than this number of tensor contractions."""
+        return OPERATION_NANOSECONDS * operation_cost(self.lines) < CONTRACTION_NANOSECONDS * contractions
 
     @cached_property
     def source(self) -> str:
@@ -128,11 +120,10 @@ class CompiledFormulas:
     @cached_property
     def module(self) -> ModuleType:
         """The compiled functions."""
-
         return load_module(self.source, helpers=SOURCES)
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
-        """The sums at the rows of `states`, one row each."""
+        """The sums at the rows of `states`, one row for each state."""
         import numpy as np
 
         out = np.empty((len(states), len(self.columns)))

@@ -1,4 +1,4 @@
-"""States and step sizes as users give them."""
+"""Checks of arguments: states, step sizes, powers of h, numbers of threads."""
 
 from __future__ import annotations
 
@@ -16,14 +16,7 @@ if TYPE_CHECKING:
 
 
 def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Points as contiguous rows of doubles, and the shape they were given in.
-
-    Args:
-        y: One point of shape (size,), or n points of shape (size, n).
-        size: The number of variables.
-
-    Raises:
-        SeriesError: `y` is not of real numbers, or has another shape.
+    """Read a point (size,) or n points (size, n) as contiguous rows of doubles; returns also the original shape.
 
     Example:
         >>> read_states([[1, 2, 3], [4, 5, 6]], 2)[0].tolist()
@@ -47,14 +40,7 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
 
 
 def read_step(h: Any, argument: str = "h") -> float:
-    """A step size, or another parameter, as a double.
-
-    Args:
-        h: The number.
-        argument: What a message calls it.
-
-    Raises:
-        SeriesError: `h` is no real number, or not finite.
+    """Read a step size or another parameter as a double.
 
     Example:
         >>> from fractions import Fraction
@@ -73,14 +59,7 @@ def read_step(h: Any, argument: str = "h") -> float:
 
 
 def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: int) -> None:
-    """Say that a series has no finite value at some points.
-
-    Args:
-        values: Its values, (…, points).
-        label: What it is.
-        h: The step size.
-        stacklevel: How far away the user's line is, as `warnings.warn` counts.
-    """
+    """Warn that a series has no finite value at some points; `values` have the shape (…, points)."""
     import numpy as np
 
     finite = np.isfinite(values)
@@ -93,11 +72,7 @@ def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: 
 
 
 def read_symbolic_step(h: Any, argument: str = "h") -> Any:
-    """A step size, or another small number, for formulas: a number or an expression.
-
-    Raises:
-        SeriesError: `h` is neither.
-    """
+    """Read a step size or another small parameter as a SymPy expression."""
     import sympy
 
     if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
@@ -106,17 +81,13 @@ def read_symbolic_step(h: Any, argument: str = "h") -> Any:
 
 
 def check_power(k: Any, last: int, of: str = "h") -> None:
-    """Refuse what is no power of h, or of another small number.
-
-    Raises:
-        SeriesError: `k` is no integer from 0 to `last`.
-    """
+    """Check that k is an exponent from 0 to `last`."""
     if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
         raise SeriesError(f"k must be a power of {of} from 0 to {last}, but was {k!r:.60}")
 
 
 def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
-    """Do the work on slices of all points, in so many threads; compiled code lets them run at the same time."""
+    """Run a function on slices of all points in several threads; compiled code releases the GIL."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise SeriesError(f"workers must be a whole number ≥ 1, but was {workers!r:.60}")
     if workers == 1:

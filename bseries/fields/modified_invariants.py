@@ -1,34 +1,34 @@
-"""First integrals of modified equations of Poisson systems, and the divergence of the terms."""
+"""First integrals of modified equations of Poisson systems, and their divergence."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import check_power, read_symbolic_step
-from bseries.fields.optimal_truncation import check_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.integration import potential
+from bseries.fields.truncation import check_field
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.modified_fields import SceneSeries
     from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
     from integrators.scenes.scene import Scene
 
 
 class ModifiedInvariant(NamedTuple):
-    """The integral I + h I_2 + h² I_3 + … of a truncated modified equation.
+    """First integral I + h I_2 + h² I_3 + … of a truncated modified equation.
 
     Attributes:
-        label: What it is the integral of.
+        label: The name of the modified equation.
         variables: The symbols of the variables.
-        terms: The formulas by power of h. The first is the Hamiltonian of the scene if it has one; of the others only
-            the gradients are known, and they are written without a constant.
+        terms: The formulas by power of h. The first is the Hamiltonian of the scene if it has one; the others are
+            determined up to constants, which are left out.
 
     Example:
         >>> import bseries as bs, sympy
@@ -42,10 +42,10 @@ class ModifiedInvariant(NamedTuple):
     terms: tuple[sympy.Expr, ...]
 
     def expression(self, h: Any) -> sympy.Expr:
-        """The whole integral for a step size, a number or a symbol.
+        """The integral for a step size, a number or a symbol.
 
         Raises:
-            SeriesError: `h` is neither.
+            SeriesError: `h` is neither a number nor an expression.
         """
         import sympy
 
@@ -68,20 +68,20 @@ class ModifiedInvariant(NamedTuple):
 
 
 def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
-    """The integral of a truncated modified equation, where it is a Poisson system like the scene.
+    """First integral of a truncated modified equation that is a Poisson system like the scene.
 
     For y' = B(y) ∇I(y) with B invertible, a Poisson integrator has a modified equation y' = B(y) (∇I + h ∇I_2 + …), so
-    that ∇I_k = B(y)^(−1) f_k. Other methods fail: what should be a gradient is none.
+    that ∇I_k = B(y)^(−1) f_k. For other methods B(y)^(−1) f_k is not a gradient.
 
     Args:
-        f: The field, such as `modified_field` gives, of an exact method.
+        f: A field such as a `modified_field`, of an exact method.
 
     Returns:
         The integral.
 
     Raises:
-        SeriesError: `f` is no exact field, its scene has no invertible structure, one of its terms comes from no
-            integral (the first such power of h is named), or an integral is beyond the rules of `potential`.
+        SeriesError: `f` is not an exact field, its scene has no invertible structure matrix, a term is not Hamiltonian
+            (the message names the first such power of h), or a term is beyond the integration rules of `potential`.
 
     Example:
         >>> import bseries as bs
@@ -115,7 +115,7 @@ def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) 
     energy = f.scene.hamiltonian
     if k == 0 and energy is not None:
         H = ring.element(energy)
-        if all(ring.is_zero(ring.derivative(H, i) - slope) for i, slope in enumerate(gradient)):
+        if all(ring.is_zero(ring.derivative(H, i) - x) for i, x in enumerate(gradient)):
             return energy
     found = potential(ring, gradient)
     if found is None:
@@ -124,16 +124,16 @@ def _integral(f: SceneSeries, inverse: list[list[Element]], k: int, label: str) 
 
 
 def divergence(f: SceneSeries, k: int) -> sympy.Expr:
-    """The divergence of the term with h^k, Σ_i ∂f_{k+1,i}/∂y_i.
+    """Divergence Σ_i ∂f_{k+1,i}/∂y_i of the term with h^k.
 
-    A method preserves volume exactly if it vanishes for all k.
+    A method preserves volume if and only if the divergence vanishes for all k.
 
     Args:
-        f: The field, such as `modified_field` gives.
+        f: A field such as a `modified_field`.
         k: The power of h.
 
     Raises:
-        SeriesError: `f` is no field, or has no such power.
+        SeriesError: `f` is not a field, or `k` is out of range.
 
     Example:
         >>> import bseries as bs
@@ -154,7 +154,7 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
 
 
 def covector(f: SceneSeries, inverse: list[list[Element]], k: int) -> list[Element]:
-    """B^(−1) f_(k+1), the gradient of an integral if there is one."""
+    """B^(−1) f_(k+1), the gradient of the integral if there is one."""
     field = f.formulas.elements(k + 1)
     return [f.formulas.ring.dot(zip(row, field, strict=True)) for row in inverse]
 
@@ -169,7 +169,7 @@ def is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
 
 
 def inverse_structure(f: SceneSeries) -> list[list[Element]]:
-    """B(y)^(−1) of the scene."""
+    """The inverse structure matrix B(y)^(−1) of the scene."""
     import sympy
     from sympy.polys.matrices import DomainMatrix
     from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
@@ -185,13 +185,12 @@ def inverse_structure(f: SceneSeries) -> list[list[Element]]:
 
 
 def structure_matrix(scene: Scene) -> list[list[Any]]:
-    """The matrix B(y) of y' = B(y) ∇I(y), parameters filled in."""
-
+    """The structure matrix B(y) of y' = B(y) ∇I(y), with the values of parameters."""
     if scene.poisson is not None and len(scene.poisson) == scene.dimension:
         return [[filled(entry, scene) for entry in row] for row in scene.poisson]
     if scene.canonical_pair is None:
         raise SeriesError(
             f"scene must be canonical or a Poisson system in all variables, but {scene.name} is not; momenta and "
-            "positions are blocks with names that tell these, such as p and q"
+            "positions are recognised by the names of blocks, such as p and q"
         )
     return poisson_matrix(scene.canonical_pair)

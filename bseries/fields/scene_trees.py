@@ -1,20 +1,20 @@
-"""Which trees a scene calls for: colours as pieces of its field, and bounds on children from its formulas.
+"""Trees of a series on a scene: colours are pieces of the field, formulas bound the numbers of children.
 
-A method of one part sees one field; the scene may still be seen as blocks, whose trees in several colours are fewer
-than those in one wherever the blocks are simple (a separable Hamiltonian with quadratic kinetic energy has 123 trees to
-order 8 in two colours, and 200 in one). The smaller table is taken.
+For a method with one part the scene may still be split into blocks of variables. Simple blocks have fewer coloured
+trees than the whole field has trees in one colour (123 in place of 200 to order 8 for a separable Hamiltonian with
+quadratic kinetic energy), so the smaller table is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import auxiliary_colors, check_method, own_trees
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import SymbolicSeries
+from bseries.fields.elementary_differentials import SymbolicSeries
 from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_field
 from integrators.scenes.particles.parts import check_kind, pieces_of
@@ -25,7 +25,6 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.differentials import SymbolicSeries
     from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 
@@ -34,10 +33,10 @@ class SceneTrees(NamedTuple):
     """The trees of a method on a scene.
 
     Attributes:
-        pieces: The piece of the field that each colour stands for.
+        pieces: The piece of the field for each colour.
         table: The trees whose elementary differentials need not vanish on the scene.
-        shapes: The table on which the method's series is computed: `table`, or one without colours.
-        total: The number of trees of this order in the colours of `table` for a scene of which nothing is known.
+        shapes: The table for the series of the method: `table`, or one without colours.
+        total: The number of trees of this order in the colours of `table` without bounds on children.
     """
 
     pieces: tuple[Piece, ...]
@@ -47,17 +46,7 @@ class SceneTrees(NamedTuple):
 
 
 def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None) -> SceneTrees:
-    """The trees that a method's series on a scene needs.
-
-    Args:
-        method: The method.
-        order: Largest number of nodes.
-        scene: The scene.
-        parts: What the method's parts are, see `pieces_of`.
-
-    Raises:
-        SeriesError: The method's parts are none of the scene's, or the scene is not of the kind it is meant for.
-    """
+    """The trees needed for the series of a method on a scene."""
     check_method(method)
     if auxiliary_colors(method):
         raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
@@ -76,14 +65,14 @@ def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None)
 
 
 def trees_of_series(series: BSeries, scene: Scene, parts: Any = None) -> SceneTrees:
-    """The trees of a given series, all of them, as those of a scene."""
+    """All trees of a given series, with the pieces of the scene."""
     pieces = pieces_of(series.names, scene, parts)
     total = sum(count_trees(series.order, len(pieces)))
     return SceneTrees(pieces, series.table, series.table, total)
 
 
 def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr, ...]]:
-    """The field of each piece, one formula for each variable of the scene."""
+    """The field of each piece: one formula for each variable of the scene."""
     blocks = [block.name for block in scene.blocks for _ in block.variables]
     return [
         tuple(
@@ -95,15 +84,12 @@ def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr,
 
 
 class SeriesOnScene:
-    """A series with the scene and the pieces of its field that the colours stand for: what evaluations of it read.
+    """A series on a scene, with the pieces of the field that its colours stand for; data for every evaluation.
 
     Attributes:
         scene: The scene.
         trees: The trees and the pieces of the field that their colours stand for.
         series: The coefficients.
-
-    Raises:
-        SeriesError: The series has other trees.
     """
 
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries):
@@ -113,7 +99,7 @@ class SeriesOnScene:
 
     @property
     def label(self) -> str:
-        """What it is a series of."""
+        """The name of the series."""
         return self.series.label or "a series"
 
     @property
@@ -123,7 +109,7 @@ class SeriesOnScene:
 
     @cached_property
     def weights(self) -> list[Any]:
-        """The factors of the elementary differentials: coefficient/σ."""
+        """The factors coefficient/σ of the elementary differentials."""
         return self.series.weights()
 
     @property
@@ -143,23 +129,22 @@ class SeriesOnScene:
 
     @property
     def is_field(self) -> bool:
-        """Whether it is a field, and not a map."""
+        """Whether the series is a field, not a map."""
         return self.empty == 0
 
     @cached_property
     def formulas(self) -> SymbolicSeries:
-        """The series written out; see `bseries.fields.differentials`."""
-        return self.written()
+        """The symbolic form of the series."""
+        return self.symbolic_series()
 
-    def written(self, **limits: int) -> SymbolicSeries:
-        """The series written out anew, given up where formulas grow beyond a limit."""
-
+    def symbolic_series(self, **limits: int) -> SymbolicSeries:
+        """A new symbolic form of the series, abandoned where formulas exceed a limit."""
         fields = flat_fields(self.scene, self.trees.pieces)
         return SymbolicSeries(self.series, fields, self.scene.symbols, **limits)
 
 
 def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
-    """For each tree of a table, the id of the same tree without colours in another table."""
+    """The id of each tree, without its colours, in another table."""
     if table == plain:
         return list(range(len(table)))
     _, _, left, right = table.lists
@@ -178,3 +163,8 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
                 )
             )  # fmt: skip
     return found
+
+
+def mapped_uncertainty(uncertainty: Callable[[int], float], ids: Sequence[int], at: int) -> float:
+    """The uncertainty of a coefficient taken from another tree; a function of a module, for pickling."""
+    return uncertainty(ids[at])

@@ -1,9 +1,9 @@
-"""Modified Hamiltonians in closed form: where the series is known to converge, and its sum."""
+"""Modified Hamiltonians in closed form: sums of convergent series, with their radii of convergence."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class FieldNijhoff:
-    """H̃ = c ((I ln I − (I − u) ln(I − u))/u − 1) with I = (α + p)(β + q) and u = c h, or u = −c h if implicit in q.
+    """Closed form c ((I ln I − (I − u) ln(I − u))/u − 1), I = (α + p)(β + q), u = c h, or u = −c h if implicit in q.
 
-    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or the other way round).
+    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or vice versa).
 
     Args:
-        invariant: I.
+        invariant: The invariant I.
         c: The factor of H.
-        sign: 1 if the method is implicit in p, −1 if it is in q.
+        sign: 1 if the method is implicit in p, −1 if it is implicit in q.
         symbols: The variables.
     """
 
@@ -42,7 +42,7 @@ class FieldNijhoff:
 
     @classmethod
     def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
-        """The closed form of a method on a scene, if they are such a pair."""
+        """The closed form of a symplectic Euler method on a scene of this kind; None for others."""
         import sympy
 
         pairs = canonical_pairs(scene)
@@ -57,34 +57,34 @@ class FieldNijhoff:
             return None
         before = entry(drifts[0].at, kicks[0].forces), entry(kicks[0].at, drifts[0].velocities)
         factors = [sympy.cancel(1 / H.diff(x)) for x in (p, q)]
-        slopes = [factor.diff(x) for factor, x in zip(factors, (p, q), strict=True)]
+        rates = [factor.diff(x) for factor, x in zip(factors, (p, q), strict=True)]
         linear = all(factor.free_symbols == {x} for factor, x in zip(factors, (p, q), strict=True))
-        if sorted(before) != [0, 1] or not linear or slopes[0] != slopes[1] or not slopes[0].is_number:
+        if sorted(before) != [0, 1] or not linear or rates[0] != rates[1] or not rates[0].is_number:
             return None
-        return cls(factors[0] * factors[1] / slopes[0] ** 2, 1 / slopes[0], 1 if before[0] else -1, (p, q))
+        return cls(factors[0] * factors[1] / rates[0] ** 2, 1 / rates[0], 1 if before[0] else -1, (p, q))
 
     @property
     def limit(self) -> sympy.Expr:
-        """The formula for h = 0."""
+        """The limit h → 0."""
         import sympy
 
         return self._c * sympy.log(self._invariant)
 
     def expression(self, h: Any) -> sympy.Expr:
-        """The formula."""
+        """The formula for a step size."""
         import sympy
 
         i, u = self._invariant, self._sign * self._c * h
         return self._c * ((i * sympy.log(i) - (i - u) * sympy.log(i - u)) / u - 1)
 
     def radii(self, y: np.ndarray) -> np.ndarray:
-        """|I/c|, where H is defined."""
+        """Radii of convergence |I/c|, where H is defined."""
         import numpy as np
 
         return np.maximum(self._numeric(*y.T) / abs(float(self._c)), 0)
 
     def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """H̃, without cancellation for small steps."""
+        """Values of H̃, without cancellation for small steps."""
         import numpy as np
 
         i, c = self._numeric(*y.T), float(self._c)
@@ -92,38 +92,14 @@ class FieldNijhoff:
         return c * (np.log(i) - ((1 / u - 1) * np.log1p(-u) + 1 if h else 0))
 
 
-class ClosedForm(Protocol):
-    """What a closed form has to offer; `values` and `radii` are for the rows of an array of points."""
-
-    kind: str
-    radius: Any
-
-    @property
-    def limit(self) -> sympy.Expr:
-        """The formula for h = 0."""
-        ...
-
-    def expression(self, h: Any) -> sympy.Expr:
-        """The formula."""
-        ...
-
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """H̃ at points."""
-        ...
-
-    def radii(self, y: np.ndarray) -> np.ndarray:
-        """Radii of convergence at points."""
-        ...
-
-
 class ClosedHamiltonian:
-    """A modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
+    """Modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
 
     Attributes:
-        label: Of what.
+        label: The names of the method and the scene.
         scene: The scene.
         kind: ``"linear"`` or ``"field-nijhoff"``.
-        radius: The series converges for |h| < radius: a number, or a formula in the variables.
+        radius: The radius of convergence in h, a number or a formula in the variables.
 
     Example:
         >>> import bseries as bs
@@ -132,13 +108,14 @@ class ClosedHamiltonian:
         ('field-nijhoff', (p + 1)*(q + 1))
     """
 
-    def __init__(self, method: Method, scene: Scene, parts: Any, form: ClosedForm):
+    def __init__(self, method: Method, scene: Scene, parts: Any, form: FieldNijhoff | LinearHamiltonian):
         self.label = f"{method.name} on {scene.name}"
         self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
         self.kind, self.radius = form.kind, form.radius
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _closed, self._arguments
+        method, scene, parts = self._arguments
+        return partial(closed_hamiltonian, parts=parts), (method, scene)
 
     def __repr__(self) -> str:
         return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
@@ -158,7 +135,7 @@ class ClosedHamiltonian:
 
     @property
     def _shown_formula(self) -> str | None:
-        """The formula, where it can be written down."""
+        """The formula as text; None without one."""
         import sympy
 
         try:
@@ -169,16 +146,18 @@ class ClosedHamiltonian:
     def expression(self, h: Any) -> sympy.Expr:
         """The formula for a step size, a number or a symbol.
 
-        For linear systems roots and arcs are those for steps up to the first at which an eigenvalue of the step is −1.
+        For linear systems the branches of roots and arc functions hold up to the first step size at which an eigenvalue
+        of the step matrix is −1.
 
         Raises:
-            SeriesError: `h` is neither, or the frequencies of the linear system are no square roots.
+            SeriesError: `h` is neither a number nor an expression, or the frequencies of the linear system are not
+                square roots.
         """
         return self._form.expression(read_symbolic_step(h)) + self._constant
 
     @cached_property
     def _constant(self) -> sympy.Expr:
-        """What H is more than the closed form for h = 0."""
+        """The difference of H and the closed form for h = 0."""
         import sympy
 
         energy: Any = self.scene.hamiltonian
@@ -195,7 +174,7 @@ class ClosedHamiltonian:
             A float, or an array of n.
 
         Raises:
-            SeriesError: |h| is not less than the radius of convergence, or `y` is of another shape.
+            SeriesError: |h| is not less than the radius of convergence, or `y` has the wrong shape.
         """
         states, shape = read_states(y, self.scene.dimension)
         step = read_step(h)
@@ -221,12 +200,12 @@ class ClosedHamiltonian:
 
 
 def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> ClosedHamiltonian:
-    """The modified Hamiltonian of a symplectic method as the sum of its series, where that is known.
+    """The modified Hamiltonian of a symplectic method as the sum of its series, where a closed form is known.
 
-    - Linear systems, H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step Φ_h, a matrix; for Runge–Kutta methods it is
-      R(hA), A = J⁻¹S, and the series converges for |hλ| < ρ with the zero or pole of R nearest to 0 and all
-      eigenvalues λ. Other methods of kicks and drifts too, where H = T(p) + U(q).
-    - H = ln(α + p) + ln(β + q) with the symplectic Euler methods, of which I = (α + p)(β + q) is an invariant.
+    - Linear systems with H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. It is R(hA), A = J⁻¹S, for
+      Runge–Kutta methods, and the series converges if |hλ| < ρ for all eigenvalues λ of A, with ρ the distance of the
+      nearest zero or pole of R from 0. For H = T(p) + U(q) also other methods made of kicks and drifts.
+    - H = ln(α + p) + ln(β + q) with the symplectic Euler methods, which preserve I = (α + p)(β + q).
 
     Args:
         method: The method, exact.
@@ -250,17 +229,10 @@ def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> Cl
         E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
         (2003) 1673–1683.
     """
-    return _closed(method, scene, parts)
-
-
-def _closed(method: Method, scene: Scene, parts: Any) -> ClosedHamiltonian:
-
     check_method(method)
     canonical_pairs(scene)
     form = quadratic_form(scene)
-    found: Any = (
-        FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
-    )
+    found = FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
     if found is None:
         raise SeriesError(
             "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "

@@ -1,8 +1,8 @@
-"""Generating functions of symplectic methods, and the modified Hamiltonians that follow from them.
+"""Generating functions of symplectic methods, and modified Hamiltonians from them.
 
 A symplectic map (p, q) ↦ (P, Q) near the identity is p = P + S_q(P, q), Q = q + S_P(P, q). For Runge–Kutta methods, and
-all others made of evaluations of the field, S is a formula in H at the stages (theorem 5 of the lecture); so the
-modified Hamiltonian is defined wherever H is.
+others made of evaluations of the field, S is a formula in H at the stages (theorem 5 of the lecture). So the modified
+Hamiltonian is defined wherever H is.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import read_symbolic_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.hamiltonians.hamilton_jacobi import HamiltonJacobi, generating_hamiltonian, paired, power_series
-from bseries.hamiltonians.ring_power_series import Composition, PowerSeries, SeriesArithmetic
+from bseries.hamiltonians.power_series import Composition, PowerSeries, SeriesArithmetic
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
     canonical_pairs,
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 
 
 class GeneratingFunction(NamedTuple):
-    """A generating function S(P, q, h) = h S_1 + h² S_2 + …, of the map p = P + S_q, Q = q + S_P.
+    """Generating function S(P, q, h) = h S_1 + h² S_2 + … of the map p = P + S_q, Q = q + S_P.
 
     Attributes:
-        label: What it generates.
+        label: The name of the map.
         momenta: The symbols of P.
         positions: The symbols of q.
-        terms: S_1, S_2, …
+        terms: The formulas S_1, S_2, …
 
     Example:
         >>> import bseries as bs
@@ -66,7 +66,7 @@ class GeneratingFunction(NamedTuple):
         return sympy.Add(*(term * step**n for n, term in enumerate(self.terms, 1)))
 
     def hamiltonian(self) -> tuple[sympy.Expr, ...]:
-        """The terms of the modified Hamiltonian, H_1 + h H_2 + …"""
+        """The terms H_1, H_2, … of the modified Hamiltonian."""
         import sympy
 
         h = sympy.Dummy("h")
@@ -95,19 +95,19 @@ def generating_function(method: Method, scene: Scene, order: int, *, parts: Any 
 
         S(P, q, h) = h Σ b_i H(P_i, Q_i) − h² Σ b_i â_ij H_q(P_i, Q_i)ᵀ H_p(P_j, Q_j),
 
-    expanded in powers of h. Splittings are among them if their parts are functions of p or of q only.
+    expanded in powers of h. These methods include splittings into functions of p and of q.
 
     Args:
-        method: The method, exact: a tableau, a splitting, or anything with a program of evaluations of the field.
+        method: An exact method: a tableau, a splitting, or another program of evaluations of the field.
         scene: The scene.
         order: The number N of terms.
         parts: As for `modified_field`.
 
     Returns:
-        S_1, …, S_N, in the variables of the scene (p stands for P).
+        The formulas S_1, …, S_N in the variables of the scene, with p for P.
 
     Raises:
-        SeriesError: The scene is not canonical, or the method not symplectic or of another kind; the message says why.
+        SeriesError: The scene is not canonical, or the method is not symplectic or of another kind.
 
     Example:
         >>> import bseries as bs
@@ -126,7 +126,7 @@ def generating_function(method: Method, scene: Scene, order: int, *, parts: Any 
     """
     with refusing_large(MOST_MONOMIALS):
         arithmetic, generating = _expanded(method, scene, order, parts)
-        terms = _with_constant(arithmetic.written(generating), scene)
+        terms = _with_constant(arithmetic.to_expressions(generating), scene)
     momenta, positions = (
         tuple(scene.symbols[i] for i in places) for places in zip(*canonical_pairs(scene), strict=True)
     )
@@ -134,19 +134,9 @@ def generating_function(method: Method, scene: Scene, order: int, *, parts: Any 
 
 
 def generating_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
-    """The modified Hamiltonian of a symplectic method, by the Hamilton–Jacobi recursion from its generating function.
+    """The modified Hamiltonian of a symplectic method from its generating function, by the Hamilton–Jacobi recursion.
 
-    Args:
-        method: As for `generating_function`.
-        scene: The scene.
-        order: The number N of terms.
-        parts: As for `modified_field`.
-
-    Returns:
-        The terms with h^0, …, h^(N−1).
-
-    Raises:
-        SeriesError: As for `generating_function`.
+    Arguments and errors are those of `generating_function`; the result has the terms with h^0, …, h^(order−1).
 
     Example:
         >>> import bseries as bs
@@ -159,7 +149,7 @@ def generating_terms(method: Method, scene: Scene, order: int, parts: Any = None
     with refusing_large(MOST_MONOMIALS):
         arithmetic, generating = _expanded(method, scene, order, parts)
         recursion = HamiltonJacobi(arithmetic.coefficients, canonical_pairs(scene))
-        return _with_constant(arithmetic.written(recursion.hamiltonian(generating)), scene)
+        return _with_constant(arithmetic.to_expressions(recursion.hamiltonian(generating)), scene)
 
 
 def exact_generating_function(
@@ -173,14 +163,14 @@ def exact_generating_function(
     """The generating function of the exact flow of a Hamiltonian over time h, by the Hamilton–Jacobi equation.
 
     Args:
-        H: The Hamiltonian: a formula in p and q, and in h where it is a modified one.
+        H: The Hamiltonian: a formula in p and q, and in h for a modified Hamiltonian.
         momenta: The symbols of p; in the result they stand for P.
         positions: The symbols of q.
         order: The number of terms.
         h: The symbol of the step size; by default ``Symbol("h")``.
 
     Raises:
-        SeriesError: The symbols do not fit, or H is no power series in h.
+        SeriesError: The symbols do not fit, or H is not a power series in h.
 
     Example:
         >>> import sympy
@@ -194,17 +184,17 @@ def exact_generating_function(
     with refusing_large(MOST_MONOMIALS):
         arithmetic, series = power_series(H, "H", momenta, positions, order, h)
         recursion = HamiltonJacobi(arithmetic.coefficients, paired(len(momenta)))
-        terms = arithmetic.written(recursion.generating(series[k] for k in range(order)))
+        terms = arithmetic.to_expressions(recursion.generating(series[k] for k in range(order)))
     return GeneratingFunction("an exact flow", tuple(momenta), tuple(positions), terms)
 
 
 def _with_constant(terms: tuple[sympy.Expr, ...], scene: Scene) -> tuple[sympy.Expr, ...]:
-    """The terms with the constant of H, which no stage has, in the first."""
+    """The terms, with the constant of H, which the stages lack, in the first."""
     return terms[0] + hamiltonian_constant(scene), *terms[1:]
 
 
 def _expanded(method: Method, scene: Scene, order: int, parts: Any) -> tuple[SeriesArithmetic, list[Any]]:
-    """S_1, …, S_N of a method."""
+    """The arithmetic and the terms S_1, …, S_N of a method."""
     check_order(order)
     expansion = _StageSeries(symplectic_stages(method, scene, parts), scene)
     S = expansion.generating()
@@ -212,7 +202,7 @@ def _expanded(method: Method, scene: Scene, order: int, parts: Any) -> tuple[Ser
 
 
 class _StageSeries:
-    """The stages of a method in powers of h, as functions of P and q: P_i = P + h Σ (b_j − a_ij) H_q(P_j, Q_j)."""
+    """Stages of a method as power series in h, in P and q: P_i = P + h Σ (b_j − a_ij) H_q(P_j, Q_j)."""
 
     def __init__(self, stages: Stages, scene: Scene):
         self._stages = stages.stages
@@ -229,13 +219,13 @@ class _StageSeries:
         numbers = {*self._weights, *self._b.values(), *(x for row in rows for x, _ in row)}
         irrational = [x for x in numbers if not isinstance(x, Fraction)]
         formulas = [stage.hamiltonian for stage in self._stages]
-        self._ring = DifferentialRing.of([*formulas, *irrational, *scene.symbols], scene.symbols)
+        self._ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
         self._elements = self._ring.elements
         self.arithmetic = SeriesArithmetic(self._ring)
         self._numbers = {x: self.arithmetic.read(x) for x in irrational}
 
     def generating(self) -> PowerSeries:
-        """S; of h² Σ b_i â_ij H_q(P_i, Q_i)ᵀ H_p(P_j, Q_j), the sum h Σ_j is Q_i − q."""
+        """The series S; in h² Σ b_i â_ij H_q(P_i, Q_i)ᵀ H_p(P_j, Q_j) the sum h Σ_j is Q_i − q."""
         arithmetic = self.arithmetic
         parts = [
             (self._number(weight), self._at(stage.at)(element))
@@ -244,8 +234,8 @@ class _StageSeries:
         for k, b in self._b.items():
             point = self._point(self._stages[k].at)
             for _, q in self._pairs:
-                way_back = arithmetic.dot([(-1, PowerSeries(lambda n, Q=point[q]: Q[n] if n else arithmetic.zero))])
-                parts.append((self._number(b), arithmetic.product(self._slope(k, q), way_back)))
+                displacement = arithmetic.dot([(-1, PowerSeries(lambda n, Q=point[q]: Q[n] if n else arithmetic.zero))])
+                parts.append((self._number(b), arithmetic.product(self._derivative(k, q), displacement)))
         return arithmetic.times_h(arithmetic.dot(parts))
 
     def _number(self, x: Any) -> Any:
@@ -253,31 +243,31 @@ class _StageSeries:
 
     @cached_method
     def _at(self, at: LinearForm) -> Composition:
-        """Formulas at a point."""
+        """The composition of formulas with a point."""
         return Composition(self.arithmetic, self._ring, self._point(at))
 
     @cached_method
     def _point(self, at: LinearForm) -> list[PowerSeries]:
-        """A point: a series for every variable."""
+        """A point, with a series for every variable."""
         found: dict[int, PowerSeries] = {}
         for p, q in self._pairs:
-            found[p] = self._moved(p, q, self._momentum_rows[at])
-            found[q] = self._moved(q, p, self._position_rows[at])
+            found[p] = self._shifted(p, q, self._momentum_rows[at])
+            found[q] = self._shifted(q, p, self._position_rows[at])
         return [found[i] for i in sorted(found)]
 
-    def _moved(self, place: int, other: int, row: list[tuple[Any, int]]) -> PowerSeries:
-        """A variable, changed by h times derivatives of H with respect to the conjugate one at all stages."""
+    def _shifted(self, place: int, other: int, row: list[tuple[Any, int]]) -> PowerSeries:
+        """A variable plus h times derivatives of H in the conjugate variable at the stages."""
         start = self.arithmetic.read(self._ring.variables[place])
         multiples = [(self._number(x), k) for x, k in row if x != 0]
 
         def coefficient(n: int) -> Any:
             if n == 0:
                 return start
-            return self.arithmetic.combine((x, self._slope(k, other)[n - 1]) for x, k in multiples)
+            return self.arithmetic.combine((x, self._derivative(k, other)[n - 1]) for x, k in multiples)
 
         return PowerSeries(coefficient)
 
     @cached_method
-    def _slope(self, k: int, place: int) -> PowerSeries:
-        """The derivative of H^k with respect to a variable, at the point of stage k."""
+    def _derivative(self, k: int, place: int) -> PowerSeries:
+        """The derivative of H^k in a variable at stage k."""
         return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))

@@ -1,12 +1,11 @@
-"""Symplectic methods as stages that kick and drift, with the condition under which they have a generating function.
+"""Symplectic methods as stages with kicks and drifts, and the condition for a generating function.
 
-With a stage for every point and every part H^k of the Hamiltonian that is evaluated there,
+With a stage for each point and each part H^k of the Hamiltonian evaluated there,
 
     P_i = p − h Σ_j a_ij H^j_q(P_j, Q_j),    Q_i = q + h Σ_j â_ij H^j_p(P_j, Q_j),
 
-and the step is the same with weights b and b̂. It is symplectic if b_i â_ij + b̂_j a_ji = b_i b̂_j wherever stage i kicks
-and stage j drifts, and b_i = b̂_i for stages that do both (HLW, theorems VI.4.3 and VI.4.6, here for any number of
-parts).
+and the step has the same form with the weights b and b̂. It is symplectic if b_i â_ij + b̂_j a_ji = b_i b̂_j for kicks
+i and drifts j, and b_i = b̂_i for stages with both (HLW, theorems VI.4.3 and VI.4.6, for any number of parts).
 """
 
 from __future__ import annotations
@@ -32,20 +31,20 @@ if TYPE_CHECKING:
     from integrators.methods.program.program import Method
 
 Multiples = Mapping[int, Any]
-"""What multiple of h H_q or h H_p at a stage the evaluations k_e of a program are."""
+"""The factors of h H_q or h H_p at a stage in the evaluations k_e of a program."""
 
 
 class Stage(NamedTuple):
-    """A part of the Hamiltonian, evaluated at a point.
+    """Stage: a part of the Hamiltonian, evaluated at a point.
 
     Attributes:
         hamiltonian: The formula.
-        kicks: Whether it depends on positions, and so changes momenta.
-        drifts: Whether it depends on momenta, and so changes positions.
+        kicks: Whether it depends on positions and so changes momenta.
+        drifts: Whether it depends on momenta and so changes positions.
         at: The point.
-        forces: The evaluations that are multiples of its −h H_q.
-        velocities: The evaluations that are multiples of its h H_p.
-        number: What the method calls it.
+        forces: The evaluations that are multiples of −h H_q.
+        velocities: The evaluations that are multiples of h H_p.
+        number: The number of the stage in the method.
     """
 
     hamiltonian: sympy.Expr
@@ -58,29 +57,25 @@ class Stage(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """The stages of a symplectic method, and where its step ends."""
+    """Stages of a symplectic method, and the end point of its step."""
 
     stages: tuple[Stage, ...]
     end: LinearForm
 
     def weight(self, stage: Stage) -> Any:
-        """b_i or b̂_i, the weight of the Hamiltonian at a stage."""
+        """The weight b_i or b̂_i of the Hamiltonian at a stage."""
         return entry(self.end, stage.forces if stage.kicks else stage.velocities)
 
 
 def entry(at: LinearForm, multiples: Multiples) -> Any:
-    """What multiple of the increment of a stage a point contains."""
+    """The factor of the increment of a stage in a point."""
     return sum_entries(
         multiply_entries(at.terms[e], multiple) for e, multiple in multiples.items() if e in at.terms
     )  # fmt: skip
 
 
 def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
-    """Where p_i and q_i stand in the state of a canonical Hamiltonian scene.
-
-    Raises:
-        SeriesError: The scene is none.
-    """
+    """The indices of p_i and q_i in the state; the scene must be Hamiltonian and canonical."""
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
     pair = scene.canonical_pair
@@ -90,17 +85,7 @@ def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
 
 
 def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages:
-    """The stages of a symplectic method on a canonical Hamiltonian scene.
-
-    Args:
-        method: The method: a tableau, or a program of evaluations of the field and of flows that only kick or drift.
-        scene: The scene.
-        parts: What the method's parts are; see `integrators.scenes.particles.parts.pieces_of`.
-
-    Raises:
-        SeriesError: The scene is not canonical, the method is not exact or does something else, or is not symplectic:
-            the message says which condition fails, and where.
-    """
+    """The stages of a symplectic method on a canonical Hamiltonian scene."""
     canonical_pairs(scene)
     program = check_method(method).program
     if method.domain in ("decimal", "float"):
@@ -132,7 +117,7 @@ def _stages_at(
     scene: Scene,
     method: Method,
 ) -> Iterator[Stage]:
-    """The stages of one part of the Hamiltonian at one point: for T(p), for U(q), and for the rest."""
+    """The stages of one part of the Hamiltonian at one point: for T(p), U(q) and the remaining terms."""
     forces, velocities = (
         {
             e: evaluation.time if isinstance(evaluation, Flow) else Fraction(1)
@@ -155,7 +140,7 @@ def _stages_at(
 
 
 def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, bool, bool]]:
-    """T(p), U(q), the rest and the constant of (a part of) a Hamiltonian, with whether it depends on q, and on p."""
+    """T(p), U(q), mixed terms and constant of (a part of) a Hamiltonian, with their dependence on q and on p."""
     import sympy
 
     momenta, positions = (
@@ -177,14 +162,14 @@ def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, boo
 
 
 def hamiltonian_constant(scene: Scene) -> sympy.Expr:
-    """The terms of a Hamiltonian without variables, which are in none of the stages."""
+    """The constant terms of a Hamiltonian, which the stages lack."""
     import sympy
 
     return sympy.Add(*(formula for formula, kicks, drifts in _separated(scene, None) if not (kicks or drifts)))
 
 
 def _check_symplectic(stages: Stages, method: Method) -> None:
-    """Refuse methods without a generating function."""
+    """Check the conditions for a generating function."""
     if isinstance(method, RungeKutta | PartitionedRungeKutta) and method.is_symplectic:
         return
     equal, pairs = "b_i = b̂_i", "b_i â_ij + b̂_j a_ji = b_i b̂_j"

@@ -1,4 +1,4 @@
-"""Variational integrators: from a discrete Lagrangian to a generating function in P and q."""
+"""Generating functions of variational integrators, from discrete Lagrangians."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.generating_functions import GeneratingFunction
 from bseries.hamiltonians.hamilton_jacobi import check_formula, check_symbols
-from bseries.hamiltonians.ring_power_series import Composition, Expansion
+from bseries.hamiltonians.power_series import Composition, Expansion
 from trees.counting import check_order
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def variational_generating_function(
     h: sympy.Symbol | None = None,
     velocity: Sequence[sympy.Expr] | None = None,
 ) -> GeneratingFunction:
-    """The generating function of a variational integrator, p = −∂L_h/∂q, P = ∂L_h/∂Q with a discrete Lagrangian L_h.
+    """The generating function of the variational integrator p = −∂L_h/∂q, P = ∂L_h/∂Q with a discrete Lagrangian L_h.
 
     L_h(q, Q) generates the map in the variables q and Q. With Q = q + h v and ℓ(q, v, h) = L_h(q, q + h v)/h,
 
@@ -50,7 +50,7 @@ def variational_generating_function(
         The generating function; its `hamiltonian` gives the modified Hamiltonian.
 
     Raises:
-        SeriesError: The symbols do not fit, ℓ is no power series in h, or ∂L/∂q̇ = P is not solved.
+        SeriesError: The symbols do not fit, ℓ is not a power series in h, or `velocity` does not solve ∂L/∂q̇ = P.
 
     Example:
         The trapezoidal rule for the action gives the Störmer–Verlet method, kick–drift–kick:
@@ -83,7 +83,7 @@ def variational_generating_function(
 
 
 class _Legendre:
-    """The Legendre transformation Pᵀv − ℓ(q, v, h), in powers of h."""
+    """Legendre transformation Pᵀv − ℓ(q, v, h) in powers of h."""
 
     def __init__(self, lagrangian: Any, start: Sequence[Any], end: Sequence[Any], h: sympy.Symbol):
         import sympy
@@ -102,7 +102,7 @@ class _Legendre:
         self._L: Any = expansion.ring.to_expression(at_zero)
 
     def terms(self, momenta: Sequence[Any], velocity: Any, order: int) -> tuple[sympy.Expr, ...]:
-        """S_1, S_2, …; as S is stationary in v, v through h^m gives it through h^(2m+2)."""
+        """The terms S_1, S_2, …; since S is stationary in v, v to h^m gives S to h^(2m+2)."""
         import sympy
 
         mass: Any = sympy.hessian(self._L, self._v)
@@ -114,13 +114,13 @@ class _Legendre:
         ring, (ell,) = expansion.ring, expansion.elements
         P = [ring.element(x) for x in momenta]
         rows = [[ring.element(x) for x in row] for row in inverse.tolist()]
-        slopes = [expansion.formulas.derivative(ell, len(self._q) + i) for i in range(len(self._v))]
+        gradient = [expansion.formulas.derivative(ell, len(self._q) + i) for i in range(len(self._v))]
         v = [[ring.element(x)] for x in start]
         point = _point(expansion, self._q, v)
-        if not all(ring.is_zero(point(slope)[0] - x) for slope, x in zip(slopes, P, strict=True)):
+        if not all(ring.is_zero(point(D)[0] - x) for D, x in zip(gradient, P, strict=True)):
             raise SeriesError(f"velocity must solve P = ∂L/∂v, but {start!s:.60} does not")
         for m in range(1, (order + 1) // 2):
-            gap = [point(slope)[m] for slope in slopes]
+            gap = [point(D)[m] for D in gradient]
             for x, row in zip(v, rows, strict=True):
                 x.append(-ring.dot(zip(row, gap, strict=True)))
             point = _point(expansion, self._q, v)
@@ -129,14 +129,14 @@ class _Legendre:
         return tuple(ring.to_expression(work[n] - total[n]) for n in range(order))
 
     def _expansion(self, velocity: Sequence[Any], variables: Sequence[Any], *others: Any) -> Expansion:
-        """ℓ as a power series, beginning with a velocity."""
+        """ℓ as a power series, for a velocity at h = 0."""
         import sympy
 
         start = {**{q: q for q in self._q}, **dict(zip(self._v, velocity, strict=True)), self._h: sympy.Integer(0)}
         return Expansion([self._mean], start, variables, [*velocity, *others])
 
     def _solved(self, mass: Any, momenta: Sequence[Any]) -> tuple[Any, ...]:
-        """The velocities as functions of momenta and positions, from P = ∂L/∂v, which is linear in v."""
+        """The velocities as functions of momenta and positions, from P = ∂L/∂v linear in v."""
         import sympy
 
         if mass.free_symbols & set(self._v):
@@ -146,7 +146,7 @@ class _Legendre:
 
 
 def _point(expansion: Expansion, q: Sequence[Any], v: Sequence[Sequence[Element]]) -> Composition:
-    """Formulas in q, v and h at v = v_0 + h v_1 + …"""
+    """The composition with q, v = v_0 + h v_1 + … and h."""
     arithmetic, ring = expansion.arithmetic, expansion.ring
     positions = [arithmetic.polynomial(ring.element(x)) for x in q]
     velocities = [arithmetic.polynomial(*x) for x in v]

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.advice.conservation import gradient
 from bseries.advice.distances import largest_size, norms, without_time
 from bseries.exceptions import SeriesError
-from bseries.fields.optimal_truncation import Reach
-from bseries.fields.scene_series import modified_field
+from bseries.fields.modified_fields import modified_field
+from bseries.fields.truncation import Reach
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.advice.modified_terms import ModifiedTerms
-    from bseries.fields.optimal_truncation import Reach
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.modified_fields import SceneSeries
+    from bseries.fields.truncation import Reach
     from integrators import Scene
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from bseries.fields.scene_series import modifying_field
+from bseries.fields.modified_fields import modifying_field
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.recommendations import RECOMMENDED
 from integrators.methods.catalogue.registry import catalogue, method
@@ -58,7 +58,7 @@ def modifying_scene(method: Method, scene: Scene, order: int) -> Scene:
         raise SeriesError(f"method must treat the whole field alike, but {method.name} has {', '.join(method.names)}")
     if scene.dimension > MOST_VARIABLES:
         raise SeriesError(f"scene must have at most {MOST_VARIABLES} variables, but {scene.name} has {scene.dimension}")
-    series = modifying_field(method, scene, order).written(limit=MOST_MONOMIALS)
+    series = modifying_field(method, scene, order).symbolic_series(limit=MOST_MONOMIALS)
     name = _free_name(scene)
     h = sympy.Symbol(name)
     terms = [series.term(k) for k in range(1, order + 1)]

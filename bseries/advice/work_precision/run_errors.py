@@ -18,7 +18,7 @@ from bseries.advice.work_precision.dense_reference import DenseReference
 from bseries.advice.work_precision.step_costs import Work
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.routes import modified_hamiltonian
+from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from integrators.core.errors import IntegratorError
 from integrators.methods.catalogue.registry import catalogue
 from integrators.methods.catalogue.registry import method as named
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bseries.advice.work_precision.candidates import Candidate
-    from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from integrators.methods.program.program import Method
     from integrators.runs.trajectory import Trajectory
     from integrators.scenes.scene import Scene

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.fields.scene_series import SceneSeries
+    from bseries.fields.modified_fields import SceneSeries
     from integrators import Scene
 
 FIELDS = ("power", "variable", "field")
@@ -62,7 +62,7 @@ def equation(
     The text of equations is in numbers, variables, parameters, + - * / ^, parentheses, sqrt, and elementary functions
     such as sin and exp. A method that treats p and q differently takes the blocks of these names.
     """
-    from bseries.fields.scene_series import modified_field, modifying_field
+    from bseries.fields.modified_fields import modified_field, modifying_field
 
     order, powers = read_powers(order, power)
     make = modifying_field if modifying else modified_field

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
     from bseries.hamiltonians.brackets.bracket_series import BracketSeries
-    from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
-    from bseries.hamiltonians.verdicts import HamiltonianVerdict
+    from bseries.hamiltonians.hamiltonian_verdict import HamiltonianVerdict
+    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from integrators import Scene
 
 FIELDS = ("power", "hamiltonian")
@@ -82,7 +82,7 @@ def hamiltonian(
         if power is not None:
             raise Refusal(f"power must be left out with --verdict, but was {power}")
         return _verdict(method, scene, effects, order, chosen, output)
-    from bseries.hamiltonians.routes import modified_hamiltonian
+    from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 
     order, powers = read_powers(order, power)
     energy = modified_hamiltonian(method, scene, order, parts=chosen, route=route)
@@ -211,7 +211,7 @@ def _verdict(
     method: Method, scene: Scene, effects: Sequence[str], order: int | None, parts: Any, output: Output
 ) -> Iterable[str]:
     """How far the modified equation is Hamiltonian, in any format."""
-    from bseries.hamiltonians.verdicts import hamiltonian_verdict
+    from bseries.hamiltonians.hamiltonian_verdict import hamiltonian_verdict
 
     verdict = hamiltonian_verdict(method, scene, order, parts=parts)
     if output.format == "json":

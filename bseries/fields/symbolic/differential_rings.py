@@ -1,31 +1,34 @@
-"""Formulas as elements of a differential ring: polynomials in generators closed under differentiation.
+"""Differential rings: formulas as polynomials in generators closed under differentiation.
 
-With sin q, cos q, 1/g, √g, e^g as generators, derivatives and products of formulas are those of polynomials, and equal
-formulas become equal without any search for simplifications.
+With generators such as sin q, cos q, 1/g, √g and e^g, derivatives and products of formulas are those of polynomials,
+and equal formulas have equal normal forms without a search for simplifications.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from fractions import Fraction
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic import written_forms
+from bseries.fields.symbolic import flint_polynomials
 from bseries.fields.symbolic.formula_rings import FormulaRing
-from bseries.fields.symbolic.sparse_polynomials import constant, total
+from bseries.fields.symbolic.sparse_polynomials import constant, exponent, generator, generators_of, primitive, total
 
 if TYPE_CHECKING:
     import sympy
 
+    from bseries.fields.symbolic.ring_generators import GeneratedRing, Pair, Quotient
     from bseries.fields.symbolic.sparse_polynomials import Number, Terms
+
 
 MOST_MONOMIALS = 1_000_000
 
 
 class Element:
-    """An element of a `DifferentialRing`: supports + − * with elements of the same ring, ints and Fractions."""
+    """Element of a `DifferentialRing`, with + − * for elements of the same ring, ints and Fractions."""
 
     __slots__ = ("ring", "terms")
 
@@ -35,7 +38,7 @@ class Element:
 
     @property
     def size(self) -> int:
-        """Number of monomials."""
+        """The number of monomials."""
         return len(self.terms)
 
     def __bool__(self) -> bool:
@@ -72,18 +75,18 @@ class Element:
 
 
 class DifferentialRing:
-    """A ring of functions of some variables that holds given formulas and all their derivatives.
+    """A ring of functions of some variables that contains given formulas and all their derivatives.
 
-    Zero is recognised at once (`bool(element)` is exact) where no two denominators or roots, and no denominator and
-    sin or sinh, share the generator that their relation is solved for; `is_zero` also brings all to a common
-    denominator, and is exact if the generators satisfy no relations but the ring's: for rational functions in the
-    variables and in functions of independent arguments, and in square roots none of which is another's multiple.
+    `bool(element)` decides exactly whether an element is zero if no two denominators or roots, and no denominator and
+    sin or sinh, share the generator for which their relation is solved. `is_zero` also uses a common denominator. It is
+    exact if the generators satisfy no other relations than those of the ring: for rational functions of the variables,
+    of functions with independent arguments, and of square roots of which none is a multiple of another.
 
     Args:
-        formulas: SymPy formulas; they fix the basic arguments and the indices of roots.
+        formulas: SymPy expressions; they determine the basic arguments and the indices of roots.
         variables: The symbols to differentiate in; other symbols are parameters.
         limit: Results with more monomials raise `TooLarge`.
-        digits: Write numbers as floats of so many digits; None: as they are.
+        digits: The number of digits of floats in results; None for exact numbers.
 
     Example:
         >>> import sympy
@@ -96,20 +99,16 @@ class DifferentialRing:
 
     def __init__(
         self,
-        formulas: Sequence[sympy.Expr],
-        variables: Sequence[sympy.Symbol],
+        formulas: Iterable[sympy.Expr],
+        variables: Iterable[sympy.Symbol],
         *,
         limit: int = MOST_MONOMIALS,
         digits: int | None = None,
     ):
+        formulas = tuple(formulas)
         self.polynomials = FormulaRing(formulas, variables, limit, digits)
         self.elements = tuple(map(self.element, formulas))
         self.zero = Element(self, {})
-
-    @classmethod
-    def of(cls, formulas: Iterable[sympy.Expr], variables: Iterable[sympy.Symbol], **options: Any) -> DifferentialRing:
-        """The ring of some formulas; they are its `elements`."""
-        return cls(tuple(formulas), tuple(variables), **options)
 
     @property
     def variables(self) -> tuple[sympy.Symbol, ...]:
@@ -118,23 +117,15 @@ class DifferentialRing:
 
     @property
     def generators(self) -> tuple[sympy.Expr, ...]:
-        """What the generators so far stand for."""
+        """The expressions of the current generators."""
         return tuple(self.polynomials.expressions)
 
     def element(self, formula: sympy.Expr) -> Element:
-        """A formula as an element.
-
-        Raises:
-            SeriesError: It divides by zero, or is not finite.
-        """
+        """Convert a formula to an element."""
         return Element(self, self.polynomials.read(formula))
 
     def coerce(self, value: Element | Number) -> Element:
-        """A number as an element; elements stay as they are.
-
-        Raises:
-            SeriesError: An element of another ring.
-        """
+        """Convert a number to an element, or check that an element belongs to this ring."""
         if not isinstance(value, Element):
             return Element(self, constant(Fraction(value)))
         if value.ring is not self:
@@ -142,33 +133,103 @@ class DifferentialRing:
         return value
 
     def load(self, element: Element) -> Element:
-        """An element as this ring's arithmetic takes it; see `flint_rings` for another arithmetic."""
+        """An element in the form of this arithmetic, which is its own; see `flint_rings` for another."""
         return element
 
     unload = load
 
     def derivative(self, element: Element, i: int) -> Element:
         """The derivative with respect to the i-th variable."""
-        return Element(self, self.polynomials.slope(element.terms, i))
+        return Element(self, self.polynomials.derivative(element.terms, i))
 
     def dot(self, pairs: Iterable[tuple[Element, Element]]) -> Element:
-        """The sum of products, multiplied out only once."""
+        """A sum of products, reduced once."""
         return Element(self, self.polynomials.dot((a.terms, b.terms) for a, b in pairs))
 
     def denominator(self, elements: Iterable[Element]) -> int:
-        """A common denominator: integers multiply faster than fractions."""
+        """A common denominator, since integers multiply faster than fractions."""
         return math.lcm(*(x.denominator for element in elements for x in element.terms.values()))
 
     def sum(self, parts: Iterable[tuple[Number, Element]]) -> Element:
-        """The sum of multiples."""
+        """A linear combination."""
         return Element(self, total((factor, element.terms) for factor, element in parts))
 
     def is_zero(self, element: Element) -> bool:
-        """Whether an element is zero, as far as the relations tell (see the class)."""
+        """Whether an element is zero by the relations of the ring (see the class)."""
         return not any(part.numerator for part in self.polynomials.quotients(element.terms))
 
     def to_expression(self, element: Element, *, simplify: bool = True) -> sympy.Expr:
-        """The SymPy expression: over common denominators and factored, or expanded as it is."""
+        """The SymPy expression: with common denominators and factored, or expanded."""
         if simplify and self.polynomials.digits is None:
-            return written_forms.factored(self.polynomials, element.terms)
+            return factored(self.polynomials, element.terms)
         return self.polynomials.expression(element.terms)
+
+
+MOST_FACTORED = 60
+"""Polynomials with more monomials are not factored, which can take SymPy seconds."""
+
+
+def factored(ring: GeneratedRing, terms: Terms) -> sympy.Expr:
+    """The SymPy expression of an element, with common denominators and factored."""
+    import sympy
+
+    common = math.lcm(*(x.denominator for x in terms.values()))  # integers multiply faster
+    integers: Terms = {m: int(x * common) for m, x in terms.items()}
+    return sympy.Add(*(_quotient_expression(ring, part, common) for part in ring.quotients(integers, grow=False)))
+
+
+def _quotient_expression(ring: GeneratedRing, part: Quotient, divisor: int) -> sympy.Expr:
+    import sympy
+
+    if not part.numerator:
+        return sympy.Integer(0)
+    numerator = reduce(_shorter, ring.pairs, part.numerator)
+    monomial = sum(generator(k, min(exponent(m, k) for m in numerator)) for k in generators_of(numerator))
+    content, rest = primitive({m - monomial: x for m, x in numerator.items()})
+    factors = (ring.expression(factor) ** e for factor, e in _factors(rest))
+    roots = (ring.expressions[k] ** e for k, e in part.roots.items())
+    return sympy.Mul(ring.expression({monomial: content / divisor}), *factors, *roots)
+
+
+def _shorter(terms: Terms, pair: Pair) -> Terms:
+    """A polynomial with cos² replaced by 1 − sin² (or cosh² by 1 + sinh²) where that makes it shorter."""
+    replaced = total((x, _without_squares(monomial, pair)) for monomial, x in terms.items())
+    return replaced if len(replaced) < len(terms) else terms
+
+
+def _without_squares(monomial: int, pair: Pair) -> Terms:
+    half = exponent(monomial, pair.cosine) // 2
+    rest = monomial - generator(pair.cosine, 2 * half)
+    return {rest + generator(pair.sine, 2 * j): math.comb(half, j) * (-pair.sign) ** j for j in range(half + 1)}
+
+
+def _factors(terms: Terms) -> list[tuple[Terms, int]]:
+    """The irreducible factors of a primitive polynomial with their exponents, if the polynomial is short."""
+    if len(terms) == 1 or len(terms) > MOST_FACTORED:
+        return [(terms, 1)]
+    integers: Terms = {m: int(x) for m, x in terms.items()}
+    by_flint = flint_polynomials.flint() is not None
+    found = flint_polynomials.irreducible_factors(integers) if by_flint else _factors_by_sympy(integers)
+    return [(primitive(factor)[1], e) for factor, e in found]
+
+
+def _factors_by_sympy(terms: Terms) -> list[tuple[Terms, int]]:
+    import sympy
+
+    present = generators_of(terms)
+    polynomials = sympy.ring([f"g{k}" for k in present], sympy.ZZ)[0]
+    polynomial = polynomials.from_dict({tuple(exponent(m, k) for k in present): x for m, x in terms.items()})
+    return [
+        ({sum(map(generator, present, m)): int(x) for m, x in factor.items()}, e)
+        for factor, e in _factor_list(polynomial)
+    ]
+
+
+def _factor_list(polynomial: Any) -> list[tuple[Any, int]]:
+    """The factors; a polynomial linear in a generator is split by a greatest common divisor, which is faster."""
+    for x, degree in zip(polynomial.ring.gens, polynomial.degrees(), strict=True):
+        if degree == 1:
+            derivative = polynomial.diff(x)
+            common = derivative.gcd(polynomial - derivative * x)
+            return [*_factor_list(common), (polynomial.exquo(common), 1)]
+    return polynomial.factor_list()[1]

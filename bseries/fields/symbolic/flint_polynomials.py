@@ -1,4 +1,4 @@
-"""Polynomials, and their factorisation, by python-flint, where it is installed."""
+"""Polynomials and their factorisation by python-flint, an optional package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @cache
 def flint() -> ModuleType | None:
-    """The package, if it is there and has multivariate polynomials."""
+    """The package, if it is installed and has multivariate polynomials."""
     try:
         import flint as package  # pyright: ignore[reportMissingImports]
     except ImportError:
@@ -25,13 +25,13 @@ def flint() -> ModuleType | None:
 
 
 def irreducible_factors(terms: Terms) -> list[tuple[Terms, int]]:
-    """The factors of a polynomial with integer coefficients, with their exponents, up to numbers."""
+    """The factors of an integer polynomial with their exponents, up to constants."""
     polynomials = Polynomials(generators_of(terms))
     return [(polynomials.terms(factor), e) for factor, e in polynomials.of(terms).factor()[1]]
 
 
 class Polynomials:
-    """The polynomials with rational coefficients in some generators, the last one leading."""
+    """Polynomials with rational coefficients in some generators; the last generator is the leading one."""
 
     def __init__(self, generators: Sequence[int]):
         package: Any = flint()
@@ -40,17 +40,17 @@ class Polynomials:
         self.context = package.fmpq_mpoly_ctx.get([f"g{k}" for k in self._generators], package.Ordering.lex)
 
     def of(self, terms: Terms) -> Any:
-        """A polynomial."""
+        """Convert to a polynomial of python-flint."""
         return self.context.from_dict(
             {tuple(exponent(m, k) for k in self._generators): self.number(x) for m, x in terms.items()}
         )
 
     def number(self, value: Number) -> Any:
-        """A coefficient."""
+        """Convert a coefficient."""
         return self._rational(value.numerator, value.denominator)
 
     def terms(self, polynomial: Any) -> Terms:
-        """What `of` takes."""
+        """Convert from a polynomial of python-flint."""
         return {
             sum(map(generator, self._generators, map(int, m))): narrowed(Fraction(int(x.p), int(x.q)))
             for m, x in polynomial.to_dict().items()

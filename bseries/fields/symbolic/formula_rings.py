@@ -1,8 +1,8 @@
-"""Formulas read as polynomials in the generators that they call for.
+"""Conversion of formulas to polynomials in generators.
 
-Which generators depends on all formulas together: sin q and sin 2q share those of q, sin q alone with sin 2q missing
-would not show it. So the arguments of functions with addition theorems are collected first, and those of which the
-others are integer combinations become the basic ones; likewise the indices of all roots of one base.
+The generators depend on all formulas together: sin q and sin 2q share those of q. So the arguments of functions with
+addition theorems are collected first; a lattice basis of them gives the basic arguments. Likewise the indices of all
+roots of a base are collected.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
@@ -27,28 +26,21 @@ if TYPE_CHECKING:
 CIRCULAR = ("sin", "cos", "tan")
 HYPERBOLIC = ("sinh", "cosh", "tanh")
 FAMILIES = {**dict.fromkeys(CIRCULAR, CIRCULAR), **dict.fromkeys(HYPERBOLIC, HYPERBOLIC), "exp": ("exp",)}
-"""Functions with addition theorems, and those that share their basic arguments."""
+"""Functions with addition theorems, and the families that share basic arguments."""
 
 MOST_MULTIPLE = 50
-"""Arguments that are larger multiples of others are taken as independent: addition theorems would be too long."""
+"""Larger multiples of an argument count as independent, since addition theorems would be too long."""
 
 
 class FormulaRing(GeneratedRing):
-    """The ring that some formulas and their derivatives live in.
-
-    Args:
-        formulas: The formulas it is made for; others that follow take the generators that are there, or add new ones.
-        variables: The symbols to differentiate in; other symbols are parameters.
-        limit: Results with more monomials raise `TooLarge`.
-        digits: Write numbers as floats of so many digits; None: as they are.
-    """
+    """Ring that contains some formulas and their derivatives; arguments as for `DifferentialRing`."""
 
     def __init__(
         self, formulas: Sequence[sympy.Expr], variables: Iterable[sympy.Symbol], limit: int, digits: int | None
     ):
         super().__init__(variables, limit, digits)
         self._known: dict[sympy.Expr, Terms] = {}
-        # Constants come last: of x and x + π/3 the basis is x and π/3.
+        # Constants come last: x and x + π/3 have the basis x and π/3.
         self._lattices = {family: Lattice(lambda m: (self._varies(m), m)) for family in FAMILIES.values()}
         self._functions: dict[tuple[str, frozenset[Any]], Any] = {}
         for i, variable in enumerate(self.variables):
@@ -57,7 +49,7 @@ class FormulaRing(GeneratedRing):
         self._plan(formulas)
 
     def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
-        """Find the index of every root and the basic arguments: inner ones first, frequent ones preferred."""
+        """Find the index of every root and the basic arguments, inner and frequent ones first."""
         import sympy
 
         arguments: Counter[tuple[int, str, Any]] = Counter()
@@ -78,14 +70,10 @@ class FormulaRing(GeneratedRing):
 
     def _varies(self, monomial: int) -> bool:
         variables = range(len(self.variables))
-        return any(self.slope_of_generator(k, i) for k, _ in exponents(monomial) for i in variables)
+        return any(self.generator_derivative(k, i) for k, _ in exponents(monomial) for i in variables)
 
     def read(self, formula: sympy.Expr) -> Terms:
-        """A formula as a polynomial in the generators.
-
-        Raises:
-            SeriesError: It divides by zero, or is not finite.
-        """
+        """Convert a formula to a polynomial in the generators."""
         found = self._known.get(formula)
         if found is None:
             found = self._known[formula] = self._interpret(formula)
@@ -95,7 +83,7 @@ class FormulaRing(GeneratedRing):
         import sympy
 
         if formula.is_Rational or formula.is_Float:
-            exact: Any = sympy.Rational(formula)  # floats are the binary fractions that they are
+            exact: Any = sympy.Rational(formula)  # floats are exact binary fractions
             return constant(Fraction(int(exact.p), int(exact.q)))
         if formula.is_Add:
             return total((1, self.read(part)) for part in formula.args)
@@ -107,18 +95,18 @@ class FormulaRing(GeneratedRing):
         if name:
             argument = formula.args[0]
             return self._exponential(argument) if name == "exp" else self._periodic(name, argument)
-        if formula in _not_finite():
+        if formula in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
             raise SeriesError(f"formula must be finite, but holds {formula}")
         return self._opaque(formula)
 
     def _opaque(self, formula: sympy.Expr) -> Terms:
-        """A parameter, or a function of which nothing but SymPy's derivative is known."""
+        """A parameter, or a function of which only SymPy's derivative is used."""
 
-        def slope(i: int) -> Terms:
+        def derivative(i: int) -> Terms:
             variable = self.variables[i]
             return self.read(formula.diff(variable)) if variable in formula.free_symbols else {}
 
-        return {generator(self.add_function(formula, slope)): 1}
+        return {generator(self.add_function(formula, derivative)): 1}
 
     def _power(self, formula: Any) -> Terms:
         base, power = formula.args
@@ -134,13 +122,13 @@ class FormulaRing(GeneratedRing):
 
     def _rational_power(self, formula: Any, base: Any, power: Fraction) -> Terms:
         if power.denominator > 1 and base.is_negative and base.is_number:
-            return self._opaque(formula)  # the principal value, which is not real
+            return self._opaque(formula)  # the principal value is not real
         if power.denominator > 1 and _is_positive_integer(base):
             return self.raised_number(Fraction(int(base)), power)
         return self.raised(self.read(base), power, self.indices.get(base, 1), base)
 
     def _coordinates(self, name: str, argument: sympy.Expr) -> list[tuple[Terms, int]]:
-        """Basic arguments and their multiples whose sum the argument of a function is."""
+        """The argument of a function as a sum of multiples of basic arguments."""
         terms = self.read(argument)
         found = self._lattices[FAMILIES[name]].coordinates(terms)
         return found if all(abs(multiple) <= MOST_MULTIPLE for _, multiple in found) else [(terms, 1)]
@@ -158,7 +146,7 @@ class FormulaRing(GeneratedRing):
         return result
 
     def _periodic(self, name: str, argument: sympy.Expr) -> Terms:
-        """sin, cos or tan of an argument, by (c + i s)(d + i t) = (c d − s t) + i (s d + c t); j² = 1 in place of i."""
+        """sin, cos or tan of an argument, by (c + i s)(d + i t) = (c d − s t) + i (s d + c t); j² = 1 if hyperbolic."""
         family = FAMILIES[name]
         minus = -1 if family is CIRCULAR else 1
         s: Terms = {}
@@ -173,7 +161,7 @@ class FormulaRing(GeneratedRing):
         return s if name == family[0] else c
 
     def _basic_pair(self, row: Terms, family: Sequence[str]) -> tuple[Terms, Terms]:
-        """sin b and cos b of a basic argument: generators, or the numbers that SymPy knows them to be."""
+        """sin b and cos b of a basic argument: generators, or algebraic numbers."""
         import sympy
 
         key = family[0], frozenset(row.items())
@@ -193,35 +181,27 @@ def _is_positive_integer(base: Any) -> bool:
 
 
 def _bases(base: Any) -> list[Any]:
-    """What a power is a product of powers of."""
+    """The bases of the factors of a power: the base, or its prime factors."""
     return [prime for prime, _ in prime_factors(int(base))] if _is_positive_integer(base) else [base]
 
 
 def _depth(formula: sympy.Basic) -> int:
-    """How deeply functions with addition theorems are nested."""
+    """The nesting depth of functions with addition theorems."""
     return max(map(_depth, formula.args), default=0) + bool(_name(formula))
 
 
 def _name(formula: sympy.Basic) -> str:
-    """The name of a function with addition theorems; empty for all others, even users' own of such a name."""
+    """The name of a function with addition theorems; empty for others, including user functions with such a name."""
     import sympy
 
     name = type(formula).__name__
     return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
 
 
-@lru_cache(maxsize=1)
-def _not_finite() -> tuple[Any, ...]:
-    import sympy
-
-    return sympy.nan, sympy.zoo, sympy.oo, -sympy.oo
-
-
 class Lattice:
-    """The integer combinations of some polynomials, given by a basis in echelon form (one row for each pivot).
+    """Lattice of integer combinations of polynomials, with a basis in echelon form.
 
-    Args:
-        priority: Pivots are the monomials where this is largest.
+    Each row has its own pivot, the monomial with the largest `priority`.
 
     Example:
         >>> lattice = Lattice()
@@ -236,7 +216,7 @@ class Lattice:
         self._rows: dict[int, Terms] = {}
 
     def insert(self, vector: Terms) -> None:
-        """Make the lattice the smallest one that also holds this vector, by Euclid's algorithm on every pivot."""
+        """Extend the lattice by a vector, by Euclid's algorithm on every pivot."""
         while vector:
             pivot = max(vector, key=self._priority)
             row = self._rows.get(pivot)
@@ -248,7 +228,7 @@ class Lattice:
                 self._rows[pivot], vector = vector, row
 
     def coordinates(self, vector: Terms) -> list[tuple[Terms, int]]:
-        """Rows and integers whose combination the vector is; what they leave over becomes a row, if it can."""
+        """A vector as an integer combination of rows; a remainder becomes a new row where possible."""
         found: list[tuple[Terms, int]] = []
         while vector:
             pivot = max(vector, key=self._priority)

@@ -1,4 +1,4 @@
-"""A function from its gradient: integrated one variable after another, by rules for sums of simple products."""
+"""Integration of gradients, variable by variable, by rules for sums of simple products."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
 
 MOST_POWERS = 60
-"""Products with higher powers of sines or of polynomials are not expanded."""
+"""Higher powers of sines or of polynomials are not expanded."""
 
 
 def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr | None:
-    """A function with a gradient that is known to be one.
+    """Integrate a vector of formulas that is known to be a gradient.
 
     Args:
         ring: The ring of the gradient.
-        gradient: Its components, one for each variable of the ring.
+        gradient: The components of the gradient, one for each variable of the ring.
 
     Returns:
-        The function, verified by differentiation; None if it is beyond the rules: powers and logarithms of polynomials
-        of first degree in a variable, or even ones of second degree, trigonometric polynomials, and exponentials.
+        The function, verified by differentiation; None if no rule applies. There are rules for powers of polynomials
+        that are linear, or quadratic and even, in a variable, for trigonometric polynomials and for exponentials.
 
     Example:
         >>> import sympy
@@ -51,7 +51,7 @@ def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr
 
 
 def antiderivative(formula: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
-    """An antiderivative of a sum of products; None if some are beyond the rules."""
+    """An antiderivative of a sum of products; None if no rule applies to a product."""
     import sympy
 
     coefficients: dict[Any, list[Any]] = defaultdict(list)
@@ -66,11 +66,11 @@ def antiderivative(formula: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
 
 
 class _NoRule(SeriesError):
-    """A product that the rules do not integrate."""
+    """No rule integrates a product."""
 
 
 def _of_product(product: Any, x: Any) -> Any:
-    """∫ x^m · (waves) · e^(…) · Q(x)^e dx, with one kind of factor besides x^m."""
+    """∫ x^m f dx, where f is a product of sines and cosines, an exponential, or a power Q(x)^e."""
     import sympy
 
     power: Any = sympy.Integer(0)
@@ -106,16 +106,16 @@ def _degree(power: Any) -> int:
 
 
 def _by_parts(m: int, wave: Any, x: Any) -> Any:
-    """∫ x^m e^(kx+c) dx, or with a sine, a cosine or 1 in place of the exponential."""
+    """∫ x^m e^(kx+c) dx, also with sin, cos or 1 in place of exp, by parts."""
     import sympy
 
     if not wave.has(x):
         return wave * x ** (m + 1) / (m + 1)
-    slope = wave.args[0].diff(x)
-    if slope.has(x) or not slope:
+    k = wave.args[0].diff(x)
+    if k.has(x) or not k:
         raise _NoRule
     integrals = {sympy.exp: sympy.exp, sympy.sin: lambda argument: -sympy.cos(argument), sympy.cos: sympy.sin}
-    inner = integrals[type(wave)](wave.args[0]) / slope
+    inner = integrals[type(wave)](wave.args[0]) / k
     if m == 0:
         return inner
     coefficient, other = inner.as_independent(x, as_Add=False)
@@ -123,7 +123,7 @@ def _by_parts(m: int, wave: Any, x: Any) -> Any:
 
 
 def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
-    """A product of powers of sines and cosines as a sum of sines and cosines, by their addition theorems."""
+    """A product of powers of sines and cosines as a trigonometric sum, by addition theorems."""
     import sympy
 
     half = sympy.Rational(1, 2)
@@ -150,7 +150,7 @@ def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
 
 
 def _of_polynomial_power(m: Any, base: Any, exponent: Any, x: Any) -> Any:
-    """∫ x^m Q^e dx by the variable u = Q, for Q = αx + β or, with odd m, Q = αx² + β."""
+    """∫ x^m Q^e dx by the substitution u = Q, for Q = αx + β or, with odd m, Q = αx² + β."""
     import sympy
 
     if exponent.has(x) or not base.is_polynomial(x):

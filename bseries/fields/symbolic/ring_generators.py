@@ -1,4 +1,4 @@
-"""The generators of a ring of functions: what they stand for, their derivatives, their relations.
+"""Generators of a ring of functions, with their derivatives and relations.
 
 | generators | relations | derivatives |
 |---|---|---|
@@ -7,10 +7,10 @@
 | e = exp b | | de = e db |
 | w = g^(−1/n), for a denominator or a root | w^n g = 1 | dw = −w^(n+1) dg / n |
 | p^(1/n), p a prime | its n-th power is p | 0 |
-| any other function | | SymPy's, read when they are needed |
+| any other function | | SymPy's, converted on demand |
 
-With w at hand no other generator is needed for roots of g: g^(k/n) = g^j w^(jn−k). An element is a sum of a few
-quotients, each a polynomial without roots times a product of powers of roots.
+The generator w gives all roots of g: g^(k/n) = g^j w^(jn−k). An element is a sum of quotients, each a polynomial
+without roots times a product of powers of roots.
 """
 
 from __future__ import annotations
@@ -70,13 +70,7 @@ class Quotient(NamedTuple):
 
 
 class GeneratedRing(RewritingRing):
-    """Polynomials in functions of some variables; `slope(terms, i)` is a derivation.
-
-    Args:
-        variables: The symbols to differentiate in.
-        limit: Results with more monomials raise `TooLarge`.
-        digits: Write numbers as floats of so many digits; None: as they are.
-    """
+    """Polynomials in functions of some variables, with a derivation."""
 
     def __init__(self, variables: Iterable[sympy.Symbol], limit: int, digits: int | None):
         super().__init__(limit)
@@ -90,9 +84,9 @@ class GeneratedRing(RewritingRing):
         self.exponentials: set[int] = set()
         """Monomials of the generators e^b."""
         self.indices: dict[Any, int] = {}
-        """Which roots of a base are to be expected."""
-        self._slope_rules: list[Callable[[int], Terms]] = []
-        self._slopes: dict[tuple[int, int], Terms] = {}
+        """The common index of the expected roots of a base."""
+        self._derivative_rules: list[Callable[[int], Terms]] = []
+        self._derivatives: dict[tuple[int, int], Terms] = {}
 
     def product(self, factors: Iterable[Terms]) -> Terms:
         """The product of polynomials."""
@@ -101,17 +95,17 @@ class GeneratedRing(RewritingRing):
             result = self.dot([(result, factor)])
         return result
 
-    def slope(self, terms: Terms, i: int) -> Terms:
+    def derivative(self, terms: Terms, i: int) -> Terms:
         """The derivative with respect to the i-th variable."""
-        pairs = [(partial(terms, k), slope) for k in generators_of(terms) if (slope := self.slope_of_generator(k, i))]
+        pairs = [(partial(terms, k), inner) for k in generators_of(terms) if (inner := self.generator_derivative(k, i))]
         return self.dot(pairs) if pairs else {}
 
-    def slope_of_generator(self, k: int, i: int) -> Terms:
+    def generator_derivative(self, k: int, i: int) -> Terms:
         """The derivative of a generator."""
-        slope = self._slopes.get((k, i))
-        if slope is None:
-            slope = self._slopes[k, i] = total([(1, self._slope_rules[k](i))])  # as integers where possible
-        return slope
+        found = self._derivatives.get((k, i))
+        if found is None:
+            found = self._derivatives[k, i] = total([(1, self._derivative_rules[k](i))])  # as integers where possible
+        return found
 
     def expression(self, terms: Terms) -> sympy.Expr:
         """The SymPy expression of a polynomial, expanded."""
@@ -123,7 +117,7 @@ class GeneratedRing(RewritingRing):
         ))  # fmt: skip
 
     def number(self, value: Number) -> sympy.Expr:
-        """A coefficient as it is written."""
+        """A coefficient as a SymPy number, rounded to `digits`."""
         exact = rational(value)
         if self.digits is None or (value.denominator == 1 and abs(value) < 10**self.digits):
             return exact
@@ -131,33 +125,33 @@ class GeneratedRing(RewritingRing):
 
     # New generators.
 
-    def add_function(self, expression: sympy.Expr, slope: Callable[[int], Terms]) -> int:
-        """A generator without relations; slope(i) is its derivative with respect to the i-th variable."""
+    def add_function(self, expression: sympy.Expr, derivative: Callable[[int], Terms]) -> int:
+        """Add a generator without relations; derivative(i) is taken with respect to the i-th variable."""
         self.expressions.append(expression)
-        self._slope_rules.append(slope)
+        self._derivative_rules.append(derivative)
         return self.new_generator()
 
     def add_exponential(self, expression: sympy.Expr, argument: Terms) -> int:
-        """The generator e^b."""
+        """Add the generator e^b."""
 
-        def slope(i: int) -> Terms:
-            return self.dot([({generator(e): 1}, self.slope(argument, i))])
+        def derivative(i: int) -> Terms:
+            return self.dot([({generator(e): 1}, self.derivative(argument, i))])
 
-        e = self.add_function(expression, slope)
+        e = self.add_function(expression, derivative)
         self.exponentials.add(generator(e))
         return e
 
     def add_pair(self, sine: sympy.Expr, cosine: sympy.Expr, argument: Terms, sign: int) -> Pair:
-        """The generators s, c of an argument b; sign −1 for hyperbolic functions."""
+        """Add the generators s, c of an argument b; the sign is −1 for hyperbolic functions."""
 
-        def slope_of_sine(i: int) -> Terms:
-            return self.dot([({generator(c): 1}, self.slope(argument, i))])
+        def sine_derivative(i: int) -> Terms:
+            return self.dot([({generator(c): 1}, self.derivative(argument, i))])
 
-        def slope_of_cosine(i: int) -> Terms:
-            return self.dot([({generator(s): -sign}, self.slope(argument, i))])
+        def cosine_derivative(i: int) -> Terms:
+            return self.dot([({generator(s): -sign}, self.derivative(argument, i))])
 
-        c = self.add_function(cosine, slope_of_cosine)
-        s = self.add_function(sine, slope_of_sine)
+        c = self.add_function(cosine, cosine_derivative)
+        s = self.add_function(sine, sine_derivative)
         self.add_rule(generator(s, 2), {ONE: sign, generator(c, 2): -sign})
         self.pairs.append(Pair(s, c, sign))
         return self.pairs[-1]
@@ -174,19 +168,19 @@ class GeneratedRing(RewritingRing):
         self.add_rule(generator(k, index), constant(prime))
         return k
 
-    def root(self, base: Terms, index: int, written: sympy.Expr | None = None) -> int:
-        """A generator base^(−1/n) for some multiple n of an index; `written` is the base as it is to be shown."""
+    def root(self, base: Terms, index: int, displayed: sympy.Expr | None = None) -> int:
+        """A generator base^(−1/n) for some multiple n of an index; `displayed` is the base in results."""
         for k, known in self.roots.items():
             if known.base == base and known.degree % index == 0:
                 return k
 
-        def slope(i: int) -> Terms:
-            return self.dot([({generator(w, index + 1): narrowed(Fraction(-1, index))}, self.slope(base, i))])
+        def derivative(i: int) -> Terms:
+            return self.dot([({generator(w, index + 1): narrowed(Fraction(-1, index))}, self.derivative(base, i))])
 
-        shown = self.expression(base) if written is None else written
-        w = self.add_function(shown ** rational(Fraction(-1, index)), slope)
+        shown = self.expression(base) if displayed is None else displayed
+        w = self.add_function(shown ** rational(Fraction(-1, index)), derivative)
         self.roots[w] = Root(base, index)
-        # w^n g = 1, solved for the leading monomial.
+        # The relation w^n g = 1, solved for the leading monomial.
         leading, step = max(base), generator(w, index)
         tail = {ONE: Fraction(1), **{m + step: Fraction(-x) for m, x in base.items() if m != leading}}
         self.add_rule(leading + step, {m: narrowed(x / base[leading]) for m, x in tail.items()})
@@ -195,20 +189,20 @@ class GeneratedRing(RewritingRing):
     # Common denominators. Powers of w = g^(−1/n) that differ by multiples of n have one.
 
     def quotients(self, terms: Terms, *, grow: bool = True) -> list[Quotient]:
-        """An element as a sum of quotients, none of which have a common denominator; it is zero if all numerators are.
+        """An element as a sum of quotients with different denominators; it is zero if all numerators are.
 
         Args:
             terms: The element.
-            grow: Whether to bring terms over a common denominator even if that makes more of them, or if it is e^b.
+            grow: Whether to use a common denominator even if the numerator grows, or if the denominator has e^b.
         """
         parts = [Quotient(terms, {})]
-        for k in sorted(self.roots, reverse=True):  # a root's base holds earlier generators only
+        for k in sorted(self.roots, reverse=True):  # the base of a root has earlier generators only
             if grow or self.exponentials.isdisjoint(self.roots[k].base):
                 parts = [finer for part in parts for finer in self._over_common_denominators(part, k, grow)]
         return parts
 
     def _over_common_denominators(self, part: Quotient, k: int, grow: bool) -> list[Quotient]:
-        """Bring all powers of the k-th generator, a root, to the highest one of the same residue, and cancel."""
+        """Raise all powers of the k-th generator, a root, to the highest one of the same residue, and cancel."""
         base, degree = self.roots[k]
         by_power: dict[int, Terms] = {}
         for monomial, x in part.numerator.items():
@@ -227,12 +221,8 @@ class GeneratedRing(RewritingRing):
 
     # Powers.
 
-    def raised(self, terms: Terms, power: Fraction, index: int = 1, written: sympy.Expr | None = None) -> Terms:
-        """A polynomial to a rational power; `index` tells of roots still to come, `written` how to show it.
-
-        Raises:
-            SeriesError: Zero is raised to a negative power.
-        """
+    def raised(self, terms: Terms, power: Fraction, index: int = 1, displayed: sympy.Expr | None = None) -> Terms:
+        """A polynomial to a rational power; `index` is that of expected roots, `displayed` the base in results."""
         index = math.lcm(index, power.denominator)
         if power >= 0 and power.denominator == 1:
             return self._whole_power(terms, int(power))
@@ -245,14 +235,14 @@ class GeneratedRing(RewritingRing):
         content, base = primitive(terms, keep_sign=index > 1) if self.digits is None else (Fraction(1), terms)
         if base == {ONE: 1}:
             return self.raised_number(content, power)
-        w = self.root(base, index, written if base == terms else None)
+        w = self.root(base, index, displayed if base == terms else None)
         index = self.roots[w].degree
         whole = max(math.ceil(power), 0)
         root: Terms = {generator(w, int((whole - power) * index)): 1}
         return self.product([self.raised_number(content, power), self._whole_power(base, whole), root])
 
     def _inverse_quotient(self, quotient: Quotient, power: int) -> Terms:
-        """One over a power of a quotient, each of its factors by itself."""
+        """One over a power of a quotient, factor by factor."""
         numerator, roots = quotient
         if len(numerator) > 1:
             rest, parts = self.raised(numerator, Fraction(-power)), roots
@@ -282,7 +272,7 @@ class GeneratedRing(RewritingRing):
         return {generator(w, self.roots[w].degree): 1}
 
     def raised_number(self, number: Fraction, power: Fraction) -> Terms:
-        """A rational power of a positive rational number, or a whole power of any."""
+        """A rational power of a positive rational number, or an integer power of any number."""
         if power.denominator == 1:
             return constant(number ** int(power))
         result = constant(1)
@@ -298,7 +288,7 @@ class GeneratedRing(RewritingRing):
 
 
 def _cancelled(numerator: Terms, base: Terms, roots: dict[int, int], k: int, degree: int) -> Quotient:
-    """Take the base of the k-th generator off a numerator as often as its power allows."""
+    """Cancel the base of the k-th generator in a numerator as often as possible."""
     while numerator and roots[k] > 0 and (quotient := divided(numerator, base)) is not None:
         numerator, roots[k] = quotient, roots[k] - degree
     return Quotient(numerator, {root: e for root, e in roots.items() if e})
@@ -306,14 +296,14 @@ def _cancelled(numerator: Terms, base: Terms, roots: dict[int, int], k: int, deg
 
 @lru_cache(maxsize=256)
 def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
-    """Factors and exponents of a positive integer; a factor without small divisors need not be prime."""
+    """Factors and exponents of a positive integer; factors without small divisors may be composite."""
     import sympy
 
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
 
 
 def rational(number: Number) -> Any:
-    """A number as SymPy's."""
+    """Convert a number to a SymPy rational."""
     import sympy
 
     return sympy.Rational(number.numerator, number.denominator)

@@ -1,12 +1,11 @@
 """Sparse polynomials with rational coefficients, modulo rewriting rules.
 
-A polynomial is a dictionary {monomial: coefficient}. A monomial is one integer that holds the exponents of all
-generators, `WIDTH` bits each, so that monomials multiply by one addition, and generators can be added at any time: they
-take higher bits. Integers compare as monomials do in the lexicographic order, the newest generator first. Coefficients
-are ints where possible, else Fractions.
+A polynomial is a dictionary {monomial: coefficient}. A monomial is an integer with `WIDTH` bits for the exponent of
+each generator, so that monomials multiply by one addition and new generators use higher bits. The order of integers is
+the lexicographic order of monomials, the newest generator first. Coefficients are ints where possible, else Fractions.
 
-A rule rewrites a monomial as smaller ones, as s² = 1 − c² does. Rules of one relation each are a Gröbner basis, and
-remainders a canonical form, if their leading monomials have no generator in common (Buchberger's first criterion).
+A rule such as s² = 1 − c² rewrites a monomial as smaller ones. The rules are a Gröbner basis, and remainders are a
+canonical form, if the leading monomials have no generator in common (Buchberger's first criterion).
 """
 
 from __future__ import annotations
@@ -22,18 +21,18 @@ if TYPE_CHECKING:
 
 WIDTH = 24
 GUARD = 1 << (WIDTH - 1)
-"""The highest bit of every exponent: clear in every monomial, so that it shows what overflows or borrows."""
+"""The highest bit of an exponent, clear in every monomial; it detects overflow and borrowing."""
 
 ONE = 0
 """The monomial 1."""
 
 
 class TooLarge(Exception):
-    """A polynomial has more monomials, or a larger exponent, than was allowed."""
+    """A polynomial exceeds the limit of monomials, or of exponents."""
 
 
 class Rule(NamedTuple):
-    """Rewrite multiples of `monomial`: it equals the sum of `tail`; `guards` marks its generators."""
+    """Rewriting rule: `monomial` equals the sum of `tail`; `guards` marks its generators."""
 
     monomial: int
     guards: int
@@ -45,7 +44,7 @@ class Rule(NamedTuple):
         return cls(monomial, sum(_guard(k) for k, _ in exponents(monomial)), tuple(tail.items()))
 
     def divides(self, monomial: int) -> bool:
-        """Whether a monomial is a multiple of this rule's."""
+        """Whether the monomial of this rule divides another."""
         return ((monomial | self.guards) - self.monomial) & self.guards == self.guards
 
 
@@ -76,12 +75,12 @@ def exponents(monomial: int) -> Iterator[tuple[int, int]]:
 
 
 def constant(number: Number) -> Terms:
-    """The polynomial that is a number."""
+    """A constant polynomial."""
     return {ONE: narrowed(number)} if number else {}
 
 
 def narrowed(number: Number) -> Number:
-    """The number as an int if it is one."""
+    """The number as an int if it is whole."""
     return number.numerator if number.denominator == 1 else number
 
 
@@ -92,15 +91,15 @@ def partial(terms: Terms, k: int) -> Terms:
 
 
 def generators_of(terms: Iterable[int]) -> list[int]:
-    """The generators in a polynomial, ascending."""
-    seen = 0
+    """The indices of the generators in a polynomial, ascending."""
+    union = 0
     for monomial in terms:
-        seen |= monomial
-    return [k for k, _ in exponents(seen)]
+        union |= monomial
+    return [k for k, _ in exponents(union)]
 
 
 def total(parts: Iterable[tuple[Number, Terms]]) -> Terms:
-    """The sum of multiples of polynomials."""
+    """A linear combination of polynomials."""
     found: Terms = {}
     for factor, terms in parts:
         for m, x in terms.items():
@@ -109,11 +108,7 @@ def total(parts: Iterable[tuple[Number, Terms]]) -> Terms:
 
 
 class RewritingRing:
-    """Polynomials in a growing list of generators, modulo the rules added so far.
-
-    Args:
-        limit: Results with more monomials raise `TooLarge`.
-    """
+    """Polynomials in a growing list of generators, modulo the rules added so far, with at most `limit` monomials."""
 
     def __init__(self, limit: int):
         self.limit = limit
@@ -122,17 +117,17 @@ class RewritingRing:
         self._overflow = 0
 
     def new_generator(self) -> int:
-        """One more generator; returns its number."""
+        """Add a generator; returns its index."""
         self._overflow |= _guard(self.size)
         self.size += 1
         return self.size - 1
 
     def add_rule(self, monomial: int, tail: Terms) -> None:
-        """Rewrite multiples of a monomial from now on (it must hold a generator that no polynomial holds yet)."""
+        """Add a rule for multiples of a monomial, which must contain a generator not yet used in any polynomial."""
         self.rules.append(Rule.of(monomial, tail))
 
     def dot(self, pairs: Iterable[tuple[Terms, Terms]]) -> Terms:
-        """The sum of products a·b, in normal form."""
+        """A sum of products a·b in normal form."""
         found: Terms = {}
         get = found.get
         for a, b in pairs:
@@ -159,23 +154,23 @@ class RewritingRing:
         return result
 
     def reduced(self, terms: Terms) -> Terms:
-        """The normal form; the argument is used up."""
+        """The normal form; the argument is modified."""
         while True:
-            seen = 0
+            union = 0
             for monomial in terms:
-                seen |= monomial
-            if seen & self._overflow or len(terms) > self.limit:
+                union |= monomial
+            if union & self._overflow or len(terms) > self.limit:
                 raise TooLarge
             changed = False
             for rule in self.rules:
-                if rule.divides(seen):  # or else no monomial: all their exponents are at most those of `seen`
+                if rule.divides(union):  # necessary: exponents are at most those of `union`
                     changed |= _rewrite(terms, rule)
             if not changed:
                 return {m: x for m, x in terms.items() if x}
 
 
 def _rewrite(terms: Terms, rule: Rule) -> bool:
-    """Apply a rule once to every monomial that it divides; whether there was one."""
+    """Apply a rule once to every multiple of its monomial; returns whether there was one."""
     leading, guards, tail = rule
     hits = [m for m in terms if ((m | guards) - leading) & guards == guards]
     for m in hits:
@@ -188,7 +183,7 @@ def _rewrite(terms: Terms, rule: Rule) -> bool:
 
 
 def divided(terms: Terms, divisor: Terms) -> Terms | None:
-    """The quotient of polynomials, if the division leaves nothing."""
+    """The quotient of polynomials; None if there is a remainder."""
     leading = max(divisor)
     rule = Rule.of(leading, divisor)
     rest, quotient = dict(terms), {}
@@ -206,9 +201,9 @@ def divided(terms: Terms, divisor: Terms) -> Terms | None:
 
 
 def primitive(terms: Terms, *, keep_sign: bool = False) -> tuple[Fraction, Terms]:
-    """A number and a polynomial with coprime integer coefficients whose product it is.
+    """The content of a polynomial and its primitive part, with coprime integer coefficients.
 
-    The coefficient that leads, the first variables before the others, becomes positive, unless `keep_sign`.
+    The leading coefficient (first variables first) becomes positive, unless `keep_sign`.
     """
     denominator = math.lcm(*(x.denominator for x in terms.values()))
     content = Fraction(math.gcd(*(int(x * denominator) for x in terms.values())), denominator)

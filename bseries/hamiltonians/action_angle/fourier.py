@@ -1,7 +1,7 @@
-"""Fourier polynomials in some angles, with exact functions of the actions as coefficients.
+"""Fourier polynomials in angles, with exact functions of the actions as coefficients.
 
-f(a, θ) = Σ_k (c_k(a) cos k·θ + s_k(a) sin k·θ), with one k of each pair ±k. Products are those of the addition
-theorems, so that the modes of a formula are found, and kept, without any search for simplifications.
+f(a, θ) = Σ_k (c_k(a) cos k·θ + s_k(a) sin k·θ), with one k of each pair ±k. Products follow from the addition theorems,
+so that the modes of a formula are found without a search for simplifications.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     Number = int | Fraction
 
 MOST_POWER = 50
-"""Formulas with higher powers of trigonometric polynomials are refused."""
+"""Higher powers of trigonometric polynomials raise an error."""
 
 DIGITS = 100
 POINTS = 3
-"""A coefficient that vanishes to so many digits, at so many points, is zero."""
+"""A coefficient that vanishes to this number of digits at this number of points is zero."""
 
 
 class Mode(NamedTuple):
-    """cos k·θ, or sin k·θ; the first entry of k that is not zero is positive."""
+    """Mode cos k·θ or sin k·θ; the first nonzero entry of k is positive."""
 
     k: tuple[int, ...]
     is_sine: bool
@@ -40,11 +40,11 @@ FourierPolynomial: TypeAlias = "dict[Mode, Element]"
 
 
 class FourierRing:
-    """Fourier polynomials in angles, over the ring of functions of the actions that some formulas call for.
+    """Ring of Fourier polynomials in angles, over a ring of functions of the actions that contains given formulas.
 
     Args:
-        formulas: The SymPy formulas it is made for.
-        actions: The symbols that coefficients are functions of; further symbols are parameters.
+        formulas: The SymPy expressions that the ring contains.
+        actions: The symbols of the actions; further symbols are parameters.
         angles: The symbols of the angles.
         limit: Coefficients with more monomials raise `TooLarge`.
 
@@ -71,7 +71,7 @@ class FourierRing:
         self.constant = Mode((0,) * len(self.angles), False)
 
     def _leaves(self, formula: Any) -> Iterator[Any]:
-        """The largest parts of a formula that no angle occurs in."""
+        """The largest parts of a formula without angles."""
         if not formula.free_symbols & self._angles:
             yield formula
         else:
@@ -81,11 +81,7 @@ class FourierRing:
     # Reading and writing.
 
     def read(self, formula: Any) -> FourierPolynomial:
-        """A formula as a Fourier polynomial.
-
-        Raises:
-            SeriesError: It is no trigonometric polynomial in the angles.
-        """
+        """Convert a formula to a Fourier polynomial."""
         if not formula.free_symbols & self._angles:
             return self._clean({self.constant: self.coefficients.element(formula)})
         if formula.is_Add:
@@ -97,14 +93,14 @@ class FourierRing:
         return self._wave(formula)
 
     def _wave(self, formula: Any) -> FourierPolynomial:
-        """cos(k·θ + β) = cos β cos k·θ − sin β sin k·θ, or the like for a sine."""
+        """Convert cos(k·θ + β) = cos β cos k·θ − sin β sin k·θ, or a sine."""
         import sympy
 
         if isinstance(formula, sympy.sin | sympy.cos):
             argument = sympy.expand(formula.args[0])
-            slopes = [argument.diff(angle) for angle in self.angles]
-            if all(slope.is_Integer for slope in slopes):
-                k, is_sine = tuple(map(int, slopes)), isinstance(formula, sympy.sin)
+            k = [argument.diff(angle) for angle in self.angles]
+            if all(n.is_Integer for n in k):
+                k, is_sine = tuple(map(int, k)), isinstance(formula, sympy.sin)
                 phase = argument.xreplace(dict.fromkeys(self.angles, sympy.Integer(0)))
                 cosine, sine = sympy.cos(phase), sympy.sin(phase)
                 weights = {False: sine, True: cosine} if is_sine else {False: cosine, True: -sine}
@@ -119,7 +115,7 @@ class FourierRing:
         )
 
     def expression(self, f: FourierPolynomial, *, simplify: bool = True) -> sympy.Expr:
-        """The SymPy expression; with `simplify` the coefficients are factored."""
+        """The SymPy expression, with factored coefficients if `simplify`."""
         import sympy
 
         total: list[Any] = []
@@ -132,7 +128,7 @@ class FourierRing:
     # Arithmetic.
 
     def sum(self, parts: Iterable[tuple[Number, FourierPolynomial]]) -> FourierPolynomial:
-        """The sum of multiples."""
+        """A linear combination."""
         gathered: dict[Mode, list[tuple[Number, Element]]] = defaultdict(list)
         for factor, f in parts:
             for mode, x in f.items():
@@ -140,7 +136,7 @@ class FourierRing:
         return self._clean({mode: self.coefficients.sum(summands) for mode, summands in gathered.items()})
 
     def dot(self, pairs: Iterable[tuple[FourierPolynomial, FourierPolynomial]]) -> FourierPolynomial:
-        """The sum of products."""
+        """A sum of products."""
         gathered: dict[Mode, list[tuple[Number, Element]]] = defaultdict(list)
         for f, g in pairs:
             for left, x in f.items():
@@ -162,21 +158,21 @@ class FourierRing:
 
     def along_angle(self, f: FourierPolynomial, i: int) -> FourierPolynomial:
         """The derivative with respect to the i-th angle."""
-        slopes = {Mode(k, not is_sine): (k[i] if is_sine else -k[i]) * x for (k, is_sine), x in f.items() if k[i]}
-        return self._clean(slopes)
+        derivatives = {Mode(k, not is_sine): (k[i] if is_sine else -k[i]) * x for (k, is_sine), x in f.items() if k[i]}
+        return self._clean(derivatives)
 
     def _clean(self, f: FourierPolynomial) -> FourierPolynomial:
         return {mode: x for mode, x in f.items() if x}
 
     def is_zero(self, x: Element) -> bool:
-        """Whether a coefficient is zero: by the relations of the ring, or else to 100 digits at several points.
+        """Whether a coefficient is zero, by the relations of the ring or to 100 digits at several points.
 
-        Numbers have relations that the ring does not know, such as √(3 + 2√2) = 1 + √2.
+        The ring does not use all relations between numbers, such as √(3 + 2√2) = 1 + √2.
         """
         return self.coefficients.is_zero(x) or all(self._vanishes(x, Random(seed)) for seed in range(POINTS))
 
     def _vanishes(self, x: Element, random: Random) -> bool:
-        """Whether a coefficient is zero to many digits, in comparison with its monomials, at a random point."""
+        """Whether a coefficient is zero to many digits, relative to its monomials, at a random point."""
         import mpmath
         import sympy
 
@@ -185,7 +181,7 @@ class FourierRing:
         formulas = [self.coefficients.generators[k] for k in used]
         symbols = sorted(set().union(*(formula.free_symbols for formula in formulas)), key=str)
         with mpmath.workdps(DIGITS + 20):
-            # Of both signs, lest √(a²) count as a.
+            # Both signs, to distinguish √(a²) from a.
             point = [mpmath.mpf(random.randint(-999_999, 999_999)) / 300_007 for _ in symbols]
             try:
                 values = dict(zip(used, sympy.lambdify(symbols, formulas, "mpmath", dummify=True)(*point), strict=True))
@@ -198,11 +194,7 @@ class FourierRing:
             return bool(abs(mpmath.fsum(summands)) <= mpmath.fsum(map(abs, summands)) * mpmath.mpf(10) ** -DIGITS)
 
     def reciprocal(self, x: Element) -> Element:
-        """One over a coefficient; one over a number comes without roots in its denominator.
-
-        Raises:
-            SeriesError: The coefficient is zero as it stands.
-        """
+        """One over a coefficient, with rationalised denominators for numbers."""
         import sympy
 
         ring = self.coefficients
@@ -213,7 +205,7 @@ class FourierRing:
 
 
 def _canonical(k: tuple[int, ...], is_sine: bool) -> Iterator[tuple[int, Mode]]:
-    """A wave as a mode and its sign; a sine of nothing is none."""
+    """The mode of a wave with its sign; sin 0 has none."""
     leading = next((n for n in k if n), 0)
     if leading or not is_sine:
         flipped = leading < 0
@@ -221,11 +213,11 @@ def _canonical(k: tuple[int, ...], is_sine: bool) -> Iterator[tuple[int, Mode]]:
 
 
 def _superposition(left: Mode, right: Mode) -> Iterator[tuple[Fraction, Mode]]:
-    """A product of two waves as a sum: 2 sin j sin k = cos(j − k) − cos(j + k), and so on."""
+    """A product of two waves as a sum, such as 2 sin j sin k = cos(j − k) − cos(j + k)."""
     total = tuple(j + k for j, k in zip(left.k, right.k, strict=True))
     difference = tuple(j - k for j, k in zip(left.k, right.k, strict=True))
     is_sine = left.is_sine != right.is_sine
     signs = {(False, False): (1, 1), (True, True): (1, -1), (True, False): (1, 1), (False, True): (-1, 1)}
     for sign, k in zip(signs[left.is_sine, right.is_sine], (difference, total), strict=True):
-        for turn, mode in _canonical(k, is_sine):
-            yield Fraction(sign * turn, 2), mode
+        for flip, mode in _canonical(k, is_sine):
+            yield Fraction(sign * flip, 2), mode

@@ -1,4 +1,4 @@
-"""BracketSeries: a modified Hamiltonian as a sum of nested brackets of its parts."""
+"""Sums of nested brackets of the parts of a Hamiltonian."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ BRACES, COMMUTATORS = "{}", "[]"
 
 
 class BracketSeries(Mapping[Bracket, Any]):
-    """A sum of right-nested brackets of the parts of a Hamiltonian; those with n letters belong to h^(n−1).
+    """Sum of right-nested brackets of the parts of a Hamiltonian; brackets with n letters have the factor h^(n−1).
 
-    As a mapping it runs over a basis of all brackets up to the order, with their exact coefficients; ``s["{T,{T,U}}"]``
-    and ``s["T", "T", "U"]`` are the same. Where a method is published as decimals, coefficients that are zero as far as
-    its digits tell are 0.
+    As a mapping it contains a basis of all brackets up to the order, with exact coefficients; ``s["{T,{T,U}}"]`` and
+    ``s["T", "T", "U"]`` are equal. For methods published as decimals, coefficients within their uncertainty are 0.
 
     Attributes:
         parts: The names of the parts.
         order: Largest number of letters.
-        kinetic: The part T that is taken to be quadratic in the momenta while the others do not depend on them, so that
-            brackets vanish; None if nothing is known of the parts.
-        label: The method.
-        domain: The smallest domain that holds the coefficients.
-        digits: Significant digits of a method published as decimals.
+        kinetic: The part T that is quadratic in the momenta, while the others do not depend on them, so that some
+            brackets vanish; None for general parts.
+        label: The name of the method.
+        domain: The smallest domain that contains the coefficients.
+        digits: The significant digits of a method published as decimals.
 
     Example:
         >>> from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
@@ -75,10 +74,10 @@ class BracketSeries(Mapping[Bracket, Any]):
         return len(self._terms)
 
     def term(self, k: int) -> dict[Bracket, Any]:
-        """The brackets with the factor h^k whose coefficients are not zero.
+        """The brackets with the factor h^k and nonzero coefficients.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         check_power(k, self.order - 1)
         return {word: value for word, value in self._terms[k].items() if value}
@@ -96,7 +95,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         return self._word(bracket) in self._values
 
     def get(self, bracket: Any, default: Any = None) -> Any:
-        """The coefficient of a bracket, or `default` if it is not in the basis."""
+        """The coefficient of a bracket, or `default` if the bracket is not in the basis."""
         return self._values.get(self._word(bracket), default)
 
     def __iter__(self) -> Iterator[Bracket]:
@@ -120,10 +119,10 @@ class BracketSeries(Mapping[Bracket, Any]):
         return "\n".join([title, *rows])
 
     def term_text(self, k: int) -> str:
-        """What h^k multiplies, as text.
+        """The coefficient of h^k as text.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         return _sum((self._number_text(word), bracket_text(word, self._fences)) for word in self.term(k))
 
@@ -131,17 +130,17 @@ class BracketSeries(Mapping[Bracket, Any]):
         return number_text(self._values[word], self._digits(word))
 
     def _digits(self, word: Bracket) -> int | None:
-        """Significant digits that the digits of a method's decimals leave to a coefficient."""
+        """The significant digits of a coefficient, from those of the method."""
         value, error = self._values[word], self._errors.get(word, 0.0)
         if self.digits is None or not value or not error:
             return self.digits
         return max(1, min(self.digits, 1 + math.floor(math.log10(abs(value) / error))))
 
     def term_latex(self, k: int) -> str:
-        """What h^k multiplies, as LaTeX.
+        """The coefficient of h^k as LaTeX.
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         left, right = ("\\" + fence if fence in BRACES else fence for fence in self._fences)
         return _sum(
@@ -149,7 +148,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         )
 
     def to_latex(self) -> str:
-        """The sum as a formula."""
+        """The sum as LaTeX."""
         terms = [(k, self.term_latex(k)) for k in range(self.order) if self.term(k)]
         powers = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
         return " + ".join(f"{powers[k]} \\left({text}\\right)" if k else text for k, text in terms) or "0"
@@ -158,7 +157,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         return f"$\\displaystyle {self.to_latex()}$"
 
     def to_dict(self) -> dict[str, Any]:
-        """The sum as JSON-ready data."""
+        """The sum as plain data."""
         data: dict[str, Any] = {
             "schema": 1,
             "kind": "brackets",
@@ -196,7 +195,7 @@ def bracket_text(word: Sequence[str], fences: Sequence[str] = BRACES) -> str:
 
 
 def _sum(terms: Any) -> str:
-    """Numbers times brackets as a sum."""
+    """A sum of numbers times brackets, as text."""
     text = ""
     for number, bracket in terms:
         compound = " + " in number or " - " in number

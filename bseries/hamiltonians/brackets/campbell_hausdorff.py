@@ -1,13 +1,12 @@
-"""Modified Hamiltonians of splitting methods by the series of Baker, Campbell and Hausdorff.
+"""Modified Hamiltonians of splitting methods by the Baker–Campbell–Hausdorff series.
 
-One step of a splitting method is a product of exponentials of Lie derivatives, and its logarithm is a sum of brackets
-of the parts. On tall trees, which are words, the modified equation is that logarithm; what remains is to write it in a
+One step of a splitting method is a product of exponentials of Lie derivatives, whose logarithm is a sum of brackets of
+the parts. On tall trees, which correspond to words, the modified equation is this logarithm; it is then expressed in a
 basis of brackets. With {A,B} = A_q·B_p − A_p·B_q the field of {A,B} is X_A' X_B − X_B' X_A, the bracket of
-`lie_algebra`, so that words from the root to the leaf need no signs: the root belongs to the flow that acts last.
+`lie_algebra`, so that words from the root to the leaf need no signs: the root belongs to the last flow.
 
-Methods that are no chain of flows, such as force-gradient and partitioned Runge–Kutta methods, are read on the trees of
-separable systems, or of Nyström systems, which they are meant for. Most are splitting methods there; whether they are
-is not asked, but whether their modified equation is a sum of brackets.
+Other methods, such as force-gradient and partitioned Runge–Kutta methods, use the trees of separable systems or of
+Nyström systems. Their modified equation is tested for being a sum of brackets.
 """
 
 from __future__ import annotations
@@ -16,27 +15,32 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
+from bseries.algebra.flow_chains import FlowChain
 from bseries.algebra.modified import series
-from bseries.algebra.stages import check_method, own_trees
+from bseries.algebra.stages import auxiliary_colors, check_method, inputs_of, own_trees
 from bseries.analysis.conjugation import field_elements
 from bseries.analysis.order import trusted
+from bseries.analysis.structure_conditions import SEPARABLE
 from bseries.analysis.verdicts import failing, fields_of
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries
-from bseries.hamiltonians.brackets.bracket_trees import bracket_table, kinetic_of, read_kinetic, shown_names
-from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, lie_algebra
+from bseries.hamiltonians.brackets.lie_algebra import TALL, LieAlgebra, lie_algebra
 from integrators.methods.kinds.splitting import Splitting
 from integrators.methods.program.program_method import read_parts
+from trees.counting import check_order, normal_limits
+from trees.lyndon_words import count_lyndon_words
+from trees.table import tree_table
 
 if TYPE_CHECKING:
     from integrators.methods.program.program import Method
+    from trees.table import TreeTable
 
 
 def bracket_hamiltonian(
     method: Method | BSeries, order: int | None = None, *, quadratic_kinetic: bool | str | None = None
 ) -> BracketSeries:
-    """The modified Hamiltonian of a splitting method as a sum of nested brackets, for all Hamiltonians at once.
+    """The modified Hamiltonian of a splitting method as a sum of nested brackets, for all Hamiltonians.
 
     For methods in two blocks p and q the Hamiltonian is H = T(p) + U(q); for other splittings the parts keep their
     names. On Poisson systems the brackets are those of the system.
@@ -44,18 +48,18 @@ def bracket_hamiltonian(
     Args:
         method: A splitting method, or a composition of such methods; a partitioned Runge–Kutta or force-gradient
             method that is one for separable Hamiltonians; or a series on coloured trees.
-        order: Largest number of letters N: powers h^0 … h^(N−1). For a series None means its own order.
+        order: Largest number of letters N, with the powers h^0 … h^(N−1); by default the order of a series.
         quadratic_kinetic: Whether T is quadratic in the momenta, with constant coefficients, and the other parts do not
-            depend on them; brackets that vanish then are left out. The name of a part says that it is T; True means
-            T of T and U, and the first of two other parts, as in `modified_field`. None: if the method is made for such
-            systems.
+            depend on them; brackets that then vanish are left out. The name of a part selects it as T; True selects T
+            of T and U, or the first of two other parts, as in `modified_field`. By default it is true for methods made
+            for such systems.
 
     Returns:
         The sum, in a basis of brackets.
 
     Raises:
-        SeriesError: The method has no parts, its modified equation is no sum of brackets (the first tree that shows it
-            is named), or an argument is not as it must be.
+        SeriesError: The method has no parts, its modified equation is not a sum of brackets (the message names the
+            first violating tree), or an argument is invalid.
 
     Example:
         >>> import bseries as bs
@@ -84,20 +88,20 @@ def bracket_hamiltonian(
 
 
 def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = False) -> BracketSeries:
-    """The series of Baker, Campbell and Hausdorff: log(exp A exp B) in commutators.
+    """The Baker–Campbell–Hausdorff series log(exp A exp B) in commutators.
 
     Args:
         order: Largest number of letters.
-        names: The letters, two or more; log(exp A exp B exp C) for three.
-        symmetric: Whether to take log(exp(A/2) exp B exp(A/2)) instead, log(exp(A/2) exp(B/2) exp C …) for more.
+        names: Two or more letters; log(exp A exp B exp C) for three.
+        symmetric: Whether to compute log(exp(A/2) exp B exp(A/2)), or log(exp(A/2) exp(B/2) exp C …) for more letters.
 
     Returns:
         The sum, in a basis of commutators.
 
     Raises:
         SeriesError: The order is too large.
-        IntegratorError: `names` are no two or more different names.
-        TreeError: The order is no whole number ≥ 1.
+        IntegratorError: `names` are not at least two different names.
+        TreeError: The order is not a whole number ≥ 1.
 
     Example:
         >>> print(bch(4))
@@ -122,7 +126,7 @@ def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = Fals
 
 
 def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown: Any) -> BracketSeries:
-    """A method's modified Hamiltonian, with this part quadratic in the momenta that the others do not depend on."""
+    """The modified Hamiltonian of a method, with the quadratic part `kinetic`."""
     table = bracket_table(method, order, kinetic)
     fields = fields_of(series(trusted(method), table), None)  # pyright: ignore[reportArgumentType]
     return _in_brackets(fields, method.names, method.name, kinetic, **shown)
@@ -136,7 +140,7 @@ def _check_parts(names: Sequence[str], label: str) -> None:
 def _in_brackets(
     fields: Sequence[BSeries], names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
 ) -> BracketSeries:
-    """A field, the first of its samples, as a sum of brackets."""
+    """A field as a sum of brackets; `fields` are the field and its samples within the uncertainty."""
     field, parts = fields[0], shown_names(names)
     letters = sorted(range(len(parts)), key=lambda color: (parts[color] != "T", color))
     algebra = lie_algebra(field.table, tuple(letters))
@@ -162,16 +166,13 @@ def _in_brackets(
 def _coordinates(
     algebra: LieAlgebra, degree: int, samples: Sequence[tuple[list[Any], Any, Any]], names: Sequence[str], label: str
 ) -> tuple[list[Any], list[float]]:
-    """The coordinates of the term with so many nodes, and how far those of the other samples are from them.
-
-    A coordinate is 0 where the samples leave it open whether it is.
-    """
+    """The coordinates of the term of a degree, and their deviations in the samples; 0 within the uncertainty."""
     found = [algebra.coordinates(degree, values, number) for values, number, _ in samples]
     trees = sorted(set().union(*(rest for _, rest in found)))
     residuals, *nearby = ([rest.get(tree, 0) for tree in trees] for _, rest in found)
-    broken = next(failing(residuals, nearby), None)
-    if broken is not None:
-        tree = algebra.table[trees[broken]].text(names)
+    violated = next(failing(residuals, nearby), None)
+    if violated is not None:
+        tree = algebra.table[trees[violated]].text(names)
         raise SeriesError(
             f"method must have a modified equation in brackets of its parts, as splitting methods have, but {label} "
             f"has none: at h^{degree - 1} the tree {tree} breaks it"
@@ -180,3 +181,80 @@ def _coordinates(
     nonzero, public = set(failing(values, others)), samples[0][2]
     errors = [max((abs(float(other[k] - x)) for other in others), default=0.0) for k, x in enumerate(values)]
     return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(values)], errors
+
+
+MOST_BRACKETS = 800
+"""Largest number of brackets, which takes one or two minutes: two parts to order 12."""
+
+HAMILTONIAN_NAMES = {"p": "U", "q": "T"}
+"""The flow of U(q) changes momenta, and that of T(p) positions."""
+
+
+def is_chain(method: Method) -> bool:
+    """Whether a method is a chain of flows."""
+    return isinstance(inputs_of(method, 1), FlowChain)
+
+
+def bracket_table(method: Method, order: int | None, kinetic: int | None) -> TreeTable:
+    """Trees that distinguish the brackets of a method's parts: words, or those of separable or Nyström systems."""
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+    if auxiliary_colors(method):
+        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
+    colors = len(method.names)
+    brackets = sum(count_lyndon_words(min(check_order(order), 40), colors))
+    if brackets > MOST_BRACKETS:
+        raise SeriesError(f"order must be smaller: there are {brackets} brackets to order {order}")
+    own = own_trees(method)
+    if kinetic is not None:
+        bounds: Any = _nystrom_bounds(colors, kinetic)
+    elif is_chain(method):
+        bounds = TALL
+    elif own is not None:
+        raise SeriesError(f"quadratic_kinetic must not be False for {method.name}, which is made for quadratic T")
+    elif colors == 2:
+        bounds = SEPARABLE
+    else:
+        raise SeriesError(f"method must be made of flows where it has {colors} parts, but {method.name} is not")
+    return tree_table(order, colors, bounds)
+
+
+def _nystrom_bounds(colors: int, kinetic: int) -> list[list[int | None]]:
+    """Bounds on children for fields with one quadratic part T(p) and other parts that depend on q."""
+    return [
+        [*(int(other != kinetic) for other in range(colors)), 1]
+        if color == kinetic
+        else [*(None if other == kinetic else 0 for other in range(colors)), None]
+        for color in range(colors)
+    ]
+
+
+def kinetic_of(bounds: Any, colors: int) -> int | None:
+    """The part T if the bounds on children are those of fields with quadratic T; None otherwise."""
+    limits = normal_limits(colors, bounds)
+    for color, row in enumerate(limits):
+        others = [other for other in range(colors) if other != color]
+        depends_on_others = any(limits[one][other] for one in others for other in others)
+        if row[color] == 0 and min(sum(row[:-1]), row[-1]) == 1 and not depends_on_others:
+            return color
+    return None
+
+
+def read_kinetic(given: Any, names: Sequence[str]) -> int | None:
+    """Read the option `quadratic_kinetic`; returns the colour of T or None."""
+    shown = shown_names(names)
+    if given is True and len(names) == 2:
+        return next((names.index(name) for name in ("q", "a") if name in names), 0)
+    if isinstance(given, str) and given in shown:
+        return shown.index(given)
+    if given is False:
+        return None
+    raise SeriesError(
+        f"quadratic_kinetic must be {'' if len(names) > 2 else 'True, '}False or one of {', '.join(shown)}, "
+        f"but was {given!r:.60}"
+    )
+
+
+def shown_names(names: Sequence[str]) -> list[str]:
+    """The names of the parts of a Hamiltonian, by colour."""
+    return [HAMILTONIAN_NAMES[name] for name in names] if set(names) == set(HAMILTONIAN_NAMES) else list(names)

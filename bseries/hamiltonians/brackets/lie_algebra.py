@@ -1,10 +1,10 @@
-"""The free Lie algebra of the parts of a field, and its quotients, in right-nested brackets {a,{b,{c,d}}}.
+"""Free Lie algebras of the parts of a field, and their quotients, in right-nested brackets {a,{b,{c,d}}}.
 
-A bracket of fields is a series on coloured trees, so that any table of trees stands for a Lie algebra. On tall trees,
-which are words, it is free: there are no relations but antisymmetry and the Jacobi identity, and Lyndon words tell
-elements apart (Radford 1979). On trees that belong to a smaller class of fields brackets that vanish for the class are
-zero, and relations between others come out by themselves. With T(p) quadratic and U(q) all brackets vanish that have
-at least two more U than T, {U,{U,{U,T}}} among them, and everything that contains one of these.
+A bracket of fields is a series on coloured trees, so that any table of trees defines a Lie algebra. On tall trees,
+which correspond to words, it is free: antisymmetry and the Jacobi identity are the only relations, and the coefficients
+of Lyndon words determine an element (Radford 1979). On the trees of a smaller class of fields, brackets that vanish for
+the class are zero and further relations follow. For quadratic T(p) and U(q) all brackets with at least two more U than
+T vanish, such as {U,{U,{U,T}}}, and all brackets that contain one of these.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ Word = tuple[int, ...]
 """The letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}."""
 
 TALL = 1
-"""Children of a node in trees that are words."""
+"""The number of children of a node in tall trees, which correspond to words."""
 
 
 class Span:
-    """A basis of the brackets that have the same letters, and coordinates in it.
+    """Basis of the brackets with the same letters, and coordinates in it.
 
     Args:
-        words: The brackets in the order in which they are welcome in the basis.
-        vectors: Gives the coefficients of a bracket by trees.
-        trees: Those that tell brackets apart.
+        words: The brackets, in order of preference for the basis.
+        vectors: The coefficients of a bracket by tree.
+        trees: Trees whose coefficients determine an element.
     """
 
     def __init__(self, words: Iterable[Word], vectors: Callable[[Word], Mapping[int, int]], trees: Sequence[int]):
@@ -52,19 +52,14 @@ class Span:
                 self.words.append(word)
 
     def coordinates(self, vector: dict[int, Any], number: Callable[[Fraction], Any]) -> list[Any]:
-        """The coordinates of an element, given by its coefficients; what is left of these is none of the span's.
-
-        Args:
-            vector: Coefficients by trees; changed to what is left.
-            number: Makes a coefficient of a Fraction.
-        """
+        """The coordinates of an element with given coefficients by tree; `vector` becomes the remainder."""
         self._eliminate(vector, number)
         zero = number(Fraction(0))
         return [-vector.pop(self._key(k), zero) for k in range(len(self.words))]
 
     @staticmethod
     def _key(k: int) -> int:
-        """Where a vector counts how often the k-th word has been subtracted: trees have the numbers from 0 on."""
+        """The key for the multiple of the k-th word that was subtracted; trees have the keys 0, 1, …"""
         return -1 - k
 
     def _eliminate(self, vector: dict[int, Any], number: Callable[[Fraction], Any]) -> None:
@@ -81,11 +76,9 @@ class Span:
 
 
 class LieAlgebra:
-    """The brackets of the parts of a field, as series on a table of trees.
+    """Lie algebra of the brackets of the parts of a field, as series on a table of trees.
 
-    Args:
-        table: The trees.
-        letters: The colours in the order in which words are sorted.
+    The colours `letters` are in the sorting order of words.
 
     Example:
         >>> from trees.table import tree_table
@@ -109,21 +102,21 @@ class LieAlgebra:
         is_free = all(row[-1] == TALL == min(row) for row in table.limits)
         self._lyndon = frozenset(lyndon_words(table.max_order, table.colors)) if is_free else None
         self._vector = cache(self._bracket)
-        self._spans = cache(self._made_spans)
+        self._spans = cache(self._find_spans)
 
     def basis(self, degree: int) -> list[Word]:
-        """The basis of the brackets with so many letters."""
-        return sorted((word for span, _ in self._spans(degree) for word in span.words), key=_place)
+        """The basis of the brackets with this number of letters."""
+        return sorted((word for span, _ in self._spans(degree) for word in span.words), key=_listing_order)
 
     def coordinates(
         self, degree: int, values: Sequence[Any], number: Callable[[Fraction], Any]
     ) -> tuple[list[Any], dict[int, Any]]:
-        """The coordinates in `basis` of a field's term with so many nodes, and what is not in its span, by trees.
+        """The coordinates in `basis` of one term of a field, and the remainder outside the span, by tree.
 
         Args:
             degree: The number of nodes.
-            values: The coefficients of the field by trees.
-            number: Makes a coefficient of a Fraction.
+            values: The coefficients of the field by tree.
+            number: Converts a Fraction to a coefficient.
         """
         found: dict[Word, Any] = {}
         rest: dict[int, Any] = {}
@@ -133,19 +126,19 @@ class LieAlgebra:
             rest |= vector
         return [found[word] for word in self.basis(degree)], rest
 
-    def _made_spans(self, degree: int) -> list[tuple[Span, list[int]]]:
-        """For each choice of so many letters the span of its brackets, and the trees that tell them apart."""
+    def _find_spans(self, degree: int) -> list[tuple[Span, list[int]]]:
+        """The span of the brackets for each content of letters, with the trees that determine its elements."""
         found = []
         for content, trees in self._trees.items():
             if sum(content) == degree:
                 if self._lyndon is not None:
                     trees = [tree for tree in trees if self.table[tree].colors in self._lyndon]
-                words = sorted(filter(_is_welcome, _arrangements(content)), key=_rank)
+                words = sorted(filter(_is_preferred, _arrangements(content)), key=_preference)
                 found.append((Span(words, self._vector, trees), trees))
         return found
 
     def _bracket(self, word: Word) -> dict[int, int]:
-        """The coefficients of a bracket: {A,B} = A'B − B'A, where A is a single node."""
+        """The coefficients of the bracket {A,B} = A'B − B'A, where A is a single node."""
         color = self.letters[word[0]]
         if len(word) == 1:
             return {color: 1}
@@ -161,27 +154,28 @@ class LieAlgebra:
 
 @lru_cache(maxsize=8)
 def lie_algebra(table: TreeTable, letters: tuple[int, ...]) -> LieAlgebra:
-    """The Lie algebra on a table of trees, made once."""
+    """The Lie algebra on a table of trees, kept in memory."""
     return LieAlgebra(table, letters)
 
 
-def _place(word: Word) -> tuple[Word, Word]:
-    """The order in which brackets are listed: by what is innermost, and outwards from there."""
+def _listing_order(word: Word) -> tuple[Word, Word]:
+    """Sorting key of listed brackets: the letters from the innermost outwards."""
     return word[-2:], word[-3::-1]
 
 
-def _rank(word: Word) -> tuple[bool, int, tuple[Word, Word]]:
-    """The order in which brackets are welcome: those that vanish for quadratic T, then by the number of powers.
+def _preference(word: Word) -> tuple[bool, int, tuple[Word, Word]]:
+    """Sorting key of brackets for the basis: those that vanish for quadratic T first, then by the number of powers.
 
-    TTUUT = T²U²T has three. So the basis for quadratic T is the general one without brackets, and coordinates agree.
+    For example TTUUT = T²U²T has three powers. The basis for quadratic T is then a part of the general basis, with the
+    same coordinates.
     """
-    return not _vanishes(word), sum(a != b for a, b in pairwise(word)), _place(word)
+    return not _vanishes_for_quadratic(word), sum(a != b for a, b in pairwise(word)), _listing_order(word)
 
 
-def _vanishes(word: Word) -> bool:
-    """Whether a bracket is zero, or holds one that is, if the part 0 is quadratic in momenta that others lack.
+def _vanishes_for_quadratic(word: Word) -> bool:
+    """Whether a bracket contains one that vanishes if the part 0 is quadratic in the momenta and the others lack them.
 
-    Each T raises the degree in the momenta by two and each bracket lowers it by one, so that {U,{U,{U,T}}} = 0.
+    T has degree two in the momenta, and each bracket lowers the degree by one, so that {U,{U,{U,T}}} = 0.
     """
     degree = 1
     for letter in reversed(word):
@@ -191,8 +185,8 @@ def _vanishes(word: Word) -> bool:
     return False
 
 
-def _is_welcome(word: Word) -> bool:
-    """Whether the innermost letters are as people write them: {a,b} with a before b, {a,{a,b}} and not {a,{b,a}}."""
+def _is_preferred(word: Word) -> bool:
+    """Whether the innermost letters have the usual order: {a,b} with a before b, {a,{a,b}} and not {a,{b,a}}."""
     if len(word) < 2:
         return True
     *outer, a, b = word[-3:]
@@ -200,7 +194,7 @@ def _is_welcome(word: Word) -> bool:
 
 
 def _arrangements(content: Sequence[int]) -> Iterator[Word]:
-    """All words with so many letters of each kind."""
+    """All words with given numbers of letters."""
     if not any(content):
         yield ()
     for letter, count in enumerate(content):
@@ -211,7 +205,7 @@ def _arrangements(content: Sequence[int]) -> Iterator[Word]:
 
 
 def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
-    """For each tree: its root and what is left without it if that is a tree (else −1), its leaves and the rest."""
+    """For each tree its root and branch (−1 for several branches), and its leaves with the remaining trees."""
     order = table.lists[0]
     start, trunks, branches = (list(map(int, column)) for column in table.splits[2:])
     found = []
@@ -228,7 +222,7 @@ def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]
 
 
 def _by_content(table: TreeTable, letters: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
-    """The trees that have so many nodes of each colour."""
+    """The trees by their numbers of nodes of each colour."""
     _, color, left, right = table.lists
     contents: list[tuple[int, ...]] = []
     found: dict[tuple[int, ...], list[int]] = {}

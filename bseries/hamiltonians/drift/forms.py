@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.integration import antiderivative
 from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
-from bseries.hamiltonians.verdicts import hamiltonian_order
+from bseries.hamiltonians.hamiltonian_verdict import hamiltonian_order
 
 if TYPE_CHECKING:
     import sympy

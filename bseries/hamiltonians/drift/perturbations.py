@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure
-from bseries.fields.scene_series import SceneSeries, modified_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.routes import modified_hamiltonian
+from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from integrators.scenes.model.blocks import canonical_blocks
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from bseries.algebra.bseries import BSeries
     from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
-    from bseries.hamiltonians.routes import ModifiedHamiltonian
+    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bseries.hamiltonians.drift.orbits import Orbit
     from bseries.hamiltonians.drift.perturbations import Perturbation
     from bseries.hamiltonians.drift.statistics import RateStatistics
-    from bseries.hamiltonians.routes import ModifiedHamiltonian
+    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from trees.tree import Tree
 
 LONGEST_FORMULA = 300

@@ -341,7 +341,7 @@ def test_help_is_fast_and_answers_do_not_depend_on_hashes():
         "import sys; from bseries.cli.application import application\n"
         "for line in (['equation', '--help'], ['scenes', '--help']):\n"
         "    application(line, standalone_mode=False)\n"
-        "    assert not {'numpy', 'sympy', 'fractions', 'bseries.fields.scene_series'} & set(sys.modules)\n"
+        "    assert not {'numpy', 'sympy', 'fractions', 'bseries.fields.modified_fields'} & set(sys.modules)\n"
         "for form in ('csv', 'latex'):\n"
         "    application(['equation', 'strang', '--scene', 'pendulum', '--effect', 'drive', '--parts', 'a=p,t;b=q',"
         " '--order', '4', '--format', form], standalone_mode=False)\n"

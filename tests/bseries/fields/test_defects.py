@@ -12,7 +12,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields.any_precision import PreciseSeries
+from bseries.fields.evaluation import PreciseSeries
 from bseries.fields.scene_trees import flat_fields
 from integrators.reference.plain_steps import plain_step
 

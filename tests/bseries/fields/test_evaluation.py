@@ -10,7 +10,7 @@ import sympy
 from numba import njit
 
 import bseries as bs
-from bseries.fields.any_precision import PreciseSeries
+from bseries.fields.evaluation import PreciseSeries
 from bseries.fields.scene_trees import trees_of_method
 
 SMALL = [entry.name for entry in bs.scene_catalogue() if bs.scene(entry.name).dimension <= 3]

@@ -132,7 +132,7 @@ def test_integrals_give_back_the_field(scene, options, method):
         (
             "brusselator",
             "rk4",
-            "canonical .*, but brusselator is not; momenta and positions are blocks with names that",
+            "canonical .*, but brusselator is not; momenta and positions are recognised by the names of blocks",
         ),
         ("n-body", "stormer-verlet", "f must be simple enough to integrate, but .* is not: at h"),
         ("pendulum", "tsit5", "f must be exact, but the coefficients of .* are decimals"),

@@ -7,8 +7,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields import taylor as jets
-from bseries.fields.any_precision import PreciseSeries
+from bseries.fields import taylor_polynomials
+from bseries.fields.evaluation import PreciseSeries
 from integrators.exact.expressions import ELEMENTARY
 
 X, Y = sympy.symbols("x y")
@@ -123,15 +123,15 @@ def test_numbers_of_rows_that_do_not_fill_a_group(sites):
     np.testing.assert_allclose(f.terms(points), precise.transpose(1, 2, 0), rtol=1e-12, atol=1e-13 * scale)
 
 
-def test_jets_multiply_as_truncated_polynomials():
-    every = frozenset(range(jets.jet_size(2, 3)))
-    exponents = jets.monomials(2, 3)
-    found = jets.products(2, 3, every, every, False)
+def test_truncated_polynomials_multiply():
+    every = frozenset(range(taylor_polynomials.monomial_count(2, 3)))
+    exponents = taylor_polynomials.monomials(2, 3)
+    found = taylor_polynomials.products(2, 3, every, every, False)
     assert len(found) == len({(b, c) for _, b, c in found})
     assert all(tuple(map(sum, zip(exponents[b], exponents[c], strict=True))) == exponents[a] for a, b, c in found)
     assert len(found) == sum(sum(b) + sum(c) <= 3 for b in exponents for c in exponents)
 
 
-def test_a_function_that_jets_do_not_know():
+def test_a_function_without_a_known_differential_equation():
     with pytest.raises(bs.SeriesError, match="elementary functions, but has 'gamma'"):
-        jets.record(sympy.gamma(sympy.Symbol("x0")), 1, 2)
+        taylor_polynomials.instruction_list(sympy.gamma(sympy.Symbol("x0")), 1, 2)

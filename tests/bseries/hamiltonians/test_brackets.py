@@ -13,7 +13,7 @@ import bseries as bs
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.campbell_hausdorff import bch, bracket_hamiltonian
 from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra
-from bseries.hamiltonians.brackets.on_scenes import bracket_terms
+from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from integrators.scenes.model.terms import Term
 from integrators.scenes.particles.expansion import hamiltonian_field
 from trees.lyndon_words import count_lyndon_words
@@ -265,7 +265,7 @@ def check_against_trees(method, scene, order, parts=None):
     field = bs.modified_field(method, scene, order, parts=parts)
     for k, energy in enumerate(found):
         pairs = list(zip(hamiltonian_field(energy, scene), field.symbolic(k), strict=True))
-        ring = DifferentialRing.of([x for pair in pairs for x in pair], scene.symbols)
+        ring = DifferentialRing([x for pair in pairs for x in pair], scene.symbols)
         assert all(ring.is_zero(ring.element(a) - ring.element(b)) for a, b in pairs), k
     return found
 

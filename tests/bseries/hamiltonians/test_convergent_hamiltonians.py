@@ -15,7 +15,7 @@ import sympy
 import bseries as bs
 from bseries.hamiltonians.closed_forms import closed_hamiltonian
 from bseries.hamiltonians.generating_functions import generating_terms
-from bseries.hamiltonians.oscillator_steps import OscillatorStep
+from bseries.hamiltonians.linear_hamiltonians import OscillatorStep
 from bseries.hamiltonians.symplectic_stages import symplectic_stages
 
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())

@@ -37,7 +37,7 @@ def differ(one, other):
     symbols = one.scene.symbols
     for k in range(one.order):
         gap = one.symbolic(k) - other.symbolic(k)
-        ring = DifferentialRing.of([gap.diff(x) for x in symbols], symbols)
+        ring = DifferentialRing([gap.diff(x) for x in symbols], symbols)
         if not all(map(ring.is_zero, ring.elements)):
             return k
     return None

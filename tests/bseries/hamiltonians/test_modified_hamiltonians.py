@@ -15,10 +15,8 @@ import sympy
 import bseries as bs
 from bseries.exact.domains import make_values
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.energy_scene import EnergyScene
-from bseries.hamiltonians.evaluation import EnergySeries
-from bseries.hamiltonians.from_trees import energy_series, energy_trees
-from bseries.hamiltonians.modified_hamiltonian_class import ModifiedHamiltonian
+from bseries.hamiltonians.from_trees import EnergyScene, EnergySeries, energy_series, energy_trees
+from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from integrators.reference.plain_steps import plain_steps
 from integrators.scenes.particles.parts import pieces_of
 
@@ -50,7 +48,7 @@ def evaluated(H, route):
 def agree(first, second, symbols):
     """Whether two formulas differ by a constant: a ring with all their generators recognises zero."""
     slopes = [(first - second).diff(x) for x in symbols]
-    ring = DifferentialRing.of(slopes, symbols)
+    ring = DifferentialRing(slopes, symbols)
     return all(map(ring.is_zero, ring.elements))
 
 
@@ -156,7 +154,7 @@ def test_the_formulas_are_the_hamiltonian_of_the_modified_equation(method, scene
         gradient = [H.symbolic(k).diff(x) for x in scene.symbols]
         expected = [-x for x in gradient[half:]] + gradient[:half]
         defects = [a - b for a, b in zip(H.field.symbolic(k), expected, strict=True)]
-        ring = DifferentialRing.of(defects, scene.symbols)
+        ring = DifferentialRing(defects, scene.symbols)
         assert all(map(ring.is_zero, ring.elements))
 
 

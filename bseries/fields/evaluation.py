@@ -1,4 +1,9 @@
-"""Series on scenes compiled: by derivative towers, or as simplified formulas where these are shorter."""
+"""Numerical values of series on scenes: compiled in doubles, or interpreted in any precision.
+
+In doubles a series is evaluated by the kernels of elementary differentials, or as simplified formulas where these are
+cheaper. In higher precision the interpreter runs the same kernels on numbers of mpmath, whose precision is one setting
+for the whole process: threads must not use different precisions at once.
+"""
 
 from __future__ import annotations
 
@@ -6,39 +11,41 @@ import ctypes
 import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bseries.exact.domains import to_float
 from bseries.exceptions import SeriesError
-from bseries.fields import tower_kernels, tower_layout
+from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
+from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
-from bseries.fields.towers import PlanBuilder, find_needs
 from integrators import IntegratorError
 from integrators.compile.modules import load_module
+from integrators.reference.plain_arithmetic import Arithmetic
 
 if TYPE_CHECKING:
     from bseries.fields.scene_trees import SeriesOnScene
 
+
 CHUNK_ROWS = 64
-"""Rows of sites that are evaluated at a time when there are many points."""
+"""Rows of sites evaluated together when there are many points."""
 MOST_LANES = 40
-"""Rows of sites in a group; more do not fit into the nearest memory, fewer leave more overhead to each."""
+"""Largest number of rows in a SIMD group: more exceed the first-level cache, fewer have more overhead per row."""
 MOST_VARIABLES = 4
-"""Formulas are considered for scenes with at most so many variables."""
+"""Formulas are considered for scenes with up to this number of variables."""
 MOST_MONOMIALS = 150
-"""Formulas are given up when one grows beyond so many monomials."""
+"""Formulas with more monomials are abandoned."""
 
 TOWERS = '''\
-"""A B-series by derivative towers; the tables are explained in bseries.fields.tower_layout."""
+"""A B-series by derivative towers; the tables are explained in bseries.fields.differential_kernels."""
 
 from numba import njit
 import numpy as np
 
-from bseries.fields.compiled_series import evaluator
+from bseries.fields.evaluation import evaluator
 
 evaluate = evaluator()
 ints = np.array({ints}, np.uint64)
@@ -64,18 +71,16 @@ def compiled(y, h, out):
 
 @cache
 def evaluator() -> Any:
-    """The kernel that evaluates terms, as a C function of pointers."""
+    """The evaluation kernel as a C function of pointers."""
     from numba import types
 
     reals, whole = types.CPointer(types.float64), types.intp
     tables = types.CPointer(types.uint64), whole, reals, whole
-    return tower_kernels.evaluate_pointers.c_function(
-        types.void(reals, reals, whole, whole, whole, whole, whole, *tables)
-    )
+    return kernels.evaluate_pointers.c_function(types.void(reals, reals, whole, whole, whole, whole, whole, *tables))
 
 
 class CompiledSeries:
-    """A series on a scene as compiled functions of floats."""
+    """A series on a scene as compiled functions of doubles."""
 
     def __init__(self, series: SeriesOnScene, route: str):
         self.series = series
@@ -89,7 +94,7 @@ class CompiledSeries:
 
     @cached_property
     def tables(self) -> tuple[Any, Any]:
-        """What the tower kernels read."""
+        """The tables of the kernels."""
         ints, numbers = build_tables(self.series, self.series.weights, to_float)
         return ints, np.array(numbers, float)
 
@@ -104,19 +109,19 @@ class CompiledSeries:
 
     @cached_property
     def formulas(self) -> CompiledFormulas | None:
-        """The series as formulas; None if they grow too long and nobody insists on them."""
+        """The series as formulas; None if they are too long and the route is not fixed."""
         if self._wanted == "symbolic":
-            return self._written_formulas()
+            return self._symbolic_formulas()
         try:
-            return self._written_formulas(limit=MOST_MONOMIALS)
+            return self._symbolic_formulas(limit=MOST_MONOMIALS)
         except (SeriesError, IntegratorError):
             return None
 
-    def _written_formulas(self, **limits: int) -> CompiledFormulas:
+    def _symbolic_formulas(self, **limits: int) -> CompiledFormulas:
         series = self.series
-        written = series.written(**limits)
-        terms = [written.term(n, simplify=False) for n in range(1, series.order + 1)]
-        series.__dict__.setdefault("formulas", written)  # all terms are there: nobody need compute them again
+        symbolic = series.symbolic_series(**limits)
+        terms = [symbolic.term(n, simplify=False) for n in range(1, series.order + 1)]
+        series.__dict__.setdefault("formulas", symbolic)  # keeps the terms
         columns = list(zip(*terms, strict=True))
         if not series.is_field:
             columns = [
@@ -131,15 +136,14 @@ class CompiledSeries:
             return self.formulas.source
         ints, numbers = self.tables
         result = "value" if self.series.is_field else f"value * h + {to_float(self.series.empty)!r} * y[i]"
-        tables = {"ints": _listed(ints.tolist()), "numbers": _listed(numbers.tolist())}
+        tables = {"ints": _list_source(ints.tolist()), "numbers": _list_source(numbers.tolist())}
         sizes = {"order": self.series.order, "lanes": self._lanes(1), "dimension": self.series.dimension}
         return TOWERS.format(**tables, **sizes, result=result)
 
     @cached_property
     def module(self) -> ModuleType:
         """The compiled functions."""
-
-        return load_module(self.source, keep=self.route == "symbolic")  # no code that calls pointers is kept on disk
+        return load_module(self.source, keep=self.route == "symbolic")  # code that calls pointers is not cached on disk
 
     @property
     def compiled(self) -> Callable[..., None]:
@@ -158,10 +162,10 @@ class CompiledSeries:
         return out.T.reshape(shape)
 
     def _sums(self, states: np.ndarray, step: float, workers: int) -> np.ndarray:
-        """The values at the rows of `states`, from towers."""
+        """The values at the rows of `states`, by the kernels."""
         terms = self.terms_at(states, workers)
         out = terms[-1].copy()
-        with np.errstate(over="ignore", invalid="ignore"):  # one sentence will say so
+        with np.errstate(over="ignore", invalid="ignore"):  # the caller warns
             for term in terms[-2::-1]:
                 out *= step
                 out += term
@@ -176,7 +180,7 @@ class CompiledSeries:
         return self.terms_at(states, workers).transpose(0, 2, 1).reshape(self.series.order, *shape)
 
     def terms_at(self, states: np.ndarray, workers: int = 1) -> np.ndarray:
-        """The terms by order at the rows of `states`, from towers."""
+        """The terms by order at the rows of `states`, by the kernels."""
         ints, numbers = self.tables
         out = np.empty((self.series.order, *states.shape))
         chunk = max(1, min(len(states), CHUNK_ROWS // self._rows))
@@ -195,35 +199,107 @@ class CompiledSeries:
 
     @cached_property
     def _rows(self) -> int:
-        """The rows of the largest term."""
+        """The number of rows of the largest term."""
         return max((term.sites.size for term in self.series.scene.numeric_terms), default=1) or 1
 
     def _lanes(self, points: int) -> int:
-        """How many rows make a group: up to MOST_LANES, and such that the last group is nearly full."""
+        """The number of rows in a SIMD group: at most MOST_LANES, with the last group nearly full."""
         rows = points * self._rows
         return math.ceil(rows / math.ceil(rows / MOST_LANES))
 
 
 def _pointer(array: np.ndarray) -> Any:
-    """Where a contiguous array of doubles or unsigned integers begins."""
+    """A pointer to a contiguous array of doubles or unsigned integers."""
     kind = ctypes.c_uint64 if array.dtype == np.uint64 else ctypes.c_double
     return array.ctypes.data_as(ctypes.POINTER(kind))
 
 
-def _listed(values: list[Any]) -> str:
-    """A list as text, some entries to a line."""
+def _list_source(values: list[Any]) -> str:
+    """The source of a list, 16 entries to a line."""
     rows = [", ".join(map(repr, values[k : k + 16])) for k in range(0, len(values), 16)]
     return "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
 
 
 def contractions(ints: Any) -> int:
-    """How many contractions the tables of the tower kernels list."""
-    table = tower_layout.CONTRACTION
-    return int(ints[table + 1] - ints[table]) // tower_layout.TABLES["contraction"]
+    """The number of contractions in the tables."""
+    table = kernels.CONTRACTION
+    return int(ints[table + 1] - ints[table]) // kernels.TABLES["contraction"]
 
 
 def build_tables(series: SeriesOnScene, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
-    """The tables of the tower kernels, with numbers of a kind."""
+    """The tables of the kernels, with numbers made by `convert`."""
     trees, scene = series.trees, series.scene
-    needs = find_needs(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
-    return PlanBuilder(trees.table, needs, weights, scene.dimension, convert).plan()
+    needs = find_required_tensors(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
+    return TableBuilder(trees.table, needs, weights, scene.dimension, convert).build()
+
+
+FUNCTIONS = (
+    *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
+    *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
+)
+CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
+
+
+class PreciseSeries:
+    """A series on a scene evaluated with a given number of digits; decimal coefficients count as exact.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 3)
+        >>> PreciseSeries(f, 30)(["1"], "1/10")
+        [mpf('0.915')]
+    """
+
+    def __init__(self, series: SeriesOnScene, digits: int):
+        import mpmath
+
+        self.series, self.arithmetic = series, Arithmetic(digits)
+        with self.arithmetic.working():
+            values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)
+            ints, numbers = build_tables(series, [value / sigma for value, sigma in values], self._number)
+            self._empty = self._number(series.empty)
+        self._ints = ints.astype(np.int64)
+        self._numbers = np.array([*numbers, None], object)[:-1]
+        names: dict[str, Any] = {name: getattr(mpmath, name) for name in FUNCTIONS}
+        names |= {name: int(getattr(kernels, name)) for name in (*CONSTANTS, "ZERO", "ONE", "TWO", "ROLES")}
+        names["np"] = SimpleNamespace(uint64=int)
+        self._sweep = kernels.sweep.interpreted(**names)
+        self._sizes = kernels.workspace.interpreted(**names)(self._ints, 1, 1)
+
+    def _number(self, value: Any) -> Any:
+        return self.arithmetic.number(value, "coefficient")
+
+    def terms(self, y: Any) -> list[list[Any]]:
+        """The terms by order at one point, as a list of vectors."""
+        with self.arithmetic.working():
+            return self._terms(self.arithmetic.read(y, "y"))
+
+    def _terms(self, y: Any) -> list[list[Any]]:
+        import mpmath
+
+        size, ints = self.series.dimension, self._ints
+        if len(y) != size:
+            raise SeriesError(f"y must have {size} values, but had {len(y)}")
+        rows, groups, places = map(int, self._sizes)
+        out = np.zeros((self.series.order, size), object)
+        fields = np.zeros((int(ints[kernels.FIELDS]), size), object)
+        indices = (np.zeros(count, np.int64) for count in (int(kernels.ROLES) * rows, rows, places))
+        work = np.zeros(groups, object)
+        try:
+            self._sweep(np.array([y], object), out, fields, work, *indices, 1, ints, self._numbers, 1)
+        except ArithmeticError as error:
+            raise SeriesError(f"y must lie in the domain of the field, but there a formula {error}") from None
+        if any(isinstance(value, mpmath.mpc) for value in out.ravel()):
+            raise SeriesError("y must lie in the domain of the field, but a formula was not real there")
+        return out.tolist()
+
+    def __call__(self, y: Any, h: Any) -> list[Any]:
+        """The value at one point; numbers may be strings, fractions or numbers of mpmath."""
+        with self.arithmetic.working():
+            point, step = self.arithmetic.read(y, "y"), self.arithmetic.number(h, "h")
+            shift = 0 if self.series.is_field else 1
+            columns = zip(*self._terms(point), strict=True)
+            value = [sum(x * step ** (n + shift) for n, x in enumerate(column)) for column in columns]
+            if shift:
+                value = [v + self._empty * x for v, x in zip(value, point, strict=True)]
+        return list(self.arithmetic.rounded(np.array([*value, None], object)[:-1]))

@@ -1,11 +1,11 @@
-"""Power series in h with coefficients in a differential ring, and formulas of such series.
+"""Power series in h with coefficients in a differential ring, and their composition with formulas.
 
-A formula at y(h) = y_0 + h y_1 + … is a polynomial in the generators of its ring at y(h), and these follow from their
-differential equations: for g with ∂g/∂y_i = D_i, a polynomial in generators again,
+A formula at y(h) = y_0 + h y_1 + … is a polynomial in the generators of its ring at y(h). The generators follow from
+their differential equations: if ∂g/∂y_i = D_i, again a polynomial in generators, then
 
     n g_n = Σ_i Σ_{m=1}^n m y_{i,m} D_{i,n−m}.
 
-So no Taylor series in several variables is ever formed.
+So no Taylor series in several variables is needed.
 """
 
 from __future__ import annotations
@@ -25,11 +25,7 @@ if TYPE_CHECKING:
 
 
 class PowerSeries:
-    """A power series in h: its coefficients are computed one after another, each when it is first asked for.
-
-    Args:
-        coefficient: Gives the coefficient of h^n; it may ask this and other series for lower ones.
-    """
+    """Power series in h, with coefficients computed on demand, from lower ones of this and other series."""
 
     __slots__ = ("_coefficient", "_known")
 
@@ -44,12 +40,7 @@ class PowerSeries:
 
 
 class SeriesArithmetic:
-    """Sums and products of power series.
-
-    Args:
-        ring: The ring of the coefficients.
-        closed: Whether nothing more is read into the ring, so that the fastest arithmetic can be used.
-    """
+    """Sums and products of power series; the fastest arithmetic needs a ring `closed` to new generators."""
 
     def __init__(self, ring: DifferentialRing, *, closed: bool = True):
         self.ring = ring
@@ -57,19 +48,19 @@ class SeriesArithmetic:
         self.zero = self.coefficients.zero
 
     def element(self, value: Element | Number) -> Any:
-        """An element of the ring, or a number, as the arithmetic takes it."""
+        """Convert an element of the ring, or a number, to the arithmetic."""
         return self.coefficients.load(self.ring.coerce(value))
 
     def read(self, formula: sympy.Expr) -> Any:
-        """A formula as the arithmetic takes it."""
+        """Convert a formula to the arithmetic."""
         return self.element(self.ring.element(formula))
 
-    def written(self, elements: Iterable[Any]) -> tuple[sympy.Expr, ...]:
-        """Elements as formulas."""
+    def to_expressions(self, elements: Iterable[Any]) -> tuple[sympy.Expr, ...]:
+        """Convert elements to formulas."""
         return tuple(self.ring.to_expression(self.coefficients.unload(element)) for element in elements)
 
     def polynomial(self, *coefficients: Any) -> PowerSeries:
-        """The series that ends with these coefficients."""
+        """The series with these coefficients and zeros."""
         return PowerSeries(lambda n: coefficients[n] if n < len(coefficients) else self.zero)
 
     def product(self, a: PowerSeries, b: PowerSeries) -> PowerSeries:
@@ -77,7 +68,7 @@ class SeriesArithmetic:
         return PowerSeries(lambda n: self.coefficients.dot((a[j], b[n - j]) for j in range(n + 1) if a[j] and b[n - j]))
 
     def combine(self, parts: Iterable[tuple[Any, Any]]) -> Any:
-        """The sum of multiples of elements, by numbers or by elements."""
+        """A linear combination of elements, with numbers or elements as factors."""
         numbers: list[tuple[Any, Any]] = []
         others: list[tuple[Any, Any]] = []
         for part in parts:
@@ -86,23 +77,23 @@ class SeriesArithmetic:
         return self.coefficients.sum([(1, total), (1, self.coefficients.dot(others))]) if others else total
 
     def dot(self, parts: Sequence[tuple[Any, PowerSeries]]) -> PowerSeries:
-        """The sum of multiples of series, by numbers or by elements."""
+        """A linear combination of series, with numbers or elements as factors."""
         return PowerSeries(lambda n: self.combine((x, series[n]) for x, series in parts))
 
     def times_h(self, a: PowerSeries) -> PowerSeries:
-        """h times a series, of which the coefficient of h^n asks for that of h^(n−1) only."""
+        """h times a series; the coefficient of h^n needs that of h^(n−1) only."""
         return PowerSeries(lambda n: a[n - 1] if n else self.zero)
 
 
 class Composition:
-    """Formulas with power series in place of their variables.
+    """Composition of formulas with power series in place of their variables.
 
     Args:
         arithmetic: The arithmetic of the series.
         formulas: The ring of the formulas.
         point: A series for each of its variables.
-        start: The values of its generators at h = 0, by their numbers; by default the generators themselves, for
-            series in the ring of the formulas that begin with its variables.
+        start: The values of the generators at h = 0, by index; by default the generators themselves, for series in the
+            ring of the formulas whose first coefficients are its variables.
     """
 
     def __init__(
@@ -119,7 +110,7 @@ class Composition:
         self._monomials: dict[int, PowerSeries] = {ONE: arithmetic.polynomial(arithmetic.element(1))}
 
     def __call__(self, formula: Element) -> PowerSeries:
-        """A formula at the point."""
+        """The composition with a formula."""
         return self._polynomial(formula.terms)
 
     def _polynomial(self, terms: Terms) -> PowerSeries:
@@ -138,39 +129,36 @@ class Composition:
         return found
 
     def _generator(self, k: int) -> PowerSeries:
-        """A generator at the point, by its differential equation."""
+        """The composition with a generator, by its differential equation."""
         ring = self._arithmetic.coefficients
-        slopes: list[tuple[PowerSeries, PowerSeries]] = []
+        derivatives: list[tuple[PowerSeries, PowerSeries]] = []
 
         def coefficient(n: int) -> Any:
             if n == 0:
                 return self._start(k)
-            if n == 1:  # not earlier: the derivatives of unknown functions are new generators without end
-                slopes.extend(self._slopes(k))
-            pairs = [(ring.sum([(m, y[m])]), slope[n - m]) for y, slope in slopes for m in range(1, n + 1) if y[m]]
+            if n == 1:  # not earlier: undefined functions have infinitely many derivatives
+                derivatives.extend(self._derivatives(k))
+            pairs = [(ring.sum([(m, y[m])]), D[n - m]) for y, D in derivatives for m in range(1, n + 1) if y[m]]
             return ring.sum([(Fraction(1, n), ring.dot(pairs))])
 
         return PowerSeries(coefficient)
 
-    def _slopes(self, k: int) -> list[tuple[PowerSeries, PowerSeries]]:
-        """Pairs of a variable and the derivative of a generator in it, both at the point."""
+    def _derivatives(self, k: int) -> list[tuple[PowerSeries, PowerSeries]]:
+        """Pairs of a variable and the derivative of a generator in it, as series."""
         polynomials = self._formulas.polynomials
-        slopes = ((y, polynomials.slope_of_generator(k, i)) for i, y in enumerate(self._point))
-        return [(y, self._polynomial(slope)) for y, slope in slopes if slope]
+        found = ((y, polynomials.generator_derivative(k, i)) for i, y in enumerate(self._point))
+        return [(y, self._polynomial(D)) for y, D in found if D]
 
 
 class Expansion:
-    """Formulas in some variables as power series in h, when the variables are such series.
+    """Formulas as power series in h, for variables that are power series in h.
 
     Args:
-        formulas: The formulas; they are its `elements`.
-        start: The values of all variables at h = 0 (h itself is one of them): formulas in other variables.
-        variables: The variables of these.
-        others: Formulas in them that are read, too.
-        limit: Most monomials that a coefficient may have.
-
-    Raises:
-        SeriesError: A formula has no value there.
+        formulas: The formulas, which become the `elements`.
+        start: The values of all variables, including h, at h = 0: formulas in other variables.
+        variables: The variables of the values.
+        others: Further formulas in these variables.
+        limit: Largest number of monomials of a coefficient.
     """
 
     def __init__(
@@ -183,20 +171,20 @@ class Expansion:
         limit: int = MOST_MONOMIALS,
     ):
         self._start = dict(start)
-        self.formulas = DifferentialRing.of(formulas, start, limit=limit)
+        self.formulas = DifferentialRing(formulas, start, limit=limit)
         self.elements = self.formulas.elements
         used = {k for element in self.elements for k in generators_of(element.terms)}
         values = (self._value(k) for k in sorted(used))
-        self.ring = DifferentialRing.of([*others, *values], variables, limit=limit)
-        self.arithmetic = SeriesArithmetic(self.ring, closed=False)  # derivatives of the formulas are read later
+        self.ring = DifferentialRing([*others, *values], variables, limit=limit)
+        self.arithmetic = SeriesArithmetic(self.ring, closed=False)  # derivatives of the formulas add generators
 
     def _value(self, k: int) -> Any:
-        """A generator at h = 0; roots are those of positive numbers, as in the ring."""
+        """The value of a generator at h = 0; roots are those of positive numbers, as in the ring."""
         import sympy
 
-        value: Any = self.formulas.generators[k].xreplace(self._start).doit()  # of derivatives of unknown functions
+        value: Any = self.formulas.generators[k].xreplace(self._start).doit()  # for derivatives of undefined functions
         return sympy.powdenest(sympy.together(value), force=True) if isinstance(value, sympy.Pow) else value
 
     def at(self, point: Sequence[PowerSeries]) -> Composition:
-        """The formulas at a point: a series for every variable, in the order of `start`."""
+        """The composition with a point, given by a series for every variable in the order of `start`."""
         return Composition(self.arithmetic, self.formulas, point, lambda k: self.arithmetic.read(self._value(k)))

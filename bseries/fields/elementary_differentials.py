@@ -1,4 +1,4 @@
-"""Elementary differentials, and series, written out on fields that are given by formulas."""
+"""Symbolic elementary differentials and B-series of fields given by formulas."""
 
 from __future__ import annotations
 
@@ -17,11 +17,9 @@ from trees.counting import check_order
 from trees.tree import Tree
 
 if TYPE_CHECKING:
-    from trees.tree import Tree
-
     Key: TypeAlias = tuple[int, tuple[int, ...]]
     Tower: TypeAlias = dict[Key, Any]
-    """{(component, α): T_α}, with α as the ascending list of variables; elements are those of the arithmetic in use."""
+    """{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
 
     import sympy
 
@@ -32,12 +30,7 @@ if TYPE_CHECKING:
 
 
 class DerivativeTowers:
-    """The towers of coloured fields, each computed when it is first asked for.
-
-    Args:
-        ring: The ring that the fields live in.
-        fields: One field for each colour, with one element for each variable.
-    """
+    """Derivative tensors of coloured fields, computed on demand: f^(m+r)(F(u1), …, F(um)) for the tree [u1, …, um]."""
 
     def __init__(self, ring: DifferentialRing, fields: Sequence[Sequence[Element]]):
         self.ring = ring
@@ -50,7 +43,7 @@ class DerivativeTowers:
         self._known: dict[tuple[Tree, int], Tower] = {}
 
     def sum(self, coefficients: Mapping[Tree, Element | Fraction]) -> tuple[Element, ...]:
-        """Σ coefficient(τ) F(τ) for trees of one order: F(v) are summed for every left u before T(u) is multiplied."""
+        """Σ coefficient(τ) F(τ) for trees τ = u ∘ v of one order; the F(v) are summed before T(u) is applied."""
         rationals = [c for c in coefficients.values() if isinstance(c, Fraction)]
         common = math.lcm(*(c.denominator for c in rationals))
         by_left: dict[Tree | None, list[tuple[Any, Tree]]] = {}
@@ -61,16 +54,16 @@ class DerivativeTowers:
         for left, group in by_left.items():
             if left is None:
                 parts += [(c, self.tower(tree, 0)) for c, tree in group]
-            elif slopes := self.tower(left, 1):
+            elif derivatives := self.tower(left, 1):
                 branches = self._combined((c, self.tower(tree.children[-1], 0)) for c, tree in group)
-                parts.append((1, self._contracted(slopes, branches)))
+                parts.append((1, self._contracted(derivatives, branches)))
         nodes = max((tree.order for tree in coefficients), default=0)
         found = self._combined([(Fraction(1, common * self._scale**nodes), self._combined(parts))])
         components = (found.get((i, ()), self._arithmetic.zero) for i in range(len(self.ring.variables)))
         return tuple(map(self._arithmetic.unload, components))
 
     def tower(self, tree: Tree, rank: int) -> Tower:
-        """The tower of a tree (for the fields times a common denominator)."""
+        """The tensor of this rank for a tree (of fields multiplied by their common denominator)."""
         left, right = tree.left, tree.right
         if left is None or right is None:
             return self._of_single_node(tree.color, rank)
@@ -83,19 +76,19 @@ class DerivativeTowers:
         return tower
 
     def _of_single_node(self, color: int, rank: int) -> Tower:
-        """The derivatives of a field: those of rank r are those of rank r − 1, differentiated once more."""
+        """The r-th derivatives of a field, from those of order r − 1."""
         tower = self._single.get((color, rank))
         if tower is None:
             tower = {}
             for (i, alpha), element in self._of_single_node(color, rank - 1).items():
                 for j in range(alpha[-1] if alpha else 0, len(self.ring.variables)):
-                    if slope := self._arithmetic.derivative(element, j):
-                        tower[i, (*alpha, j)] = slope
+                    if derivative := self._arithmetic.derivative(element, j):
+                        tower[i, (*alpha, j)] = derivative
             self._single[color, rank] = tower
         return tower
 
     def _contracted(self, tower: Tower, vector: Tower) -> Tower:
-        """Σ_j T_{α+e_j} v_j: a tower of one rank less."""
+        """The contraction Σ_j T_{α+e_j} v_j, which lowers the rank by one."""
         products: dict[Key, list[tuple[Any, Any]]] = {}
         for (i, alpha), element in tower.items():
             for at, j in enumerate(alpha):
@@ -105,7 +98,7 @@ class DerivativeTowers:
         return {key: element for key, pairs in products.items() if (element := self._arithmetic.dot(pairs))}
 
     def _combined(self, parts: Iterable[tuple[Any, Tower]]) -> Tower:
-        """The sum of multiples of towers."""
+        """A linear combination of tensors."""
         summands: dict[Key, list[tuple[int | Fraction, Any]]] = {}
         for factor, tower in parts:
             for key, element in tower.items():
@@ -116,21 +109,21 @@ class DerivativeTowers:
 
 
 FLOAT_DIGITS = 15
-"""Significant digits that every float is good for."""
+"""Significant digits of a float."""
 
 
 class SymbolicSeries:
-    """A series on a field, Σ h^|τ| / σ(τ) · b(τ) F(τ), written out by powers of h, each when it is asked for.
+    """Symbolic series Σ h^|τ| / σ(τ) · b(τ) F(τ) on a field; the terms are computed on demand.
 
-    Nothing is rounded on the way. Where floats went in, or a method published as decimals, the numbers written are
-    floats of as many digits as can be right.
+    Arithmetic is exact. With floats in the field, or a method published as decimals, the results are written as floats
+    with the significant digits only.
 
     Args:
         series: The series, such as a modified equation.
-        fields: One field for each colour of its trees: a formula for every variable, as SymPy expressions or numbers.
-            Where colours are blocks of variables, the formulas outside a colour's block are 0.
+        fields: One field for each colour of its trees: a SymPy expression or number for every variable. If colours are
+            blocks of variables, the formulas outside a block are 0.
         variables: The symbols of the variables; other symbols are parameters.
-        limit: Most monomials that a formula may have on the way.
+        limit: Largest number of monomials in an intermediate formula.
 
     Raises:
         SeriesError: The fields or variables do not fit the series, or a formula divides by zero.
@@ -162,15 +155,15 @@ class SymbolicSeries:
 
     @property
     def ring(self) -> DifferentialRing:
-        """The ring that the formulas live in."""
+        """The ring of the formulas."""
         return self._towers.ring
 
     def term(self, n: int, *, simplify: bool = True) -> Formulas:
-        """What the trees with n nodes contribute: in a modified equation, the formulas that h^(n−1) multiplies.
+        """The contribution of the trees with n nodes, in a modified equation the coefficient of h^(n−1).
 
         Args:
             n: Number of nodes.
-            simplify: Bring the formulas over common denominators, and factor them.
+            simplify: Whether to use common denominators and factor the formulas.
 
         Raises:
             SeriesError: `n` exceeds the order of the series, or a formula the limit.
@@ -180,11 +173,7 @@ class SymbolicSeries:
             return tuple(self.ring.to_expression(element, simplify=simplify) for element in elements)
 
     def elements(self, n: int) -> tuple[Element, ...]:
-        """What the trees with n nodes contribute, as elements of `ring`.
-
-        Raises:
-            SeriesError: `n` exceeds the order of the series, or a formula the limit.
-        """
+        """The contribution of the trees with n nodes, as elements of `ring`."""
         series = self.series
         if check_order(n) > series.order:
             raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
@@ -195,44 +184,10 @@ class SymbolicSeries:
         return self._elements[n]
 
     def _weight(self, at: int) -> Fraction | Element:
-        """b(τ)/σ(τ) of the tree with this id; floats as the fractions that they are."""
+        """b(τ)/σ(τ) of the tree with this id; floats are taken as binary fractions."""
         value = self._coefficients[at]
         number = Fraction(value) if isinstance(value, Fraction | float) else self.ring.element(value)
         return number * Fraction(1, int(self.series.table.symmetry_and_density[0][at]))
-
-
-def symbolic_terms(
-    series: BSeries,
-    fields: Fields,
-    variables: Iterable[sympy.Symbol],
-    *,
-    simplify: bool = True,
-    limit: int = MOST_MONOMIALS,
-) -> list[Formulas]:
-    """A series on a field, written out; see `SymbolicSeries`.
-
-    Args:
-        series: The series, such as a modified equation.
-        fields: One field for each colour of its trees: a formula for every variable.
-        variables: The symbols of the variables.
-        simplify: Bring the formulas over common denominators, and factor them.
-        limit: Most monomials that a formula may have on the way.
-
-    Returns:
-        For every n = 1 … order the formulas of the trees with n nodes, which h^(n−1) multiplies in a modified equation.
-
-    Raises:
-        SeriesError: The fields or variables do not fit the series, a formula divides by zero or exceeds the limit.
-
-    Example:
-        >>> import bseries as bs, sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> midpoint = bs.modified_equation(bs.method("implicit-midpoint"), 3)
-        >>> symbolic_terms(midpoint, [(-sympy.sin(q), p)], (p, q))
-        [(-sin(q), p), (0, 0), (-(p**2 - 2*cos(q))*sin(q)/24, -p*cos(q)/12)]
-    """
-    written = SymbolicSeries(series, fields, variables, limit=limit)
-    return [written.term(n, simplify=simplify) for n in range(1, series.order + 1)]
 
 
 def elementary_differentials(
@@ -243,14 +198,14 @@ def elementary_differentials(
     simplify: bool = True,
     limit: int = MOST_MONOMIALS,
 ) -> list[Formulas]:
-    """The elementary differentials F(τ) of many trees; see `symbolic_differential` for one.
+    """The elementary differentials F(τ) of trees, F([τ1,…,τm]) = f^(m)(F(τ1),…,F(τm)), as formulas.
 
     Args:
-        trees: The trees, such as a table of them.
+        trees: The trees, such as a `TreeTable`.
         fields: One field for each colour: a formula for every variable.
         variables: The symbols of the variables.
-        simplify: Bring the formulas over common denominators, and factor them.
-        limit: Most monomials that a formula may have on the way.
+        simplify: Whether to use common denominators and factor the formulas.
+        limit: Largest number of monomials in an intermediate formula.
 
     Returns:
         For every tree the formulas of F(τ), one for each variable.
@@ -281,40 +236,8 @@ def elementary_differentials(
     return found
 
 
-def symbolic_differential(
-    tree: Tree | str,
-    fields: Fields,
-    variables: Iterable[sympy.Symbol],
-    *,
-    simplify: bool = True,
-    limit: int = MOST_MONOMIALS,
-) -> Formulas:
-    """The elementary differential F(τ) of a tree, F([τ1,…,τm]) = f^(m)(F(τ1),…,F(τm)).
-
-    Args:
-        tree: The tree.
-        fields: One field for each colour: a formula for every variable.
-        variables: The symbols of the variables.
-        simplify: Bring the formulas over common denominators, and factor them.
-        limit: Most monomials that a formula may have on the way.
-
-    Raises:
-        SeriesError: The fields or variables do not fit the tree, a formula divides by zero or exceeds the limit.
-
-    Example:
-        >>> import sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> symbolic_differential("[τ,[τ]]", [(-sympy.sin(q), p)], (p, q))
-        (-p*sin(q)**2, 0)
-
-    References:
-        HLW, definition III.1.2.
-    """
-    return elementary_differentials([tree], fields, variables, simplify=simplify, limit=limit)[0]
-
-
 def _digits(series: BSeries) -> int | None:
-    """Significant digits to write; sums of rounded decimals have one less than these."""
+    """Significant digits of the results: one less than those of rounded decimals."""
     if series.digits is not None:
         return max(1, min(series.digits - 1, FLOAT_DIGITS))
     return None if series.is_exact else FLOAT_DIGITS
@@ -323,7 +246,7 @@ def _digits(series: BSeries) -> int | None:
 def _towers(
     fields: Fields, variables: Iterable[sympy.Symbol], limit: int, *, colors: int, digits: int | None, others: Any
 ) -> DerivativeTowers:
-    """The towers of checked fields, in a ring that also holds other formulas."""
+    """The derivative tensors of checked fields, in a ring that also holds other formulas."""
     import sympy
 
     symbols = tuple(variables)
@@ -340,12 +263,12 @@ def _towers(
     if digits is None and any(formula.has(sympy.Float) for formula in formulas):
         digits = FLOAT_DIGITS
     with refusing_large(limit):
-        ring = DifferentialRing.of([*formulas, *others], symbols, limit=limit, digits=digits)
+        ring = DifferentialRing([*formulas, *others], symbols, limit=limit, digits=digits)
         return DerivativeTowers(ring, [[ring.element(formula) for formula in row] for row in rows])
 
 
 def _formula(value: object) -> Any:
-    """A formula as SymPy's."""
+    """A number or expression as a SymPy expression."""
     import sympy
 
     if isinstance(value, sympy.Expr):
@@ -359,7 +282,7 @@ def _formula(value: object) -> Any:
 
 @contextmanager
 def refusing_large(limit: int) -> Iterator[None]:
-    """Refuse formulas that grow too large."""
+    """Turn excessive growth of formulas into a `SeriesError`."""
     try:
         yield
     except TooLarge:

@@ -1,7 +1,7 @@
-"""Modified Hamiltonians of splitting methods on scenes: the nested brackets evaluated, exactly.
+"""Modified Hamiltonians of splitting methods on scenes, by exact evaluation of nested Poisson brackets.
 
-For any Poisson structure B(y) the bracket {A,X} = ∇Aᵀ B ∇X is the derivative of X along −B∇A, the field of A backwards.
-So the fields of the parts are all that is needed.
+For any Poisson structure B(y) the bracket {A,X} = ∇Aᵀ B ∇X is the derivative of X along −B∇A, the reversed field of A.
+So only the fields of the parts are needed.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from bseries.algebra.stages import check_method, own_trees
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import FLOAT_DIGITS, refusing_large
+from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.flint_rings import fastest
-from bseries.hamiltonians.brackets.bracket_trees import is_chain, kinetic_of, shown_names
-from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets
+from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
 from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
 from integrators.scenes.particles.parts import check_kind, pieces_of
@@ -31,25 +30,11 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000
-"""To bring formulas with more monomials over common denominators takes longer than to find them."""
+"""Formulas with more monomials are not simplified, which would take longer than their computation."""
 
 
 def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
-    """The modified Hamiltonian of a splitting method on a scene, from brackets: the formulas by power of h.
-
-    Args:
-        method: A method as for `bracket_hamiltonian`.
-        scene: A Hamiltonian or Poisson system that is the sum of the method's parts.
-        order: Largest number of letters N: powers h^0 … h^(N−1).
-        parts: What the method's parts are, as for `modified_field`.
-
-    Returns:
-        The formulas of H, H_2, H_3, …
-
-    Raises:
-        SeriesError: The scene or its parts are not Hamiltonian, the modified equation of the method is no sum of
-            brackets, or a formula grows too large.
-        IntegratorError: The method's parts are none of the scene's, or it is not of the kind the method is meant for.
+    """The modified Hamiltonian of a splitting method on a scene, as formulas by power of h; see `bracket_hamiltonian`.
 
     Example:
         >>> import bseries as bs
@@ -74,11 +59,7 @@ def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -
 
 
 def part_hamiltonians(scene: Scene, pieces: Sequence[Piece]) -> list[sympy.Expr]:
-    """For each piece of the field its Hamiltonian.
-
-    Raises:
-        SeriesError: A piece has none.
-    """
+    """The Hamiltonians of the pieces of the field."""
     import sympy
 
     energy = scene.hamiltonian
@@ -94,7 +75,7 @@ def part_hamiltonians(scene: Scene, pieces: Sequence[Piece]) -> list[sympy.Expr]
 
 
 def _sorted_terms(energy: sympy.Expr, pieces: Sequence[Piece], scene: Scene) -> list[sympy.Expr] | None:
-    """The terms of a Hamiltonian by the pieces that they move; None if one moves more than a piece."""
+    """The terms of a Hamiltonian by the piece of their field; None if a field has several pieces."""
     import sympy
 
     blocks = [block.name for block in scene.blocks for _ in block.variables]
@@ -110,14 +91,14 @@ def _sorted_terms(energy: sympy.Expr, pieces: Sequence[Piece], scene: Scene) -> 
 
 
 def _check_separable(name: str, pieces: Sequence[Piece], scene: Scene) -> None:
-    """Refuse parts that depend on their own variables, for a method that is a splitting method only where none does."""
+    """Check that no part depends on its own variables, for methods that are splittings only then."""
     rows = degrees(scene, pieces)
     if any(row[k] != 0 for k, row in enumerate(rows)):
         raise SeriesError(f"scene must be separable for {name}, which is no chain of flows, but {scene.name} is not")
 
 
 def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sympy.Expr]) -> tuple[sympy.Expr, ...]:
-    """A sum of brackets for these Hamiltonians of its parts, by power of h."""
+    """Evaluate a sum of brackets for given Hamiltonians of the parts, by power of h."""
     import sympy
 
     numbers = [x for x in brackets.values() if not isinstance(x, Fraction)]
@@ -125,7 +106,7 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
     formulas = [*energies.values(), *chain.from_iterable(flows.values()), *numbers]
     digits = None if brackets.digits is None else max(1, min(brackets.digits - 1, FLOAT_DIGITS))
     with refusing_large(MOST_MONOMIALS):
-        ring = DifferentialRing.of(formulas, scene.symbols, digits=digits)
+        ring = DifferentialRing(formulas, scene.symbols, digits=digits)
         arithmetic = fastest(ring)
         backwards = {
             name: [(i, arithmetic.load(-ring.element(entry))) for i, entry in enumerate(flow) if entry]
@@ -139,10 +120,10 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
             inner = nested(word[1:])
             return arithmetic.dot((arithmetic.derivative(inner, i), entry) for i, entry in backwards[word[0]])
 
-        def written(k: int) -> sympy.Expr:
+        def term(k: int) -> sympy.Expr:
             terms = brackets.term(k).items()
             if k == 0 and all(x == 1 for _, x in terms):
-                return sympy.Add(*energies.values())  # as people write it
+                return sympy.Add(*energies.values())  # without expansion
             factors = [ring.coerce(x) if isinstance(x, Fraction) else ring.element(x) for _, x in terms]
             total = arithmetic.dot(
                 (arithmetic.load(x), nested(word)) for x, (word, _) in zip(factors, terms, strict=True)
@@ -150,4 +131,4 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
             element = arithmetic.unload(total)
             return ring.to_expression(element, simplify=element.size <= MOST_SIMPLIFIED)
 
-        return tuple(map(written, range(brackets.order)))
+        return tuple(map(term, range(brackets.order)))

@@ -1,10 +1,9 @@
-"""Formulas as programs on jets: all derivatives of a formula up to a degree, by arithmetic on Taylor polynomials.
+"""Derivatives of formulas by arithmetic on truncated Taylor polynomials (automatic differentiation).
 
-A jet is a Taylor polynomial in the local variables of a term, one coefficient for each monomial of degree R or less,
-monomials sorted by degree. Sums and products of jets are those of truncated polynomials. A function b = φ(a) follows
-from its differential equation: with the Euler operator E, which multiplies a monomial by its degree, b = exp a gives
-E b = b · E a, that is b_α = Σ |β|/|α| a_β b_γ over x^α = x^β x^γ with β ≠ 0, one degree after the other. No formula is
-differentiated, so none grows.
+A truncated Taylor polynomial in the local variables of a term has one coefficient for each monomial of degree R or
+less, sorted by degree. A function b = φ(a) follows from its differential equation, degree by degree: with the Euler
+operator E, which multiplies a monomial by its degree, b = exp a gives E b = b · E a, that is b_α = Σ |β|/|α| a_β b_γ
+over x^α = x^β x^γ with β ≠ 0. Formulas become lists of instructions on such polynomials; none is differentiated.
 
 References:
     A. Griewank, A. Walther, *Evaluating Derivatives*, 2nd ed. (2008), chapter 13.
@@ -24,17 +23,17 @@ if TYPE_CHECKING:
     import sympy
 
 CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
-"""The operations; `tower_kernels.evaluate_jet` says what each does."""
+"""The operations, implemented by `differential_kernels.evaluate_polynomials`."""
 
 MOST_FACTORS = 32
-"""Powers with whole or half exponents up to this one are products, of roots if need be."""
+"""Powers with integer or half-integer exponents up to this one are products, of square roots if need be."""
 
 INTEGRALS = ("log", "asin", "acos", "atan", "asinh", "acosh", "atanh")
-"""Functions with an algebraic derivative, in the order of their codes."""
+"""Functions with an algebraic derivative, in the order of their codes in the kernels."""
 
 
 def monomials(variables: int, degree: int) -> list[tuple[int, ...]]:
-    """Exponents of all monomials of a degree or less, sorted by degree; the variables themselves follow the 1.
+    """The exponents of all monomials up to a degree, sorted by degree.
 
     Example:
         >>> monomials(2, 2)
@@ -47,16 +46,16 @@ def monomials(variables: int, degree: int) -> list[tuple[int, ...]]:
     ]
 
 
-def jet_size(variables: int, degree: int) -> int:
-    """The number of monomials of a degree or less; none below degree 0."""
+def monomial_count(variables: int, degree: int) -> int:
+    """The number of monomials up to a degree; 0 for negative degrees."""
     return comb(variables + degree, variables) if degree >= 0 else 0
 
 
 class Shape(NamedTuple):
-    """What arithmetic on jets of one number of variables and one degree needs to know.
+    """Index tables of the truncated polynomials with given variables and degree.
 
     Attributes:
-        raised: For each monomial of a degree below the highest and each variable, the place of their product.
+        raised: The index of x^α x_l for each monomial x^α below the highest degree and each variable x_l.
         factorials: α! of every monomial x^α.
     """
 
@@ -68,7 +67,7 @@ class Shape(NamedTuple):
 
 @lru_cache(maxsize=64)
 def shape(variables: int, degree: int) -> Shape:
-    """The shape of jets."""
+    """The index tables for a number of variables and a degree, kept in memory."""
     exponents = monomials(variables, degree)
     place = {exponent: at for at, exponent in enumerate(exponents)}
     raised = tuple(
@@ -81,7 +80,7 @@ def shape(variables: int, degree: int) -> Shape:
 
 
 Support = frozenset[int]
-"""The monomials that a jet may hold, by number; polynomials have few."""
+"""The indices of the monomials that may occur in a polynomial."""
 
 
 @lru_cache(maxsize=32)
@@ -90,12 +89,7 @@ def products(
 ) -> tuple[tuple[int, int, int], ...]:
     """Triples (α, β, γ) of monomials with x^α = x^β x^γ and |α| ≤ degree, sorted by |α|.
 
-    Args:
-        variables: The number of variables.
-        degree: The degree of the jets.
-        first: The β there are.
-        second: The γ there are.
-        proper: Whether to leave out β = 0.
+    The indices β and γ are those in `first` and `second`; `proper` excludes β = 0.
 
     Example:
         >>> products(1, 2, frozenset([0, 1]), frozenset([0, 1]), False)
@@ -108,13 +102,13 @@ def products(
         for b in first
         if b or not proper
         for c in second
-        if c < jet_size(variables, degree - sum(exponents[b]))
+        if c < monomial_count(variables, degree - sum(exponents[b]))
     ]
     return tuple(sorted(found, key=lambda triple: (sum(exponents[triple[0]]), triple[1:])))
 
 
-class Step(NamedTuple):
-    """One operation: where its result goes, its operands, a number or the code of a function, and its products."""
+class Instruction(NamedTuple):
+    """One operation: its result, operands, number or code of a function, and products of monomials."""
 
     operation: int
     result: int
@@ -124,56 +118,51 @@ class Step(NamedTuple):
     products: tuple[tuple[int, int, int], ...] = ()
 
 
-def factors(step: Step, variables: int, degree: int) -> list[Any]:
-    """What each product of a function is multiplied by: |β|/|α|, for a power r it is (r|β| − |γ|)/|α|.
+def factors(instruction: Instruction, variables: int, degree: int) -> list[Any]:
+    """The factors of the products in a function: |β|/|α|, and (r|β| − |γ|)/|α| for a power r.
 
     With a = a_0 (1 + ã), b = a^r satisfies a E b = r b E a, so that b_α = Σ (r|β| − |γ|)/|α| ã_β b_γ.
     """
     degrees = [sum(exponent) for exponent in monomials(variables, degree)]
-    if step.operation == POWER:
-        return [(step.number * degrees[b] - degrees[c]) / degrees[a] for a, b, c in step.products]
-    if step.operation in (EXP, CIRCULAR, HYPERBOLIC, INTEGRAL):
-        return [Fraction(degrees[b], degrees[a]) for a, b, _ in step.products]
+    if instruction.operation == POWER:
+        return [(instruction.number * degrees[b] - degrees[c]) / degrees[a] for a, b, c in instruction.products]
+    if instruction.operation in (EXP, CIRCULAR, HYPERBOLIC, INTEGRAL):
+        return [Fraction(degrees[b], degrees[a]) for a, b, _ in instruction.products]
     return []
 
 
-class Tape(NamedTuple):
-    """A formula as steps; jets are numbered, the last result is the formula."""
+class InstructionList(NamedTuple):
+    """Instructions that evaluate a formula, with the number of polynomials and the index of the result."""
 
-    steps: tuple[Step, ...]
-    jets: int
+    instructions: tuple[Instruction, ...]
+    polynomials: int
     result: int
 
 
-def record(formula: sympy.Expr, variables: int, degree: int) -> Tape:
-    """The steps that compute a formula's jet.
+def instruction_list(formula: sympy.Expr, variables: int, degree: int) -> InstructionList:
+    """The instructions that compute the truncated Taylor polynomial of a formula.
 
-    Args:
-        formula: A formula in the symbols x0, x1, … (local variables) and d0, d1, … (data).
-        variables: The number of local variables.
-        degree: The degree of the jets, at least 0.
-
-    Raises:
-        SeriesError: The formula has a function that jets do not know.
+    Its symbols are x0, x1, … for the local variables and d0, d1, … for data.
 
     Example:
         >>> import sympy
         >>> x = sympy.Symbol("x0")
-        >>> [step.operation for step in record(sympy.exp(-x) + 2, 1, 3).steps] == [ARGUMENT, SCALE, EXP, SHIFT]
+        >>> found = instruction_list(sympy.exp(-x) + 2, 1, 3).instructions
+        >>> [one.operation for one in found] == [ARGUMENT, SCALE, EXP, SHIFT]
         True
     """
-    recorder = _Recorder(variables, degree)
-    result = recorder.visit(formula)
-    return Tape(tuple(recorder.steps), len(recorder.supports), result)
+    builder = _InstructionBuilder(variables, degree)
+    result = builder.visit(formula)
+    return InstructionList(tuple(builder.instructions), len(builder.supports), result)
 
 
-class _Recorder:
-    """Walks a formula once; equal subformulas share their jets."""
+class _InstructionBuilder:
+    """Visitor of the nodes of a formula; equal subformulas share their polynomials."""
 
     def __init__(self, variables: int, degree: int):
         self.variables, self.degree = variables, degree
-        self.every: Support = frozenset(range(jet_size(variables, degree)))
-        self.steps: list[Step] = []
+        self.every: Support = frozenset(range(monomial_count(variables, degree)))
+        self.instructions: list[Instruction] = []
         self.known: dict[Any, int] = {}
         self.supports: list[Support] = []
 
@@ -181,21 +170,21 @@ class _Recorder:
         self, operation: int, *operands: int, support: Support | None = None, number: Any = None,
         triples: tuple[tuple[int, int, int], ...] = (),
     ) -> int:  # fmt: skip
-        """Append a step; `support` is that of its result, None if it may hold everything."""
+        """Append an instruction; `support` is that of its result, None for all monomials."""
         self.supports.append(self.every if support is None else support & self.every)
         result = len(self.supports) - 1
-        self.steps.append(Step(operation, result, *operands, number=number, products=triples))
+        self.instructions.append(Instruction(operation, result, *operands, number=number, products=triples))
         if operation in (CIRCULAR, HYPERBOLIC, POWER):
-            self.supports.append(self.every)  # a second result, or room for work
+            self.supports.append(self.every)  # a second result, or workspace
         return result
 
     def multiply(self, a: int, b: int) -> int:
-        """The product of two jets."""
+        """The product of two polynomials."""
         triples = products(self.variables, self.degree, self.supports[a], self.supports[b], False)
         return self.emit(MULTIPLY, a, b, support=frozenset(alpha for alpha, _, _ in triples), triples=triples)
 
     def function(self, operation: int, a: int, b: int = 0, number: Any = None) -> int:
-        """A function of jet a; `b` is the jet of an integral's slope, or a number of the operation's own."""
+        """A function of polynomial a; `b` is the derivative of an integral, or an operand of the operation."""
         second = self.supports[b] if operation == INTEGRAL else self.every
         triples = products(self.variables, self.degree, self.supports[a], second, True)
         return self.emit(operation, a, b, number=number, triples=triples)
@@ -220,7 +209,7 @@ class _Recorder:
         return self._function(formula)
 
     def _combine(self, formula: sympy.Expr) -> int:
-        """A sum or product; its number is one step, and not a jet."""
+        """A sum or product; its numerical part is one SHIFT or SCALE."""
         number, rest = formula.as_coeff_Add() if formula.is_Add else formula.as_coeff_Mul()
         if number != (0 if formula.is_Add else 1):
             at = self.visit(rest)
@@ -242,7 +231,7 @@ class _Recorder:
             return self.function(EXP, self.visit(exponent))
         if exponent.free_symbols:
             return self.visit(sympy.exp(exponent * sympy.log(base), evaluate=False))
-        if exponent.is_Integer and exponent > 1:  # by products, which have no trouble where the base is zero
+        if exponent.is_Integer and exponent > 1:  # by products, which are valid where the base is zero
             half = self.visit(base ** (exponent // 2))
             square = self.multiply(half, half)
             return square if exponent % 2 == 0 else self.multiply(square, self.visit(base))
@@ -261,7 +250,7 @@ class _Recorder:
         if name in ("tan", "tanh"):
             top, bottom = (sympy.sin, sympy.cos) if name == "tan" else (sympy.sinh, sympy.cosh)
             return self.visit(top(argument) * sympy.Pow(bottom(argument), -1))
-        slopes = {
+        derivatives = {
             "log": lambda a: 1 / a,
             "asin": lambda a: (1 - a**2) ** sympy.Rational(-1, 2),
             "acos": lambda a: -((1 - a**2) ** sympy.Rational(-1, 2)),
@@ -270,13 +259,13 @@ class _Recorder:
             "acosh": lambda a: (a - 1) ** sympy.Rational(-1, 2) * (a + 1) ** sympy.Rational(-1, 2),
             "atanh": lambda a: 1 / (1 - a**2),
         }
-        if name not in slopes:
+        if name not in derivatives:
             raise SeriesError(f"field must be made of elementary functions, but has {name!r:.60}")
-        at, slope = self.visit(argument), self.visit(slopes[name](argument))
-        return self.function(INTEGRAL, at, slope, number=INTEGRALS.index(name))
+        at, derivative = self.visit(argument), self.visit(derivatives[name](argument))
+        return self.function(INTEGRAL, at, derivative, number=INTEGRALS.index(name))
 
     def _pair(self, name: str, argument: Any) -> int:
-        """sin and cos, or sinh and cosh, which follow from each other: two jets side by side."""
+        """sin and cos, or sinh and cosh, computed together as two adjacent polynomials."""
         import sympy
 
         pair = (sympy.sin, sympy.cos) if name in ("sin", "cos") else (sympy.sinh, sympy.cosh)

@@ -1,4 +1,4 @@
-"""Symplectic changes of coordinates y = ψ(z): verified, and applied to Hamiltonian systems."""
+"""Symplectic changes of coordinates y = ψ(z): verification, and application to Hamiltonian systems."""
 
 from __future__ import annotations
 
@@ -13,17 +13,9 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.fields.symbolic.sparse_polynomials import TooLarge
-from bseries.hamiltonians.action_angle.variable_pairs import (
-    MOST_MONOMIALS,
-    check_mapping,
-    names_of,
-    read_pair,
-    simplified_from_within,
-    sizes,
-)
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
-from integrators.scenes.model.blocks import Block, check_symbols, poisson_matrix
+from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
@@ -34,18 +26,18 @@ if TYPE_CHECKING:
 
 
 MOST_STEPS = 50
-SETTLED = 1e-10
-"""An iteration that moves by less has converged; it goes on until it comes no nearer."""
+CONVERGED = 1e-10
+"""An iteration with smaller steps has converged; it continues until steps no longer decrease."""
 
 
 class CoordinateMaps:
-    """ψ and its inverse for arrays (variables,) or (variables, n).
+    """The map ψ and its inverse for arrays (variables,) or (variables, n).
 
     Args:
-        formulas: ψ.
+        formulas: The formulas of ψ.
         symbols: The variables z.
-        brackets: Ω⁻¹ of the new variables, their brackets among themselves.
-        inverse: Ω of the old variables, the inverse of their brackets.
+        brackets: The matrix Ω⁻¹ of brackets of the new variables.
+        inverse: The inverse Ω of the matrix of brackets of the old variables.
     """
 
     def __init__(
@@ -60,18 +52,18 @@ class CoordinateMaps:
         self._size = len(symbols)
         self._brackets, self._inverse = np.array(brackets, float), np.array(inverse, float)
         rows = list(formulas)
-        slopes = [row.diff(symbol) for row in rows for symbol in symbols]
-        self._psi, self._slopes = (
-            sympy.lambdify(symbols, entries, "numpy", cse=True, dummify=True) for entries in (rows, slopes)
+        derivatives = [row.diff(symbol) for row in rows for symbol in symbols]
+        self._psi, self._derivatives = (
+            sympy.lambdify(symbols, entries, "numpy", cse=True, dummify=True) for entries in (rows, derivatives)
         )
 
     def to_old(self, z: Any) -> np.ndarray:
-        """ψ(z)."""
+        """Evaluate ψ(z)."""
         states, shape = read_states(z, self._size)
         return self._value(self._psi, states.T).reshape(shape)
 
     def to_new(self, y: Any, near: Any) -> np.ndarray:
-        """The z with ψ(z) = y, from guesses: one for all, or one for each."""
+        """Solve ψ(z) = y by Newton's method, from one initial guess for all points or one for each."""
         states, shape = read_states(y, self._size)
         guesses, _ = read_states(near, self._size)
         if len(guesses) not in (1, len(states)):
@@ -80,13 +72,13 @@ class CoordinateMaps:
         z = np.broadcast_to(guesses.T, wanted.shape).copy()
         moved = np.inf
         for _ in range(MOST_STEPS):
-            jacobian = self._value(self._slopes, z).reshape(self._size, *z.shape)
+            jacobian = self._value(self._derivatives, z).reshape(self._size, *z.shape)
             residual = self._value(self._psi, z) - wanted
-            # ψ' is symplectic: its inverse is Ω⁻¹ ψ'ᵀ Ω.
+            # The inverse of the symplectic matrix ψ' is Ω⁻¹ ψ'ᵀ Ω.
             step = np.einsum("ij,kjn,kl,ln->in", self._brackets, jacobian, self._inverse, residual)
             z -= step
             last, moved = moved, float(np.max(np.abs(step) / (1 + np.abs(z)), initial=0.0))
-            if moved == 0 or moved >= last < SETTLED:
+            if moved == 0 or moved >= last < CONVERGED:
                 return z.reshape(shape)
         raise SeriesError("near must be closer to the solution, but from there Newton's method did not converge")
 
@@ -96,23 +88,23 @@ class CoordinateMaps:
 
 
 class CoordinateChange(ImmutableValue):
-    """A change of coordinates y = ψ(z), from new coordinates z = (P, Q) to old ones y = (p, q).
+    """Change of coordinates y = ψ(z), from new coordinates z = (P, Q) to old coordinates y = (p, q).
 
     Args:
         old: A scene, or the blocks of its variables, as `Scene` takes them: the momenta p and the positions q.
         new: The blocks of the new variables.
-        formulas: Maps every old variable to a formula in the new ones.
-        parameters: The names of parameters that formulas may use.
+        formulas: A map from every old variable to a formula in the new ones.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive, such as a radius.
 
     Raises:
-        SeriesError: A formula is missing, or there are not as many new variables as old ones.
-        IntegratorError: A formula is none, or uses other names.
+        SeriesError: A formula is missing, or the numbers of new and old variables differ.
+        IntegratorError: A formula is invalid, or uses other names.
 
     Attributes:
         old: The blocks of old variables.
         new: The blocks of new variables.
-        formulas: ψ by the names of old variables.
+        formulas: The formulas of ψ by the names of old variables.
         positive: The new variables that are positive.
 
     Example:
@@ -138,7 +130,6 @@ class CoordinateChange(ImmutableValue):
         parameters: Iterable[str] = (),
         positive: Iterable[str] = (),
     ):
-
         before, after = read_pair(old, "old"), read_pair(new, "new")
         if len(names_of(before)) != len(names_of(after)):
             raise SeriesError(
@@ -177,9 +168,8 @@ class CoordinateChange(ImmutableValue):
         """The same change with numbers for parameters.
 
         Raises:
-            SeriesError: There is no such parameter.
+            SeriesError: A name is not that of a parameter.
         """
-
         unknown = [name for name in values if name not in self.parameters]
         if unknown:
             raise SeriesError(
@@ -188,7 +178,7 @@ class CoordinateChange(ImmutableValue):
         return self._filled({name: read_formula(value, (), name) for name, value in values.items()})
 
     def _filled(self, values: Mapping[str, sympy.Expr]) -> CoordinateChange:
-        """The same change with these values, numbers or their own symbols, for parameters."""
+        """The same change with values, numbers or their own symbols, for parameters."""
         import sympy
 
         known = {sympy.Symbol(name): values[name] for name in self.parameters if name in values}
@@ -201,14 +191,14 @@ class CoordinateChange(ImmutableValue):
 
     @cached_property
     def is_symplectic(self) -> bool:
-        """Whether ψ'(z) Ω⁻¹ ψ'(z)ᵀ = Ω⁻¹ for all z: whether old variables have their brackets in new ones."""
+        """Whether ψ'(z) Ω⁻¹ ψ'(z)ᵀ = Ω⁻¹ for all z, so that brackets are preserved."""
         return self._defect is None
 
     def check(self) -> CoordinateChange:
-        """The change itself.
+        """Check symplecticity; returns the change itself.
 
         Raises:
-            SeriesError: It is not symplectic; the message names a bracket that is not what it must be.
+            SeriesError: The change is not symplectic; the message names a wrong bracket.
         """
         if self._defect is not None:
             pair, bracket, must = self._defect
@@ -219,7 +209,7 @@ class CoordinateChange(ImmutableValue):
 
     @cached_property
     def _defect(self) -> tuple[str, sympy.Expr, int] | None:
-        """A pair of old variables, their bracket {A, B} = A_Q·B_P − A_P·B_Q, and what it must be."""
+        """A pair of old variables with a wrong bracket {A, B} = A_Q·B_P − A_P·B_Q, this bracket, and the right one."""
         try:
             return self._find_defect()
         except TooLarge:
@@ -228,14 +218,13 @@ class CoordinateChange(ImmutableValue):
             ) from None
 
     def _find_defect(self) -> tuple[str, sympy.Expr, int] | None:
-
-        ring = DifferentialRing.of(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
-        slopes = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
+        ring = DifferentialRing(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
+        gradients = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
         names, matrix = names_of(self.old), poisson_matrix(self.old)
         momenta, positions = (range(block.offset, block.end) for block in self.new)
-        # The positions first, so that each bracket must be 0 or 1.
+        # Positions first, so that each bracket must be 0 or 1.
         for j, k in combinations([names.index(name) for block in self.old[::-1] for name in block.variables], 2):
-            left, right = slopes[j], slopes[k]
+            left, right = gradients[j], gradients[k]
             forth = ring.dot((left[q], right[p]) for p, q in zip(momenta, positions, strict=True))
             back = ring.dot((left[p], right[q]) for p, q in zip(momenta, positions, strict=True))
             if not ring.is_zero(forth - back - matrix[j][k]):
@@ -245,10 +234,10 @@ class CoordinateChange(ImmutableValue):
     # Application.
 
     def composed(self, formula: sympy.Expr) -> sympy.Expr:
-        """A formula in old variables, written in new ones: F(ψ(z)).
+        """The composition F(ψ(z)) with a formula F in old variables.
 
         Raises:
-            SeriesError: A symbol that is no old variable bears the name of a new one.
+            SeriesError: A parameter in the formula has the name of a new variable.
 
         Example:
             >>> import sympy
@@ -268,29 +257,28 @@ class CoordinateChange(ImmutableValue):
         psi = {sympy.Symbol(name): value.xreplace(signed) for name, value in self.formulas.items()}
         plain = {symbol: name for name, symbol in signed.items()}
         symbols = [signed.get(symbol, symbol) for symbol in self.symbols]
-        return simplified_from_within(formula.xreplace(psi), symbols).xreplace(plain)
+        return simplified_inside_out(formula.xreplace(psi), symbols).xreplace(plain)
 
     def hamiltonian(self, scene: Scene, *, start: Mapping[str, Any] | None = None) -> Scene:
-        """The same system in new variables: a scene with the Hamiltonian K(z) = H(ψ(z)).
+        """The system in new variables: a scene with the Hamiltonian K(z) = H(ψ(z)).
 
         Args:
-            scene: The scene in old variables. Where formulas have parameters, it tells their values.
-            start: Start values in new variables.
+            scene: The scene in old variables, which gives the values of parameters.
+            start: Initial values in new variables.
 
         Raises:
             SeriesError: The change is not symplectic, the scene has other variables or no Hamiltonian, or a parameter
-                that is a symbol bears the name of a new variable.
+                that is a symbol has the name of a new variable.
 
         References:
             HLW, theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
         """
-
         self.check()
         if not isinstance(scene, Scene) or read_pair(scene, "scene") != self.old:
             raise SeriesError(f"scene must be one in {', '.join(names_of(self.old)):.60}, but was {scene!r:.60}")
         if scene.hamiltonian is None:
             raise SeriesError(f"scene must have a Hamiltonian, but {scene.name} has none")
-        # All parameters get their values before z comes in: a variable may bear the name of one.
+        # Parameters get values before z is inserted: a new variable may have the name of a parameter.
         energies = {"": scene.hamiltonian} | {k: filled(v, scene) for k, v in scene.invariants.items()}
         psi = self._filled(scene.parameter_values)
         new = {name: psi.composed(formula) for name, formula in energies.items()}
@@ -306,22 +294,22 @@ class CoordinateChange(ImmutableValue):
         )
 
     def to_old(self, z: Any) -> np.ndarray:
-        """ψ(z) at one point (variables,) or many (variables, n).
+        """Evaluate ψ(z) at one point (variables,) or many (variables, n).
 
         Raises:
-            SeriesError: `z` does not fit, or a parameter has no number.
+            SeriesError: `z` has the wrong shape, or a parameter is a symbol.
         """
         return self._maps.to_old(z)
 
     def to_new(self, y: Any, near: Any) -> np.ndarray:
-        """The z with ψ(z) = y, by Newton's method.
+        """Solve ψ(z) = y by Newton's method.
 
         Args:
             y: One point (variables,), or many (variables, n).
-            near: Where to look: one point for all, or one for each.
+            near: Initial guesses: one point for all, or one for each.
 
         Raises:
-            SeriesError: An argument does not fit, or the iteration does not converge from there.
+            SeriesError: An argument has the wrong shape, or the iteration does not converge.
         """
         self.check()
         z = self._maps.to_new(y, near)
@@ -332,46 +320,67 @@ class CoordinateChange(ImmutableValue):
 
     @cached_property
     def _maps(self) -> CoordinateMaps:
-
         if self.parameters:
             raise SeriesError(f"parameters must be numbers, but {self.parameters[0]} is a symbol: see with_parameters")
         inverse = [[-x for x in row] for row in poisson_matrix(self.old)]
         return CoordinateMaps(self.formulas.values(), self.symbols, poisson_matrix(self.new), inverse)
 
 
-def canonical_transformation(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    formulas: Mapping[str, Any],
-    *,
-    parameters: Iterable[str] = (),
-    positive: Iterable[str] = (),
-) -> CoordinateChange:
-    """A symplectic change of coordinates from its formulas, verified.
+MOST_MONOMIALS = 10_000
+"""Formulas with more monomials are not simplified."""
 
-    Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables.
-        formulas: Maps every old variable to a formula in the new ones.
-        parameters: The names of parameters that formulas may use.
-        positive: The new variables that are positive, such as a radius.
 
-    Raises:
-        SeriesError: It is not symplectic, or does not fit.
-        IntegratorError: A formula is none.
+def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
+    """Simplify a formula: factored, with sin² + cos² = 1; very long formulas are unchanged."""
+    try:
+        ring = DifferentialRing([formula], symbols, limit=MOST_MONOMIALS)
+        return ring.to_expression(ring.elements[0])
+    except TooLarge:
+        return formula
 
-    Example:
-        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
-        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
-        >>> import bseries as bs
-        >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
-        a**2*sin(theta)**4 + a
-        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
-        Traceback (most recent call last):
-            ...
-        bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
 
-    References:
-        HLW, section VI.5 and theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
-    """
-    return CoordinateChange(old, new, formulas, parameters=parameters, positive=positive).check()
+def simplified_inside_out(formula: Any, symbols: Sequence[sympy.Symbol]) -> Any:
+    """Simplify a formula from the innermost arguments outwards, as √(x² + y²) needs; factored, or a sum if shorter."""
+    import sympy
+
+    def inner(part: Any) -> Any:
+        return part.func(*(simplified(argument, symbols) for argument in part.args))
+
+    def is_opaque(part: Any) -> bool:
+        return bool(part.is_Function or (part.is_Pow and not part.exp.is_Integer))
+
+    factored: Any = simplified(formula.replace(is_opaque, inner), symbols)
+    return min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
+
+
+def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
+    """Read momenta and positions, which must be the only blocks, with the canonical structure."""
+    if isinstance(blocks, Scene) and blocks.poisson is not None:
+        raise SeriesError(f"{argument} must be canonical, but {blocks.name} has a Poisson structure of its own")
+    found = blocks.blocks if isinstance(blocks, Scene) else read_blocks(blocks, argument)
+    pair = canonical_blocks(found)
+    if pair is None or len(found) != 2:
+        names = ", ".join(block.name for block in found)
+        raise SeriesError(
+            f"{argument} must be momenta and as many positions, with names such as p and q, "
+            f"but was {names or 'empty':.60}"
+        )
+    return pair
+
+
+def sizes(pair: Sequence[Block]) -> dict[str, Any]:
+    """The sizes of blocks, as `Scene` takes them, in the order of the state."""
+    return {block.name: block.size for block in sorted(pair, key=lambda block: block.offset)}
+
+
+def names_of(pair: Sequence[Block]) -> tuple[str, ...]:
+    """The names of all variables, in the order of the state."""
+    return tuple(name for block in sorted(pair, key=lambda block: block.offset) for name in block.variables)
+
+
+def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
+    """Check that a mapping has a formula for each name, and no others."""
+    keys = list(formulas) if isinstance(formulas, Mapping) else None
+    if keys is None or set(keys) != set(names):
+        was = repr(formulas) if keys is None else f"for {', '.join(map(str, keys)) or 'none'}"
+        raise SeriesError(f"{argument} must have a formula for each of {', '.join(names):.60}, but was {was:.60}")

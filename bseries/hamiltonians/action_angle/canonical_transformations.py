@@ -1,4 +1,4 @@
-"""Symplectic changes of coordinates of several kinds, from less than all their formulas."""
+"""Canonical transformations from formulas, point transformations, generating functions, action-angle variables."""
 
 from __future__ import annotations
 
@@ -6,12 +6,55 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.action_angle.canonical import CoordinateChange, canonical_transformation
-from bseries.hamiltonians.action_angle.variable_pairs import check_mapping, names_of, read_pair, simplified
+from bseries.hamiltonians.action_angle.coordinate_change import (
+    CoordinateChange,
+    check_mapping,
+    names_of,
+    read_pair,
+    simplified,
+)
 from integrators.scenes.model.formulas import read_formula
 
 if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
+
+
+def canonical_transformation(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    formulas: Mapping[str, Any],
+    *,
+    parameters: Iterable[str] = (),
+    positive: Iterable[str] = (),
+) -> CoordinateChange:
+    """A verified symplectic change of coordinates, from its formulas.
+
+    Args:
+        old: A scene, or the blocks of its variables: the momenta p and the positions q.
+        new: The blocks of the new variables.
+        formulas: A map from every old variable to a formula in the new ones.
+        parameters: The names of parameters in formulas.
+        positive: The new variables that are positive, such as a radius.
+
+    Raises:
+        SeriesError: The change is not symplectic, or variables do not fit.
+        IntegratorError: A formula is invalid.
+
+    Example:
+        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
+        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
+        >>> import bseries as bs
+        >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
+        a**2*sin(theta)**4 + a
+        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
+        Traceback (most recent call last):
+            ...
+        bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
+
+    References:
+        HLW, section VI.5 and theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
+    """
+    return CoordinateChange(old, new, formulas, parameters=parameters, positive=positive).check()
 
 
 def point_transformation(
@@ -22,20 +65,20 @@ def point_transformation(
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
 ) -> CoordinateChange:
-    """The symplectic change of coordinates that extends one of positions, q = χ(Q).
+    """The symplectic change of coordinates that extends a change of positions q = χ(Q).
 
-    Momenta change by P = χ'(Q)ᵀ p: the generating function is p·χ(Q).
+    Momenta become P = χ'(Q)ᵀ p; the generating function is p·χ(Q).
 
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
         new: The blocks of the new variables P, Q.
-        positions: Maps the old positions to formulas in the new ones.
-        parameters: The names of parameters that formulas may use.
+        positions: A map from the old positions to formulas in the new ones.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive, such as a radius.
 
     Raises:
-        SeriesError: The positions do not determine each other, or do not fit.
-        IntegratorError: A formula is none.
+        SeriesError: The Jacobian matrix is singular everywhere, or positions do not fit.
+        IntegratorError: A formula is invalid.
 
     Example:
         >>> new = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
@@ -82,16 +125,16 @@ def generating_transformation(
 
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q, under other names.
-        S: The formula, in new momenta and old positions; P·q is the identity's.
-        positions: The solution q of Q = ∇_P S(P, q), formulas in P and Q by the names of q; needed where this is not
-            linear in q.
-        parameters: The names of parameters that formulas may use.
+        new: The blocks of the new variables P, Q, with other names.
+        S: A formula in new momenta and old positions; P·q gives the identity.
+        positions: The solution q of Q = ∇_P S(P, q), as formulas in P and Q by the names of q; needed for equations
+            that are not linear in q.
+        parameters: The names of parameters in formulas.
         positive: The new variables that are positive.
 
     Raises:
-        SeriesError: The equations for q are not solved, or what is given does not fit.
-        IntegratorError: A formula is none.
+        SeriesError: `positions` do not solve the equations, or arguments do not fit.
+        IntegratorError: A formula is invalid.
 
     Example:
         >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*q + q^2/2 + sin(P)"))
@@ -148,12 +191,12 @@ def harmonic_action_angle(
     Args:
         old: A scene, or the blocks of its variables: the momenta p and the positions q.
         new: The blocks of the actions and the angles.
-        frequencies: The ω_i, numbers or formulas in parameters.
-        parameters: The names of these parameters.
+        frequencies: The frequencies ω_i, numbers or formulas in parameters.
+        parameters: The names of parameters.
 
     Raises:
         SeriesError: The frequencies or variables do not fit.
-        IntegratorError: A frequency is no formula.
+        IntegratorError: A frequency is not a formula.
 
     Example:
         >>> change = harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
@@ -180,7 +223,7 @@ def harmonic_action_angle(
 
 
 def _linear_solution(relations: Sequence[Any], q: Sequence[Any], places: Sequence[Any], momenta: Sequence[Any]) -> Any:
-    """The q of Q = A q + b, where A and b depend on P only."""
+    """Solve Q = A q + b for q, where A and b depend on P only."""
     import sympy
 
     matrix = sympy.Matrix(relations).jacobian(list(q))
@@ -192,7 +235,7 @@ def _linear_solution(relations: Sequence[Any], q: Sequence[Any], places: Sequenc
 
 
 def _solved(matrix: Any, right: Sequence[Any], symbols: Sequence[Any], argument: str) -> list[Any]:
-    """The solution of a linear system, simplified."""
+    """Solve a linear system; the solution is simplified."""
     import sympy
 
     determinant = simplified(matrix.det(method="berkowitz"), symbols)

@@ -1,12 +1,13 @@
-"""How far the modified equation of a method is Hamiltonian: for a class of Hamiltonians, by trees, and on a scene.
+"""Order to which the modified equation of a method is Hamiltonian: for a class of Hamiltonians, and on a scene.
 
-A field f keeps the structure B(y) if Df B + B Dfᵀ = DB[f]; for an invertible B this means that B^(−1) f is a gradient,
-in any region without holes. On a scene this is decided at a random point, with random vectors u and v, in many digits:
+Trees decide for a class of Hamiltonians. A field f preserves the structure B(y) if Df B + B Dfᵀ = DB[f]; for an
+invertible B this means that B^(−1) f is a gradient on simply connected domains. On a scene this is tested in high
+precision at a random point, with random vectors u and v:
 
     u · Df[B v] − v · Df[B u] = u · DB[f] v.
 
-Both sides are analytic functions, which agree there only if they agree everywhere (but for a set of measure zero); two
-directional derivatives are enough in any dimension. Where parameters are symbols, formulas decide.
+Both sides are analytic functions: with probability one they agree there only if they agree everywhere. Two directional
+derivatives suffice in any dimension. With symbolic parameters, formulas decide.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from bseries.analysis.order import order_of, trusted
 from bseries.analysis.structure import hamiltonian_field
 from bseries.analysis.structure_conditions import SEPARABLE
 from bseries.analysis.verdicts import failing, samples_of
-from bseries.fields.differentials import refusing_large
+from bseries.fields.elementary_differentials import refusing_large
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
-from bseries.fields.scene_series import SceneSeries, modified_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.brackets.bracket_trees import is_chain
+from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.program.child_bounds import common_bounds
 from integrators.scenes.particles.degrees import degrees
@@ -40,24 +41,23 @@ if TYPE_CHECKING:
 DIGITS = 100
 STEP = "1e-33"
 NOISE = 1e-50
-"""What counts as zero, relative to the terms that cancel: difference quotients leave about 1e-66. What masses and
-distances of very different sizes make small is larger than that."""
+"""Relative size of a zero defect: difference quotients leave about 1e-66, and small masses or distances leave more."""
 FURTHER = 3
-"""Verdicts look so many orders beyond that of the method, unless told otherwise."""
+"""Orders beyond that of the method that are tested by default."""
 
 
 class HamiltonianVerdict(NamedTuple):
-    """How far a modified equation is Hamiltonian.
+    """Order to which a modified equation is Hamiltonian on a scene, with the verdict for a class of Hamiltonians.
 
     Attributes:
         method: The name of the method, or of the series.
         scene: The name of the scene.
-        general: The verdict on a class of Hamiltonians, with the first tree that breaks it; None where trees do not
-            tell, since the structure of the scene is not the canonical one.
-        kind: That class in words.
-        names: The names of the colours of that tree; empty for one colour.
+        general: The verdict for a class of Hamiltonians, with the first violating tree; None if the structure of the
+            scene is not canonical, where trees do not decide.
+        kind: The class in words.
+        names: The names of the colours of the violating tree; empty for one colour.
         order: The largest n such that the terms with h^0, …, h^(n−1) are Hamiltonian on the scene.
-        tested_to: The largest order that was looked at.
+        tested_to: The largest order tested.
 
     Example:
         >>> import bseries as bs
@@ -79,7 +79,7 @@ class HamiltonianVerdict(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the modified equation is Hamiltonian on the scene, as far as it was looked at."""
+        """Whether the modified equation is Hamiltonian on the scene to the order tested."""
         return self.order == self.tested_to
 
     def __str__(self) -> str:
@@ -92,29 +92,29 @@ class HamiltonianVerdict(NamedTuple):
 
     @property
     def exists_through(self) -> int | None:
-        """The last power of h with which there is a modified Hamiltonian on the scene; None if none is known."""
+        """The last power of h to which a modified Hamiltonian exists on the scene; None without a known limit."""
         return None if self.holds else self.order - 1
 
     def limit(self, *, latex: bool = False) -> str:
-        """A sentence that says up to which power of h there is a modified Hamiltonian; empty where none is known."""
+        """A sentence on the power of h to which a modified Hamiltonian exists; empty without a known limit."""
         if self.exists_through is None:
             return ""
-        H, last, broken, scene = "H~", f"h^{self.exists_through}", f"h^{self.order}", self.scene
+        H, last, violated, scene = "H~", f"h^{self.exists_through}", f"h^{self.order}", self.scene
         general = f"; the first tree to break it for {self.kind} is {self.broken_tree}" if self.broken_tree else ""
         if latex:
-            H, last, broken = r"$\widetilde{H}$", f"$h^{{{self.exists_through}}}$", f"$h^{{{self.order}}}$"
+            H, last, violated = r"$\widetilde{H}$", f"$h^{{{self.exists_through}}}$", f"$h^{{{self.order}}}$"
             scene, general = "this scene", general.replace("_", r"\_").replace("τ", r"$\tau$")
-        return f"{H} exists through {last} only: on {scene} the term with {broken} has no Hamiltonian{general}."
+        return f"{H} exists through {last} only: on {scene} the term with {violated} has no Hamiltonian{general}."
 
     @property
     def broken_tree(self) -> str | None:
-        """The first tree that breaks it for all Hamiltonians of the class, as text; None if none does."""
+        """The first violating tree for the class of Hamiltonians, as text; None if there is none."""
         if self.general is None or self.general.breaks is None:
             return None
         return self.general.breaks.text(self.names or None)
 
     def to_dict(self) -> dict[str, Any]:
-        """The verdict as JSON-ready data."""
+        """The verdict as plain data."""
         general = self.general and {
             "hamiltonians": self.kind,
             "order": self.general.order,
@@ -126,24 +126,25 @@ class HamiltonianVerdict(NamedTuple):
 def hamiltonian_verdict(
     method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None
 ) -> HamiltonianVerdict:
-    """How far the modified equation of a method is Hamiltonian, for all H and on one scene.
+    """The order to which the modified equation of a method is Hamiltonian, for all H and on one scene.
 
-    On a scene it may be Hamiltonian although the method is not symplectic: with one degree of freedom every
-    divergence-free field is, locally. Then H̃ need not have the periods of H: the simplified Takahashi–Imada method has
-    one on any pendulum, but only with ∫ U'''U'² dq = 0 over a period is it, to h^4, a function on the cylinder.
+    It may be Hamiltonian on a scene although the method is not symplectic: with one degree of freedom every
+    divergence-free field is locally Hamiltonian. Then H̃ need not have the periods of H: for the simplified
+    Takahashi–Imada method on a pendulum, the term with h^4 is a function on the cylinder only if ∫ U'''U'² dq = 0 over
+    a period.
 
     Args:
         method: A method, or a field series.
-        scene: A canonical scene, or a Poisson system. (For a singular structure its Casimir functions must be kept as
-            well, which is not looked at.)
-        order: The largest number of nodes; None means the order of a series, and three more than the order of a method.
+        scene: A canonical scene, or a Poisson system. (Preservation of the Casimir functions of a singular structure is
+            not tested.)
+        order: The largest number of nodes; by default the order of a series, or three more than the order of a method.
         parts: As for `modified_field`.
 
     Returns:
         A `HamiltonianVerdict`.
 
     Raises:
-        SeriesError: The scene has no structure, or an argument is out of its range.
+        SeriesError: The scene has no structure matrix, or an argument is out of range.
 
     Example:
         >>> import bseries as bs
@@ -166,7 +167,7 @@ def hamiltonian_verdict(
 
 
 def verdict_beyond(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> HamiltonianVerdict:
-    """The verdict on the terms of an order and, unless theorems tell, on those that follow."""
+    """The verdict for the terms of an order and, unless symplecticity is proved, for some later terms."""
     if isinstance(method, BSeries):
         return hamiltonian_verdict(method, scene, parts=parts)
     if not _is_proved_symplectic(method, modified_field(method, scene, 1, parts=parts)):
@@ -175,7 +176,7 @@ def verdict_beyond(method: Method | BSeries, scene: Scene, order: int, parts: An
 
 
 def _is_proved_symplectic(method: Method, field: SceneSeries) -> bool:
-    """Whether it is symplectic on a scene at all orders: by HLW, theorems VI.4.3 and VI.4.6, or as flows."""
+    """Whether a method is symplectic on a scene at all orders, by HLW, theorems VI.4.3 and VI.4.6, or as flows."""
     pieces, scene = field.trees.pieces, field.scene
     in_blocks = pieces[0].blocks is not None
     if not scene.is_hamiltonian or (in_blocks and scene.poisson is not None):
@@ -189,12 +190,12 @@ def _is_proved_symplectic(method: Method, field: SceneSeries) -> bool:
 
 
 def name_of(method: Method | BSeries) -> str:
-    """The name of a method, or what a series says that it is."""
+    """The name of a method, or the label of a series."""
     return (method.label or "a series") if isinstance(method, BSeries) else method.name
 
 
 def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str]:
-    """The verdict by trees, and in words for which Hamiltonians."""
+    """The verdict by trees, and the class of Hamiltonians in words."""
     pieces = field.trees.pieces
     in_blocks = len(pieces) > 1 and pieces[0].blocks is not None
     if isinstance(method, BSeries):
@@ -214,11 +215,7 @@ def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str
 
 
 def hamiltonian_order(f: SceneSeries) -> int:
-    """The largest n such that the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene.
-
-    Raises:
-        SeriesError: The scene has no structure.
-    """
+    """The largest n for which the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene."""
     structure = structure_matrix(f.scene)
     symbols = [*f.scene.parameter_values.values(), *f.weights]
     test = _by_formulas if any(getattr(x, "free_symbols", ()) for x in symbols) else _by_numbers
@@ -238,23 +235,23 @@ def _by_numbers(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool
     with mpmath.workdps(DIGITS):
         samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
         residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
-        broken = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
-    return [k not in broken for k in range(f.order)]
+        violated = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
+    return [k not in violated for k in range(f.order)]
 
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
-    """u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, by power of h, and the size of the three terms."""
+    """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
     import mpmath
 
-    from bseries.fields.any_precision import PreciseSeries
+    from bseries.fields.evaluation import PreciseSeries
 
-    terms, matrix = PreciseSeries(f, DIGITS).terms, _function(f.scene, structure)
+    terms, matrix = PreciseSeries(f, DIGITS).terms, _structure_function(f.scene, structure)
     random, step = Random(1), mpmath.mpf(STEP)
     centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()
     y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
     u, v = ([mpmath.mpf(random.uniform(-1, 1)) for _ in y] for _ in range(2))
 
-    def slope(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
+    def derivative(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
         ahead, behind = ([a + s * d for a, d in zip(y, direction, strict=True)] for s in (step, -step))
         return [
             [(a - b) / (2 * step) for a, b in zip(*rows, strict=True)]
@@ -264,14 +261,14 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
     here = matrix(y)
     bv, bu = ([mpmath.fdot(row, x) for row in here] for x in (v, u))
     found = []
-    for value, first, second in zip(terms(y), slope(terms, bv), slope(terms, bu), strict=True):
-        turned = [mpmath.fdot(row, v) for row in slope(matrix, value)]
-        parts = mpmath.fdot(u, first), -mpmath.fdot(v, second), -mpmath.fdot(u, turned)
+    for value, first, second in zip(terms(y), derivative(terms, bv), derivative(terms, bu), strict=True):
+        varied = [mpmath.fdot(row, v) for row in derivative(matrix, value)]
+        parts = mpmath.fdot(u, first), -mpmath.fdot(v, second), -mpmath.fdot(u, varied)
         found.append((mpmath.fsum(parts), mpmath.fsum(parts, absolute=True)))
     return found
 
 
-def _function(scene: Scene, structure: Sequence[Sequence[Any]]) -> Callable[[Sequence[Any]], list[list[Any]]]:
+def _structure_function(scene: Scene, structure: Sequence[Sequence[Any]]) -> Callable[[Sequence[Any]], list[list[Any]]]:
     """The structure matrix as a function of numbers of mpmath."""
     import sympy
 

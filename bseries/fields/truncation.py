@@ -1,8 +1,8 @@
-"""How far a truncated field reaches: the sizes of its terms, where to stop, and the error that is left.
+"""Truncation of modified equations: radius of convergence, optimal order, remaining error.
 
-In general the modified equation diverges: the terms h^k f_{k+1}(y) shrink up to some power of h and grow beyond it, and
-the smallest one is about the best accuracy that any truncation has. On linear scenes the series converges for small h,
-see `bseries.fields.convergence`.
+On linear systems the modified equation converges up to the nearest zero or pole of the stability function. In general
+it diverges: the terms h^k f_{k+1}(y) shrink up to some power of h and grow beyond it, and the smallest term is about
+the best accuracy that any truncation has.
 """
 
 from __future__ import annotations
@@ -10,39 +10,113 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.analysis.stability.linear_stability import stability_function
+from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
-from bseries.fields.convergence import convergence_radius
 from bseries.fields.inputs import read_states, read_step
-from bseries.fields.scene_series import SceneSeries, modified_field
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from integrators.core.errors import shown
 from integrators.scenes.particles.degrees import Piece, degrees
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.fields.scene_series import SceneSeries
     from integrators import RungeKutta
+
+
+CANCELLATION = 1e-6
+"""Relative distance below which a zero and a pole of an inexact function cancel."""
+
+
+class ConvergenceRadius(NamedTuple):
+    """Radius of convergence of the modified equation on y' = λy: it converges for |hλ| < radius.
+
+    Attributes:
+        radius: The radius, infinite if the stability function has neither zeros nor poles.
+        root: The nearest zero or pole, with imaginary part ≥ 0.
+        kind: ``"zero"``, ``"pole"`` or ``"none"``.
+
+    Example:
+        >>> import bseries as bs
+        >>> found = bs.convergence_radius(bs.method("implicit-euler"))
+        >>> found.radius, found.root, found.kind
+        (1.0, (1+0j), 'pole')
+    """
+
+    radius: float
+    root: complex | None
+    kind: str
+
+    def __str__(self) -> str:
+        if self.root is None:
+            return "∞: the stability function has neither zeros nor poles"
+        number = f"{self.root:.6g}" if self.root.imag else f"{self.root.real:.6g}"
+        return f"{self.radius:.6g}, from the {self.kind} {number} of the stability function"
+
+
+def convergence_radius(method: RungeKutta) -> ConvergenceRadius:
+    """Radius of convergence of the modified equation of a method on linear systems.
+
+    With the stability function R, the modified equation of y' = Ay is y' = (1/h) log R(hA) y. The logarithm is analytic
+    in the largest disk without zeros or poles of R.
+
+    Args:
+        method: A Runge–Kutta method.
+
+    Returns:
+        The absolute value of the zero or pole of R nearest to 0, with that root.
+
+    Raises:
+        IntegratorError: The method is not a `RungeKutta`, or has symbols.
+
+    Example:
+        >>> import bseries as bs
+        >>> print(bs.convergence_radius(bs.method("rk4")))
+        1.94454, from the zero -1.72944+0.888974j of the stability function
+        >>> print(bs.convergence_radius(bs.method("implicit-midpoint")))
+        2, from the zero -2 of the stability function
+
+    References:
+        HLW, section IX.1; E. Hairer, lecture on long-time behaviour, example 3.
+    """
+    R = stability_function(method)
+    inverse = StabilityFunction.from_elements(R.q, R.p, floating=R.floating, digits=R.digits)
+    zeros, poles = inverse.poles, R.poles
+    if R.floating or R.digits is not None:
+        zeros, poles = _uncancelled(zeros, poles), _uncancelled(poles, zeros)
+    roots = [(abs(z), z, kind) for kind, places in (("zero", zeros), ("pole", poles)) for z in places]
+    if not roots:
+        return ConvergenceRadius(math.inf, None, "none")
+    radius, root, kind = min(roots, key=lambda found: found[0])
+    return ConvergenceRadius(radius, complex(root.real, abs(root.imag)), kind)
+
+
+def _uncancelled(roots: Sequence[complex], others: Sequence[complex]) -> list[complex]:
+    """The roots that no other root cancels: reducible methods have common factors, up to rounding."""
+    return [z for z in roots if all(abs(z - other) > CANCELLATION * abs(z) for other in others)]
+
 
 NEARBY_POINTS = 4
 NEARBY = 2.0**-50
-"""Points this near, relative to the state, tell rounding errors from terms."""
+"""Relative distance of nearby points, whose values separate rounding errors from terms."""
 
 
 class TruncationWarning(UserWarning):
-    """A truncated series is used where its last terms make it worse."""
+    """Warning that the last terms of a truncated series make it worse."""
 
 
 class Reach(NamedTuple):
-    """The sizes of the terms of a field at a point, and what follows from them.
+    """Sizes of the terms of a field at a point, with the optimal truncation and the error.
 
     Attributes:
-        label: What the field is.
+        label: The name of the field.
         h: The step size.
-        norms: For each power k of h the size of f_{k+1}(y), without h^k; 0 where nothing but rounding errors is left.
-        spectral_radius: Of the matrix of a linear scene; None for other scenes, or if no method was given.
-        radius: Where the series converges on linear scenes; None like `spectral_radius`.
+        norms: The norms of f_{k+1}(y), without h^k; 0 for pure rounding errors.
+        spectral_radius: That of the matrix of a linear scene; None for other scenes, or without a method.
+        radius: The radius of convergence on a linear scene; None if `spectral_radius` is.
 
     Example:
         >>> import bseries as bs
@@ -60,26 +134,26 @@ class Reach(NamedTuple):
 
     @property
     def order(self) -> int:
-        """The order of the truncation: N terms, powers h^0 … h^(N−1)."""
+        """The number N of terms, with the powers h^0 … h^(N−1)."""
         return len(self.norms)
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """The sizes of the terms, h^k times `norms`."""
+        """The norms of the terms, h^k times `norms`."""
         powers = itertools.accumulate(self.norms[1:], lambda power, _: power * abs(self.h), initial=1.0)
         return tuple(norm and norm * power for norm, power in zip(self.norms, powers, strict=True))
 
     @property
     def powers(self) -> tuple[int, ...]:
-        """The powers of h with terms that are not zero."""
+        """The powers of h with nonzero terms."""
         return tuple(k for k, norm in enumerate(self.norms) if norm)
 
     @property
     def optimal_power(self) -> int:
-        """The power of h to stop at: that of the smallest term that is not zero (0 if all are).
+        """The power of h of the smallest nonzero term (0 without one), where the series is best truncated.
 
-        Terms are compared by the larger of them and the one before: a single term may be small by chance, or because a
-        method was made so, and is not the optimum if those beyond it shrink on.
+        Each term is compared by the maximum of its size and that of the term before: a single term may be small by
+        chance or by construction, and is not the optimum if later terms keep shrinking.
         """
         sizes, powers = self.sizes, self.powers
         before = dict(zip(powers[1:], powers, strict=False))
@@ -87,49 +161,46 @@ class Reach(NamedTuple):
 
     @property
     def optimal_order(self) -> int:
-        """The order to truncate at, which takes in the term with `optimal_power`."""
+        """The order of the best truncation; it includes the term with `optimal_power`."""
         return self.optimal_power + 1
 
     @property
     def converges(self) -> bool | None:
-        """Whether the series converges, where that is known: h times the spectral radius lies inside the radius."""
+        """Whether the series converges: h times the spectral radius is below the radius; None if unknown."""
         if self.spectral_radius is None or self.radius is None:
             return None
         return abs(self.h) * self.spectral_radius < self.radius
 
     @property
     def is_beyond(self) -> bool:
-        """Whether the order lies beyond the optimum: some of the last terms make the field worse."""
+        """Whether the order exceeds the optimum, so that the last terms make the field worse."""
         if self.converges is not None:
             return not self.converges
         return bool(self.powers) and self.powers[-1] > self.optimal_power
 
     @property
     def error(self) -> float | None:
-        """An estimate of the error of the truncated field: the first term left out, extrapolated from the last two.
-
-        None if no term but f itself is there.
-        """
+        """Estimated error: the first omitted term, extrapolated from the last two; None for f alone."""
         if len(self.powers) < 2:
             return None
         before, last = self.powers[-2:]
         ratio = abs(self.h) * (self.norms[last] / self.norms[before]) ** (1 / (last - before))
-        # A symmetric method has every other term only; but the gap behind f itself is due to the method's order.
+        # Symmetric methods have every other term only; the gap after f itself comes from the order of the method.
         step = last - before if before else 1
         return math.prod([self.sizes[last], *[ratio] * step])
 
     @property
     def best_error(self) -> float | None:
-        """The size of the optimal term, about the error of the best of these truncations; None if only f is there."""
+        """The size of the optimal term, about the error of the best truncation; None for f alone."""
         return self.sizes[self.optimal_power] if len(self.powers) > 1 else None
 
     @property
     def largest_step(self) -> float:
-        """The largest step size for which the order does not lie beyond the optimum at this point."""
+        """The largest step size for which the order does not exceed the optimum at this point."""
         if self.spectral_radius is not None and self.radius is not None:
             return self.radius / self.spectral_radius if self.spectral_radius else math.inf
         powers = self.powers
-        # A term u ≥ the last but one exceeds k and the one before, so that k is the better place to stop, if
+        # Stopping at k is better if one of the last two terms, u, exceeds the term k and the one before it:
         # h^u ‖f_u‖ > h^k ‖f_k‖ for both.
         return min(
             (
@@ -157,7 +228,7 @@ class Reach(NamedTuple):
         return f"order {self.order}: {place}, next term {error}; largest h for it: {self.largest_step:.3g}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The reach as plain data; None stands for what is infinite or unknown."""
+        """The result as plain data; None stands for an infinite or unknown value."""
         return {
             "schema": 1,
             "kind": "reach",
@@ -178,22 +249,22 @@ class Reach(NamedTuple):
 
 
 def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None) -> Reach:
-    """How far a truncated field reaches at a point: the sizes of its terms, the optimal truncation, the error left.
+    """Sizes of the terms of a truncated field at a point, its optimal truncation and its error.
 
     Args:
-        f: The field, such as `modified_field` gives.
+        f: A field such as a `modified_field`.
         y: The state.
         h: The step size.
-        method: For a modified equation the method that it is of: on linear scenes, convergence then is decided by
-            `convergence_radius`, and not guessed from the sizes.
+        method: The method of a modified equation: on linear scenes `convergence_radius` then decides convergence
+            instead of the sizes of terms.
 
     Returns:
-        The sizes and what follows from them. Where the order lies beyond the optimum, a `TruncationWarning` says so.
+        The sizes and the quantities derived from them. A `TruncationWarning` is given if the order exceeds the optimum.
 
     Raises:
-        SeriesError: `f` is no field, `h` is no number or 0, `y` does not fit or lies where f is not defined, or `f` is
-            not the modified equation of `method` (which is noticed on linear scenes).
-        IntegratorError: `method` is no Runge–Kutta method.
+        SeriesError: `f` is not a field, `h` is 0 or not a number, `y` has the wrong shape or is outside the domain of
+            f, or `f` is not the modified equation of `method` (checked on linear scenes).
+        IntegratorError: `method` is not a Runge–Kutta method.
 
     Example:
         >>> import bseries as bs
@@ -211,7 +282,9 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
         HLW, section IX.7 (the optimal truncation index).
     """
     norms = _norms(check_field(f), y)
-    step = _checked_step(h)
+    step = read_step(h)
+    if step == 0:
+        raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
     found = Reach(f"{f.label} on {f.scene.name}", step, norms)
     if method is not None:
         radius, spectral = convergence_radius(method).radius, _spectral_radius(f, method)
@@ -224,12 +297,7 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
 
 
 def check_field(f: Any) -> SceneSeries:
-    """A field on a scene, such as `modified_field` gives.
-
-    Raises:
-        SeriesError: `f` is none.
-    """
-
+    """Check that an argument is a field on a scene, and return it."""
     if not isinstance(f, SceneSeries):
         raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
     if not f.is_field:
@@ -249,19 +317,8 @@ def _warning(found: Reach) -> str:
     )
 
 
-def _checked_step(h: Any) -> float:
-    step = read_step(h)
-    if step == 0:
-        raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
-    return step
-
-
 def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
-    """The Euclidean norms of the terms.
-
-    Zero are those whose coefficients are zero as far as their digits tell, and those that change by their own size
-    between points next to y.
-    """
+    """The Euclidean norms of the terms: 0 if all coefficients are, or if a term varies by its own size near y."""
     import numpy as np
 
     states, shape = read_states(y, f.dimension)
@@ -285,7 +342,7 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
 
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Euclidean norms along axis 1; entries are scaled, so that their squares neither overflow nor vanish."""
+    """Euclidean norms along axis 1; entries are scaled, so that squares neither overflow nor underflow."""
     import numpy as np
 
     largest = np.abs(vectors).max(axis=1, keepdims=True)
@@ -295,7 +352,7 @@ def _lengths(vectors: np.ndarray) -> np.ndarray:
 
 
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:
-    """The spectral radius of A if the scene is y' = Ay + b, for the modified equation of the method; else None."""
+    """The spectral radius of A on a scene y' = Ay + b; None for others. It checks that f belongs to the method."""
     import numpy as np
 
     degree = degrees(f.scene, [Piece()])[0][0]

@@ -1,9 +1,9 @@
-"""Compiled: the terms of a B-series on a scene, at several points, by derivative towers.
+"""Kernels that evaluate the terms of a B-series on a scene at several points, by derivative tensors.
 
-Everything is data: the same machine code serves every scene, method and order. `ints` and `numbers` hold all tables
-(see `tower_layout`). Numbers are handled in groups of `lanes` (rows of sites, or points) that become vector
-instructions; a place in the workspace `A` counts groups. Run by the interpreter on other numbers, with other elementary
-functions in place of those of `math`, the same source computes in any precision.
+The same machine code serves every scene, method and order: `ints` and `numbers` hold all tables, which
+`differential_tables` builds. Rows of sites (or points) are computed in SIMD groups of `lanes`, and indices in the
+workspace `A` count groups. The interpreter runs the same source on other numbers, with other elementary functions in
+place of those of `math`, for any precision.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
-from bseries.fields import taylor as jets
-from bseries.fields import tower_layout as layout
-from bseries.fields.taylor import (
+from bseries.fields import taylor_polynomials
+from bseries.fields.taylor_polynomials import (
     ADD,
     ARGUMENT,
     CIRCULAR,
@@ -35,31 +34,78 @@ from integrators.compile.lowering import SOURCES
 from integrators.compile.lowering.units import lowered
 from trees.compiled import Kernel, float_kernel
 
+EACH, CHAIN, RING, PAIRS, TABLE = range(5)
+
+COUNTS = ("order", "terms", "locals", "polynomials", "towers", "fields", "dimension")
+"""The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
+TABLES = {
+    "term": 21,
+    "site": 4,
+    "argument": 7,
+    "datum": 2,
+    "instruction": 7,
+    "product": 3,
+    "raised": 1,
+    "level": 1,
+    "contraction": 8,
+    "direction": 1,
+    "use": 3,
+    "child_level": 1,
+    "child": 1,
+    "output": 5,
+}
+"""The tables in `ints`, whose offsets follow the counts, and the width of their rows.
+
+argument: role, offset, stride, 1 if a difference, role, offset, stride · datum: role, first number · instruction:
+    operation,
+result, operands, first product, end, first factor · product: α, β, γ with x^α = x^β x^γ, by |α| · raised: x^α x_l ·
+level, child_level: offsets of contractions and children by order · contraction: left, own, size, child, first
+direction, end, first use, end · use: 0 or 1 + the child, first output, end · output: monomial, role, offset, stride,
+0 if negative.
+"""
+NUMBERS = ("datum_value", "constant", "factor", "factorial", "weight")
+"""The tables in `numbers`; their offsets follow in `ints`."""
+
+ORDER, TERMS, LOCALS, POLYNOMIALS, TOWERS, FIELDS, DIMENSION = range(len(COUNTS))
+(
+    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
+    CHILD_LEVEL, CHILD, OUTPUT,
+) = range(len(COUNTS), len(COUNTS) + len(TABLES))  # fmt: skip
+DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(
+    len(COUNTS) + len(TABLES), len(COUNTS) + len(TABLES) + len(NUMBERS)
+)
+# The columns of a term: its sites; its ranges in other tables; the polynomial of its formula, with its degree, size and
+# offsets of index tables; the numbers of groups of its tensors without and with the fields of children.
+(
+    T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_INSTRUCTION, T_INSTRUCTION_END,
+    T_RESULT, T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
+) = range(TABLES["term"])  # fmt: skip
+
 
 class LoweredKernel(Kernel):
-    """A kernel that returns nothing; its callees are lowered kernels as well (see `integrators.lowering`)."""
+    """A kernel without a return value, whose callees are lowered kernels too (see `integrators.compile.lowering`)."""
 
     @cached_property
     def compiled(self) -> Any:
-        """An intrinsic, for kernels that numba compiles."""
+        """The kernel as a numba intrinsic."""
         return lowered()(self.py_func)
 
 
-outer = partial(float_kernel, sources=(layout, jets, *SOURCES))
+numba_kernel = partial(float_kernel, sources=(taylor_polynomials, *SOURCES))
 
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)
-# Widths of rows, and where the second half of a difference begins.
-TERM_ROW, TAPE_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
-    np.uint64(layout.TABLES[name]) for name in ("term", "tape", "argument", "output", "contraction")
+# Widths of rows, and the offset of the second half of a difference.
+TERM_ROW, INSTRUCTION_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
+    np.uint64(TABLES[name]) for name in ("term", "instruction", "argument", "output", "contraction")
 )
 SECOND_HALF = np.uint64(4)
 
 
 @LoweredKernel
 def list_sites(ints, term, points, lane, sites, point, lanes):
-    """Write the sites and the point of every row of a term: points one after the other, rows within them."""
-    kind, count, rows = ints[term + layout.T_KIND], ints[term + layout.T_COUNT], ints[term + layout.T_ROWS]
+    """List the site and the point of every row of a term, point by point."""
+    kind, count, rows = ints[term + T_KIND], ints[term + T_COUNT], ints[term + T_ROWS]
     for p in range(points):
         i = ZERO
         j = ONE
@@ -67,10 +113,10 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
             at = lane * ROLES
             point[lane] = p
             lane += ONE
-            if kind == layout.TABLE:
+            if kind == TABLE:
                 for role in range(ROLES):
-                    sites[at + role] = ints[ints[layout.SITE] + (ints[term + layout.T_SITE] + row) * ROLES + role]
-            elif kind == layout.PAIRS:
+                    sites[at + role] = ints[ints[SITE] + (ints[term + T_SITE] + row) * ROLES + role]
+            elif kind == PAIRS:
                 sites[at] = i
                 sites[at + ONE] = j
                 j += ONE
@@ -80,7 +126,7 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
             else:
                 sites[at] = row
                 sites[at + ONE] = ZERO if row + ONE == count else row + ONE
-    # The last group is filled up with copies of its last row, whose results are not used.
+    # Pad the last group with copies of its last row, whose results are not used.
     while lane % lanes != ZERO:
         point[lane] = point[lane - ONE]
         for role in range(ROLES):
@@ -90,8 +136,8 @@ def list_sites(ints, term, points, lane, sites, point, lanes):
 
 @LoweredKernel
 def multiply(A, ints, result, a, b, first, last, lanes):
-    """Add the product of two jets to a third."""
-    product = ints[layout.PRODUCT]
+    """Add the product of two polynomials to a third."""
+    product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
         i, x, y = (result + ints[at]) * lanes, (a + ints[at + ONE]) * lanes, (b + ints[at + TWO]) * lanes
@@ -101,8 +147,8 @@ def multiply(A, ints, result, a, b, first, last, lanes):
 
 @LoweredKernel
 def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
-    """Add the products of two jets, each times its factor; b may be the result itself, whose lower degrees are done."""
-    product = ints[layout.PRODUCT]
+    """Add the product of two polynomials, scaled term by term; b may be the result, whose lower degrees are known."""
+    product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
         i, x, y = (result + ints[at]) * lanes, (a + ints[at + ONE]) * lanes, (b + ints[at + TWO]) * lanes
@@ -113,8 +159,8 @@ def multiply_scaled(A, ints, numbers, result, a, b, first, last, factor, lanes):
 
 @LoweredKernel
 def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, sign, lanes):
-    """sin and cos, or sinh and cosh: each one's derivative is the other, up to a sign."""
-    product = ints[layout.PRODUCT]
+    """Compute sin and cos, or sinh and cosh, from each other's derivatives."""
+    product = ints[PRODUCT]
     for k in range(first, last):
         at = product + k + TWO * k
         i, j = (result + ints[at]) * lanes, (pair + ints[at]) * lanes
@@ -129,7 +175,7 @@ def multiply_crosswise(A, ints, numbers, result, pair, a, first, last, factor, s
 
 @LoweredKernel
 def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
-    """The functions at the centre of a jet; a power is of `halves` roots where the exponent is so many halves."""
+    """Evaluate a function at the centre of a polynomial; the exponent of a power is `halves`/2 if that is not 0."""
     for w in range(lanes):
         x = A[a * lanes + w]
         at = result * lanes + w
@@ -167,7 +213,7 @@ def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
 
 @LoweredKernel
 def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b, size, first, last, factor, lanes):
-    """A function of a jet, one degree after the other, from its differential equation; see `bseries.fields.taylor`."""
+    """Evaluate a function of a truncated Taylor polynomial, degree by degree, from its differential equation."""
     pair = result + size
     evaluate_centre(A, operation, number, halves, result, a, pair, lanes)
     if operation == POWER:
@@ -187,30 +233,31 @@ def evaluate_function(A, ints, numbers, operation, number, halves, result, a, b,
 
 
 @LoweredKernel
-def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
-    """All steps of a term's formula; the local variables are at `x`, followed by the data."""
-    size, degree = ints[term + layout.T_SIZE], ints[term + layout.T_DEGREE]
-    variables = ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]
-    cells = size * lanes
-    for s in range(ints[term + layout.T_TAPE], ints[term + layout.T_TAPE_END]):
-        row = ints[layout.TAPE] + s * TAPE_ROW
-        operation, first, number = ints[row], ints[row + TWO], numbers[ints[layout.NUMBER] + s]
-        result, a, b = jets + ints[row + ONE] * size, jets + first * size, jets + ints[row + 3] * size
+def evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes):
+    """Run the instructions of a term's formula; the local variables are at `x`, followed by the data."""
+    size, degree = ints[term + T_SIZE], ints[term + T_DEGREE]
+    variables = ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT]
+    length = size * lanes
+    for s in range(ints[term + T_INSTRUCTION], ints[term + T_INSTRUCTION_END]):
+        row = ints[INSTRUCTION] + s * INSTRUCTION_ROW
+        operation, first, number = ints[row], ints[row + TWO], numbers[ints[NUMBER] + s]
+        result, a = polynomials + ints[row + ONE] * size, polynomials + first * size
+        b = polynomials + ints[row + 3] * size
         begin, end = ints[row + 4], ints[row + 5]
         r, u, v = result * lanes, a * lanes, b * lanes
         if operation == ADD:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = A[u + i] + A[v + i]
         elif operation == SCALE:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = number * A[u + i]
         elif operation == SHIFT:
-            for i in range(cells):
+            for i in range(length):
                 A[r + i] = A[u + i]
             for w in range(lanes):
                 A[r + w] += number
         else:
-            for i in range(cells + cells if operation in (CIRCULAR, HYPERBOLIC) else cells):
+            for i in range(length + length if operation in (CIRCULAR, HYPERBOLIC) else length):
                 A[r + i] = 0
             if operation == CONSTANT:
                 for w in range(lanes):
@@ -226,7 +273,7 @@ def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
             elif operation == MULTIPLY:
                 multiply(A, ints, result, a, b, begin, end, lanes)
             else:
-                halves, factor = ints[row + 3], ints[layout.FACTOR] + ints[row + 6]
+                halves, factor = ints[row + 3], ints[FACTOR] + ints[row + 6]
                 evaluate_function(
                     A, ints, numbers, operation, number, halves, result, a, b, size, begin, end, factor, lanes
                 )
@@ -234,18 +281,18 @@ def evaluate_jet(A, ints, numbers, term, jets, x, lanes):
 
 @LoweredKernel
 def list_places(ints, term, place, lane, sites, point, places, lanes):
-    """Write where in a vector of all points a group of rows has its local variables and its outputs."""
-    dimension = ints[layout.DIMENSION]
+    """List the indices of the local variables and outputs of a group of rows in a vector of all points."""
+    dimension = ints[DIMENSION]
     at = place * lanes
-    for k in range(ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]):
+    for k in range(ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]):
         for half in range(TWO):
-            row = ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + half * SECOND_HALF
+            row = ints[ARGUMENT_ROWS] + k * ARGUMENT_ROW + half * SECOND_HALF
             for w in range(lanes):
                 site = sites[(lane + w) * ROLES + ints[row]]
                 places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
                 at += ONE
-    for output in range(ints[term + layout.T_OUTPUT], ints[term + layout.T_OUTPUT_END]):
-        row = ints[layout.OUTPUT] + OUTPUT_ROW * output + ONE
+    for output in range(ints[term + T_OUTPUT], ints[term + T_OUTPUT_END]):
+        row = ints[OUTPUT] + OUTPUT_ROW * output + ONE
         for w in range(lanes):
             site = sites[(lane + w) * ROLES + ints[row]]
             places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
@@ -254,10 +301,10 @@ def list_places(ints, term, place, lane, sites, point, places, lanes):
 
 @LoweredKernel
 def gather(A, ints, values, vector, to, first, last, places, place, lanes):
-    """Write the local variables of a group of rows, taken from one vector."""
+    """Gather the local variables of a group of rows from one vector."""
     for k in range(first, last):
         at, plus = (to + k - first) * lanes, (place + TWO * (k - first)) * lanes
-        if ints[ints[layout.ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
+        if ints[ints[ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
             for w in range(lanes):
                 A[at + w] = values[vector, places[plus + w]]
         else:
@@ -267,18 +314,18 @@ def gather(A, ints, values, vector, to, first, last, places, place, lanes):
 
 @LoweredKernel
 def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
-    """Write the data of the sites of a group of rows."""
-    begin = ints[term + layout.T_DATUM]
-    for k in range(begin, ints[term + layout.T_DATUM_END]):
-        row = ints[layout.DATUM_ROWS] + TWO * k
-        first = ints[layout.DATUM_VALUE] + ints[row + ONE]
+    """Gather the data of the sites of a group of rows."""
+    begin = ints[term + T_DATUM]
+    for k in range(begin, ints[term + T_DATUM_END]):
+        row = ints[DATUM_ROWS] + TWO * k
+        first = ints[DATUM_VALUE] + ints[row + ONE]
         for w in range(lanes):
             A[(to + k - begin) * lanes + w] = numbers[first + sites[(lane + w) * ROLES + ints[row]]]
 
 
 @LoweredKernel
 def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
-    """Add one output of a tower, or of a sum of towers, to one vector."""
+    """Add one output of a tensor, or of a sum of tensors, to one vector."""
     if positive != ZERO:
         for w in range(rows):
             values[vector, places[place * lanes + w]] += A[tower * lanes + w]
@@ -289,8 +336,8 @@ def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
 
 @LoweredKernel
 def contract(A, ints, left, own, size, child, variables, shape, first, last, lanes):
-    """T_r(u ∘ v) = T_{r+1}(u) · F(v) for all ranks r that are kept, along the local variables that F(v) moves."""
-    directions = ints[layout.DIRECTION]
+    """Contract T_r(u ∘ v) = T_{r+1}(u) · F(v) for all stored ranks r, along the variables in the support of F(v)."""
+    directions = ints[DIRECTION]
     for k in range(size):
         i, row = (own + k) * lanes, shape + k * variables
         x, y = (left + ints[row + ints[directions + first]]) * lanes, (child + ints[directions + first]) * lanes
@@ -304,44 +351,44 @@ def contract(A, ints, left, own, size, child, variables, shape, first, last, lan
 
 @LoweredKernel
 def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
-    """The towers of the single node: all derivatives of the term's formula."""
-    x, jets, size = ints[layout.LOCALS], ints[layout.JETS], ints[term + layout.T_SIZE]
-    first, last = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
+    """Compute the tensors of the single node: all derivatives of the term's formula."""
+    x, polynomials, size = ints[LOCALS], ints[POLYNOMIALS], ints[term + T_SIZE]
+    first, last = ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]
     list_places(ints, term, place, lane, sites, point, places, lanes)
     gather(A, ints, y, ZERO, x, first, last, places, place, lanes)
     gather_data(A, ints, numbers, term, x + last - first, lane, sites, lanes)
-    evaluate_jet(A, ints, numbers, term, jets, x, lanes)
-    result = jets + ints[term + layout.T_RESULT] * size
+    evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes)
+    result = polynomials + ints[term + T_RESULT] * size
     for k in range(size):
-        scale = numbers[ints[layout.FACTORIAL] + ints[term + layout.T_FACTORIAL] + k]
+        scale = numbers[ints[FACTORIAL] + ints[term + T_FACTORIAL] + k]
         for w in range(lanes):
             A[(base + k) * lanes + w] = scale * A[(result + k) * lanes + w]
 
 
 @LoweredKernel
 def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, place, lanes):
-    """Everything that the trees with n nodes need of one group of rows of one term."""
-    begin, end = ints[term + layout.T_ARGUMENT], ints[term + layout.T_ARGUMENT_END]
-    variables, shape = end - begin, ints[layout.RAISED] + ints[term + layout.T_RAISED]
-    children, by_order = base + ints[term + layout.T_SLOTS], ints[layout.CHILD_LEVEL] + ints[term + layout.T_CHILD]
+    """Evaluate the trees with n nodes for one group of rows of one term."""
+    begin, end = ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]
+    variables, shape = end - begin, ints[RAISED] + ints[term + T_RAISED]
+    children, by_order = base + ints[term + T_SLOTS], ints[CHILD_LEVEL] + ints[term + T_CHILD]
     for c in range(ints[by_order + n - ONE], ints[by_order + n]):
         to = children + (c - ints[by_order]) * variables
-        gather(A, ints, fields, ints[ints[layout.CHILD] + c], to, begin, end, places, place, lanes)
-    first, stop = ints[term + layout.T_OUTPUT], ints[term + layout.T_OUTPUT_END]
+        gather(A, ints, fields, ints[ints[CHILD] + c], to, begin, end, places, place, lanes)
+    first, stop = ints[term + T_OUTPUT], ints[term + T_OUTPUT_END]
     goal = place + TWO * variables - first
     for i in range((stop - first) * lanes):
-        A[i] = 0  # the workspace begins with the sums of towers, one for each output
-    level = ints[layout.LEVEL] + ints[term + layout.T_LEVEL] + n
+        A[i] = 0  # the workspace begins with the sums of tensors, one for each output
+    level = ints[LEVEL] + ints[term + T_LEVEL] + n
     for s in range(ints[level - ONE], ints[level]):
-        row = ints[layout.CONTRACTION] + CONTRACTION_ROW * s
+        row = ints[CONTRACTION] + CONTRACTION_ROW * s
         left, own, size = base + ints[row], base + ints[row + ONE], ints[row + TWO]
         child = children + ints[row + 3] * variables
         contract(A, ints, left, own, size, child, variables, shape, ints[row + 4], ints[row + 5], lanes)
         for use in range(ints[row + 6], ints[row + 7]):
-            at = ints[layout.USE] + use + TWO * use
-            target, weight = ints[at], numbers[ints[layout.WEIGHT] + use]
+            at = ints[USE] + use + TWO * use
+            target, weight = ints[at], numbers[ints[WEIGHT] + use]
             for output in range(ints[at + ONE], ints[at + TWO]):
-                traits = ints[layout.OUTPUT] + OUTPUT_ROW * output
+                traits = ints[OUTPUT] + OUTPUT_ROW * output
                 tower = own + ints[traits]
                 if target != ZERO:
                     scatter(A, tower, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
@@ -350,7 +397,7 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
                     for w in range(lanes):
                         A[i + w] += weight * A[x + w]
     for output in range(first, stop):
-        positive = ints[ints[layout.OUTPUT] + OUTPUT_ROW * output + 4]
+        positive = ints[ints[OUTPUT] + OUTPUT_ROW * output + 4]
         scatter(A, output - first, positive, out, n - ONE, rows, places, goal + output, lanes)
 
 
@@ -358,48 +405,48 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
 def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
     """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
 
-    `y` is one row with all points, `fields` has a row for each child and `out` one for each order; both begin with
-    zeros. `sites`, `point` and `places` are filled here.
+    `y` is one row with all points. `fields` has a row for each child and `out` one for each order, both initially
+    zero; `sites`, `point` and `places` are filled here.
     """
-    for n in range(ONE, ints[layout.ORDER] + ONE):
-        lane, base, place = ZERO, ints[layout.TOWERS], ZERO
-        for t in range(ints[layout.TERMS]):
-            term = ints[layout.TERM] + TERM_ROW * t
+    for n in range(ONE, ints[ORDER] + ONE):
+        lane, base, place = ZERO, ints[TOWERS], ZERO
+        for t in range(ints[TERMS]):
+            term = ints[TERM] + TERM_ROW * t
             if n == ONE:
                 list_sites(ints, term, points, lane, sites, point, lanes)
-            last = lane + points * ints[term + layout.T_ROWS]
+            last = lane + points * ints[term + T_ROWS]
             while lane < last:
                 if n == ONE:
                     begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes)
                 sweep_group(A, ints, numbers, term, n, out, fields, base, min(lanes, last - lane), places, place, lanes)
                 lane += lanes
-                base += ints[term + layout.T_GROUPS]
-                place += TWO * (ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT])
-                place += ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT]
+                base += ints[term + T_GROUPS]
+                place += TWO * (ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT])
+                place += ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT]
 
 
-@outer
+@numba_kernel
 def workspace(ints, points, lanes):
-    """What so many points need: rows of sites, groups of numbers, groups of places."""
-    rows, groups, entries = ZERO, ints[layout.TOWERS], ZERO
-    for t in range(ints[layout.TERMS]):
-        term = ints[layout.TERM] + TERM_ROW * t
-        count = (points * ints[term + layout.T_ROWS] + lanes - ONE) // lanes
+    """Workspace for a number of points: rows of sites, groups of numbers, groups of indices."""
+    rows, groups, entries = ZERO, ints[TOWERS], ZERO
+    for t in range(ints[TERMS]):
+        term = ints[TERM] + TERM_ROW * t
+        count = (points * ints[term + T_ROWS] + lanes - ONE) // lanes
         rows += count * lanes
-        groups += count * ints[term + layout.T_GROUPS]
-        entries += count * (TWO * (ints[term + layout.T_ARGUMENT_END] - ints[term + layout.T_ARGUMENT]))
-        entries += count * (ints[term + layout.T_OUTPUT_END] - ints[term + layout.T_OUTPUT])
+        groups += count * ints[term + T_GROUPS]
+        entries += count * (TWO * (ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT]))
+        entries += count * (ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT])
     return rows, groups, entries
 
 
-@outer
+@numba_kernel
 def evaluate_many(y, out, chunk, ints, numbers, lanes):
-    """The terms at many points: `y` has a row for each, `out` one for each order and point; some points at a time."""
+    """Evaluate the terms at many points, in chunks: `y` has a row for each point, `out` for each order and point."""
     dimension, points = y.shape[1], np.uint64(chunk)
     rows, groups, entries = workspace(ints, points, lanes)
     A, places = np.empty(groups * lanes), np.empty(entries * lanes, np.uint64)
     sites, point = np.empty(rows * ROLES, np.uint64), np.empty(rows, np.uint64)
-    fields = np.empty((ints[layout.FIELDS], chunk * dimension))
+    fields = np.empty((ints[FIELDS], chunk * dimension))
     terms, some = np.empty((out.shape[0], chunk * dimension)), np.empty((1, chunk * dimension))
     for first in range(0, y.shape[0], chunk):
         size = min(chunk, y.shape[0] - first)
@@ -412,7 +459,7 @@ def evaluate_many(y, out, chunk, ints, numbers, lanes):
                 out[n, first + k // dimension, k % dimension] = terms[n, k]
 
 
-@outer
+@numba_kernel
 def evaluate_pointers(y, out, points, dimension, order, chunk, lanes, ints, size, numbers, length):
     """`evaluate_many` on pointers to contiguous arrays."""
     states, terms = carray(y, (points, dimension)), carray(out, (order, points, dimension))

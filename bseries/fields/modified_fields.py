@@ -1,8 +1,8 @@
-"""A series evaluated on a scene: the modified field, the modifying field, the truncated map."""
+"""Series on scenes: modified fields, modifying fields and steps with them, truncated maps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,17 +12,27 @@ from bseries.algebra.stages import check_method
 from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
-from bseries.fields.differentials import FLOAT_DIGITS
+from bseries.fields.elementary_differentials import FLOAT_DIGITS
 from bseries.fields.inputs import check_power
-from bseries.fields.scene_trees import SceneTrees, SeriesOnScene, shapes, trees_of_method, trees_of_series
+from bseries.fields.scene_trees import (
+    SceneTrees,
+    SeriesOnScene,
+    mapped_uncertainty,
+    shapes,
+    trees_of_method,
+    trees_of_series,
+)
+from integrators.reference.plain_arithmetic import Arithmetic
+from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.fields.compiled_series import CompiledSeries
+    from bseries.fields.evaluation import CompiledSeries
     from integrators.methods.program.program import Method
+
 
 ROUTES = ("auto", "towers", "symbolic")
 
@@ -30,15 +40,13 @@ ROUTES = ("auto", "towers", "symbolic")
 class SceneSeries(SeriesOnScene):
     """A B-series on a scene, as a function of the state and the step size.
 
-    A field series gives f_h(y) = Σ h^(|τ|−1)/σ(τ) b(τ) F(τ)(y), a flow series a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y). Only
-    trees whose elementary differentials need not vanish on the scene are there, and only those are computed whose
-    coefficients, or the differentials they are part of, ask for it.
-
-    Such functions are made by `modified_field`, `modifying_field` and `series_map`.
+    A field series gives f_h(y) = Σ h^(|τ|−1)/σ(τ) b(τ) F(τ)(y), a flow series a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y). The
+    trees whose elementary differentials vanish on the scene are left out, and only the differentials that the sum needs
+    are computed. Use `modified_field`, `modifying_field` or `series_map` to make one.
 
     Attributes:
         scene: The scene.
-        trees: The trees and the pieces of the field that their colours stand for.
+        trees: The trees, with the piece of the field for each colour.
         series: The coefficients.
 
     Example:
@@ -60,7 +68,7 @@ class SceneSeries(SeriesOnScene):
         return f"<{self.label} on {self.scene.name}: order {self.order}, {self.report()}>"
 
     def report(self) -> str:
-        """How many of how many trees are needed."""
+        """The numbers of trees that are needed, and of all trees."""
         return f"{len(self.trees.table):,} of {self.trees.total:,} trees"
 
     def __call__(self, y: Any, h: float, *, workers: int = 1) -> np.ndarray:
@@ -75,30 +83,30 @@ class SceneSeries(SeriesOnScene):
             An array of the shape of `y`.
 
         Raises:
-            SeriesError: `y` has another number of variables, or is not of numbers.
+            SeriesError: `y` has the wrong number of variables, or is not numeric.
         """
         return self.evaluator.value(y, h, workers)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.scene, self.trees, self.series, self._wanted)
+        return partial(SceneSeries, route=self._wanted), (self.scene, self.trees, self.series)
 
     @property
     def route(self) -> str:
-        """How it is evaluated: ``"towers"`` or ``"symbolic"``."""
+        """The way of evaluation: ``"towers"`` (derivative tensors) or ``"symbolic"`` (formulas)."""
         return self.evaluator.route
 
     @cached_property
     def evaluator(self) -> CompiledSeries:
         """The compiled form."""
-        from bseries.fields.compiled_series import CompiledSeries
+        from bseries.fields.evaluation import CompiledSeries
 
         return CompiledSeries(self, self._wanted)
 
     def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
-        """The terms by order at one point or many, without powers of h.
+        """The terms by order at one point or many, without the powers of h.
 
         Args:
-            y: As for calls.
+            y: As for a call.
             workers: The number of threads that share the points.
 
         Returns:
@@ -108,22 +116,22 @@ class SceneSeries(SeriesOnScene):
 
     @property
     def compiled(self) -> Any:
-        """A function (y, h, out) compiled by numba, for use in other compiled code; it writes the value to `out`."""
+        """A numba function (y, h, out) for other compiled code; it writes the value to `out`."""
         return self.evaluator.compiled
 
     def precise(self, y: Any, h: Any, digits: int = 50) -> list[Any]:
-        """The value at one point in so many digits, by the same program on numbers of mpmath.
+        """The value at one point with a given number of digits, as numbers of mpmath.
 
         Args:
-            y: One point: numbers, fractions, text or numbers of mpmath.
+            y: One point: numbers, fractions, strings or numbers of mpmath.
             h: The step size.
             digits: The number of decimal digits.
 
         Raises:
-            SeriesError: The coefficients are not known to so many digits, or `y` has another number of values.
-            IntegratorError: An argument is not of its kind.
+            SeriesError: The coefficients have fewer digits, or `y` has the wrong number of values.
+            IntegratorError: An argument has the wrong type.
         """
-        from bseries.fields.any_precision import PreciseSeries
+        from bseries.fields.evaluation import PreciseSeries
 
         known = self.series.digits if self.series.is_exact else FLOAT_DIGITS
         if known is not None and isinstance(digits, int) and digits > known:
@@ -137,13 +145,13 @@ class SceneSeries(SeriesOnScene):
         return {}
 
     def symbolic(self, k: int) -> tuple[sympy.Expr, ...]:
-        """The formulas of the term with h^k: for a field f_(k+1), for a map the terms of order k.
+        """The formulas of the term with h^k: f_(k+1) for a field, the terms of order k for a map.
 
         Args:
             k: The power of h, from 0 to order − 1 (order for a map).
 
         Raises:
-            SeriesError: There is no such power.
+            SeriesError: The power is out of range.
         """
         last = self.order - 1 if self.is_field else self.order
         check_power(k, last)
@@ -155,20 +163,20 @@ class SceneSeries(SeriesOnScene):
 def modified_field(
     method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
 ) -> SceneSeries:
-    """The modified equation of a method on a scene, truncated: y' = f_h(y), nearly followed by the numerical solution.
+    """The truncated modified equation y' = f_h(y) of a method on a scene.
 
-    With trees up to N nodes, a step is off its flow by O(h^(N+1)).
+    With trees of up to N nodes, a step differs from its flow by O(h^(N+1)).
 
     Args:
-        method: A method, or a field series (such as `modified_equation` gives).
+        method: A method, or a field series such as a `modified_equation`.
         scene: The scene.
-        order: The largest number of nodes N: powers h^0 … h^(N−1). For a series None means its own.
-        parts: For methods that treat parts of the field: maps their names to blocks or parts of the scene, where it is
-            not clear from the names.
-        route: ``"towers"``, ``"symbolic"`` (formulas summed up, simplified and compiled) or ``"auto"``.
+        order: The largest number of nodes N: powers h^0 … h^(N−1); by default the order of a series.
+        parts: For methods that split the field: a map from the names of their parts to blocks or parts of the scene,
+            where the names differ.
+        route: ``"towers"`` (derivative tensors), ``"symbolic"`` (simplified and compiled formulas) or ``"auto"``.
 
     Raises:
-        SeriesError: The method's parts are not clear, or an argument is out of its range.
+        SeriesError: The parts of the method are ambiguous, or an argument is out of range.
 
     Example:
         >>> import bseries as bs
@@ -181,23 +189,23 @@ def modified_field(
     References:
         HLW, section IX.1, theorem IX.9.2.
     """
-    return _made(method, scene, order, parts, route, modified_equation, "the modified equation")
+    return _make(method, scene, order, parts, route, modified_equation, "the modified equation")
 
 
 def modifying_field(
     method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
 ) -> SceneSeries:
-    """The modifying integrator of a method on a scene: the field to which the method is applied to solve y' = f(y).
+    """The modifying field of a method on a scene: the method applied to it solves y' = f(y).
 
     Args:
         method: A method, or a field series.
         scene: The scene.
-        order: The largest number of nodes N: the method on this field has order N.
+        order: The largest number of nodes N: applied to this field, the method has order N.
         parts: As for `modified_field`.
         route: As for `modified_field`.
 
     Raises:
-        SeriesError: The method's parts are not clear, or an argument is out of its range.
+        SeriesError: The parts of the method are ambiguous, or an argument is out of range.
 
     Example:
         >>> import bseries as bs
@@ -209,7 +217,7 @@ def modifying_field(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    return _made(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
+    return _make(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
 
 
 def series_map(
@@ -225,7 +233,7 @@ def series_map(
         route: As for `modified_field`.
 
     Raises:
-        SeriesError: The method's parts are not clear, or an argument is out of its range.
+        SeriesError: The parts of the method are ambiguous, or an argument is out of range.
 
     Example:
         >>> import bseries as bs
@@ -233,15 +241,17 @@ def series_map(
         >>> step([1.0], 0.5)
         array([1.5])
     """
-    return _made(method, scene, order, parts, route, series, "the series")
+    return _make(method, scene, order, parts, route, series, "the series")
 
 
-def _made(method: Any, scene: Scene, order: int | None, parts: Any, route: str, make: Any, what: str) -> SceneSeries:
+def _make(
+    method: Any, scene: Scene, order: int | None, parts: Any, route: str, series_of: Any, title: str
+) -> SceneSeries:
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
     if isinstance(method, BSeries):
-        if (method.empty == 0) != (make is not series):
-            kind = "flow, with a(∅) other than 0" if make is series else "field, with b(∅) = 0"
+        if (method.empty == 0) != (series_of is not series):
+            kind = "flow, with a(∅) other than 0" if series_of is series else "field, with b(∅) = 0"
             raise SeriesError(
                 f"method must be a method or the series of a {kind}, but its empty tree has {method.empty}"
             )
@@ -251,20 +261,84 @@ def _made(method: Any, scene: Scene, order: int | None, parts: Any, route: str, 
     if order is None:
         raise SeriesError("order must be given for a method, but was None")
     trees = trees_of_method(method, order, scene, parts)
-    plain = make(method, trees.shapes)
+    plain = series_of(method, trees.shapes)
     values = plain.coefficients()
     if trees.table != trees.shapes:
         plain_id = shapes(trees.table, trees.shapes)
         chosen = make_values(trees.table, [values[at] for at in plain_id])
-        uncertainty = plain.uncertainty and partial(_uncertainty_of_shape, plain.uncertainty, plain_id)
+        uncertainty = plain.uncertainty and partial(mapped_uncertainty, plain.uncertainty, plain_id)
         plain = BSeries(trees.table, chosen, plain.empty, digits=plain.digits, uncertainty=uncertainty)
-    return SceneSeries(scene, trees, plain.with_label(f"{what} of {method.name}"), route=route)
+    return SceneSeries(scene, trees, plain.with_label(f"{title} of {method.name}"), route=route)
 
 
-def _rebuilt(scene: Scene, trees: SceneTrees, series: BSeries, route: str) -> SceneSeries:
-    return SceneSeries(scene, trees, series, route=route)
+def modifying_steps(
+    method: Method,
+    scene: Scene,
+    order: int,
+    y: Sequence[Any],
+    h: Any,
+    steps: int,
+    *,
+    parts: Any = None,
+    digits: int | None = None,
+) -> np.ndarray:
+    """Take steps of a method on its modifying field: a method of higher order with the same geometric properties.
+
+    Stages are solved for in Python; only the field is compiled.
+
+    Args:
+        method: The basic method, for the whole field or for blocks of variables.
+        scene: The scene.
+        order: The order to reach.
+        y: The initial state.
+        h: The step size.
+        steps: The number of steps.
+        parts: As for `modified_field`.
+        digits: The number of digits, in interpreted arithmetic; None for doubles.
+
+    Returns:
+        An array with one row for each variable and one column for the initial state and each step.
+
+    Raises:
+        SeriesError: The parts of the method are ambiguous, or are not blocks of variables.
+        IntegratorError: An argument does not fit, or the stage equations are not solved.
+
+    Example:
+        >>> import bseries as bs
+        >>> run = bs.modifying_steps(bs.method("implicit-midpoint"), bs.scene("riccati"), 8, [1.0], 0.05, 10)
+        >>> print(abs(run[0, -1] - 2) < 1e-8)
+        True
+
+    References:
+        P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
+        Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
+    """
+    f = modifying_field(method, scene, order, parts=parts)
+    field = _field_with_step(f, h, digits)
+    if len(method.names) > 1:
+        return plain_steps(method, block_parts(field, _part_indices(f, method)), y, h, steps, digits=digits)
+    return plain_steps(method, field, y, h, steps, digits=digits)
 
 
-def _uncertainty_of_shape(uncertainty: Callable[[int], float], plain_id: list[int], at: int) -> float:
-    """How far the coefficient of a coloured tree may be off: as that of the tree without colours."""
-    return uncertainty(plain_id[at])
+def _field_with_step(f: SceneSeries, h: Any, digits: int | None) -> Callable[[Any], Any]:
+    """The field with a fixed step size, as a function of the state."""
+    arithmetic = Arithmetic(digits)
+    with arithmetic.working():
+        step = arithmetic.number(h, "h")
+    if digits is None:
+        return lambda y: f(y, step)
+    from bseries.fields.evaluation import PreciseSeries
+
+    precise = PreciseSeries(f, digits)
+    return lambda y: precise(y, step)
+
+
+def _part_indices(f: SceneSeries, method: Method) -> dict[str, list[int]]:
+    """The indices of the variables in each part of the method."""
+    indices: dict[str, list[int]] = {}
+    for name, piece in zip(method.names, f.trees.pieces, strict=True):
+        if piece.blocks is None:
+            raise SeriesError(f"method must treat blocks of variables, but {method.name} treats parts of the field")
+        chosen = [block for block in f.scene.blocks if block.name in piece.blocks]
+        indices[name] = [k for block in chosen for k in range(block.offset, block.end)]
+    return indices

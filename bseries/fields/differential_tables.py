@@ -1,0 +1,333 @@
+"""Tables for the compiled evaluation of elementary differentials, from a series and a scene.
+
+F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)). For a formula in few local variables, the *derivative tower* of a forest
+τ1 … τk of children consists of the symmetric tensors f^(k+r)(F(τ1), …, F(τk), ·, …, ·) for r = 0, 1, …, with one number
+for each monomial. Adding a child is one contraction, T_r(u ∘ v) = T_{r+1}(u) · F(v); the differential is T_0, and the
+gradient T_1 for a term of a Hamiltonian. The tables list the tensors for trees with nonzero coefficients and for their
+children, without those that vanish for the formulas.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from bseries.fields import taylor_polynomials
+from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
+from bseries.fields.taylor_polynomials import InstructionList, monomial_count
+from integrators.scenes.model.local_terms import VALUE
+from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
+
+if TYPE_CHECKING:
+    from integrators.scenes.model.local_terms import LocalTerm
+    from integrators.scenes.model.system import System
+    from trees.table import TreeTable
+
+
+Forest = int
+"""The index of a forest of children; 0 is the empty forest."""
+
+
+class Forests(NamedTuple):
+    """The forests of children of the trees of a table, independent of the colours of roots.
+
+    Attributes:
+        of_tree: The forest of each tree.
+        left: Each forest without its largest tree.
+        right: The id of its largest tree.
+        order: The number of nodes of a tree with these children.
+        children: The number of children.
+    """
+
+    of_tree: list[Forest]
+    left: list[Forest]
+    right: list[int]
+    order: list[int]
+    children: list[int]
+
+
+def find_forests(table: TreeTable) -> Forests:
+    """The forests of children in a table, by size."""
+    order, _, left, right = table.lists
+    known: dict[tuple[Forest, int], Forest] = {}
+    forests = Forests([], [0], [-1], [1], [0])
+    for n, u, v in zip(order, left, right, strict=True):
+        if u < 0:
+            forests.of_tree.append(0)
+            continue
+        key = (forests.of_tree[u], v)
+        if key not in known:
+            known[key] = len(forests.order)
+            forests.left.append(key[0])
+            forests.right.append(v)
+            forests.order.append(n)
+            forests.children.append(forests.children[key[0]] + 1)
+        forests.of_tree.append(known[key])
+    return forests
+
+
+class TermTensors:
+    """The forests that one term contributes to, with the highest rank of each."""
+
+    def __init__(self, term: LocalTerm, scene: System, pieces: Sequence[Piece], moved: Sequence[frozenset[Family]]):
+        import sympy
+
+        self.term = term
+        self.outputs = [piece.outputs(term, scene) for piece in pieces]
+        # The outputs of a colour are all derivatives, read at rank 1, or all values, read at rank 0.
+        self.lowest = [int(outputs[0].derivative != VALUE) if outputs else None for outputs in self.outputs]
+        variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
+        self.degree = degree(term.formula, variables)
+        self.directions = [
+            tuple(k for k, argument in enumerate(term.arguments) if family_of(argument.plus, scene) in families)
+            for families in moved
+        ]
+        self.ranks: dict[Forest, int] = {}
+
+    def nonzero(self, forests: Forests, forest: Forest, colors: Sequence[int], vanishes: Sequence[bool]) -> bool:
+        """Whether the tensors of a forest may be nonzero."""
+        if self.degree is not None and forests.children[forest] > self.degree:
+            return False
+        while forest:
+            v = forests.right[forest]
+            if vanishes[v] or not self.directions[colors[v]]:
+                return False
+            forest = forests.left[forest]
+        return True
+
+    def rank_for(self, forests: Forests, forest: Forest, color: int) -> int | None:
+        """The rank at which trees of a colour with these children are read; None if the term does not contribute."""
+        rank = self.lowest[color]
+        beyond = rank is not None and self.degree is not None and forests.children[forest] + rank > self.degree
+        return None if beyond else rank
+
+    def require(self, forest: Forest, rank: int) -> None:
+        """Require the tensors of a forest up to a rank."""
+        self.ranks[forest] = max(self.ranks.get(forest, 0), rank)
+
+    def size(self, forests: Forests, forest: Forest) -> int:
+        """The number of entries for a forest, without ranks that vanish for a polynomial."""
+        rank = self.ranks[forest]
+        if self.degree is not None:
+            rank = min(rank, self.degree - forests.children[forest])
+        return monomial_count(len(self.term.arguments), rank)
+
+
+class RequiredTensors(NamedTuple):
+    """The tensors to compute for each term, and the trees whose differentials are contracted with others."""
+
+    terms: list[TermTensors]
+    children: list[int]
+    forests: Forests
+
+
+def find_required_tensors(
+    table: TreeTable, wanted: Sequence[bool], scene: System, pieces: Sequence[Piece]
+) -> RequiredTensors:
+    """Find the tensors that the wanted trees need, from the largest trees down."""
+    forests = find_forests(table)
+    _, colors, _, _ = table.lists
+    moved = supports(scene, pieces)
+    terms = [TermTensors(term, scene, pieces, moved) for term in scene.numeric_terms]
+    nonzero: list[list[bool]] = []
+    vanishes: list[bool] = []
+    of_order = defaultdict(list)
+    for forest, n in enumerate(forests.order):
+        of_order[n].append(forest)
+    known = 0
+    for tree, forest in enumerate(forests.of_tree):
+        while known <= forest:
+            nonzero.append([term.nonzero(forests, known, colors, vanishes) for term in terms])
+            known += 1
+        vanishes.append(
+            not any(
+                a and t.rank_for(forests, forest, colors[tree]) is not None
+                for a, t in zip(nonzero[forest], terms, strict=True)
+            )
+        )
+    is_child = [False] * len(table)
+    for n in range(table.max_order, 0, -1):
+        for tree in reversed(table.ids(n)):
+            if (wanted[tree] or is_child[tree]) and not vanishes[tree]:
+                forest = forests.of_tree[tree]
+                for term, a in zip(terms, nonzero[forest], strict=True):
+                    rank = term.rank_for(forests, forest, colors[tree])
+                    if a and rank is not None:
+                        term.require(forest, rank)
+        for forest in of_order[n]:
+            for term in terms:
+                if forest and forest in term.ranks:
+                    term.require(forests.left[forest], term.ranks[forest] + 1)
+                    is_child[forests.right[forest]] = True
+    children = [tree for tree, needed in enumerate(is_child) if needed]
+    return RequiredTensors([term for term in terms if term.ranks], children, forests)
+
+
+SITE_KINDS = {"single": EACH, "each": EACH, "chain": CHAIN, "ring": RING, "pairs": PAIRS, "table": TABLE}
+
+
+class TableBuilder:
+    """Builder of the tables that the kernels read, term by term.
+
+    Args:
+        table: The trees.
+        required: The tensors to compute.
+        weights: The factor of each tree's differential, in the numbers of the computation.
+        convert: Converts exact numbers to those of the computation.
+    """
+
+    def __init__(
+        self,
+        table: TreeTable,
+        required: RequiredTensors,
+        weights: Sequence[Any],
+        dimension: int,
+        convert: Callable[[Any], Any],
+    ):
+        self.table, self.required, self.weights = table, required, weights
+        self.dimension, self.convert = dimension, convert
+        self.order = table.max_order
+        self.rows: dict[str, list[Any]] = defaultdict(list)
+        self.known: dict[Any, int] = {}
+        self.child_number = {tree: at for at, tree in enumerate(required.children)}
+        self.trees_of: dict[int, list[int]] = defaultdict(list)
+        for tree, forest in enumerate(required.forests.of_tree):
+            self.trees_of[forest].append(tree)
+
+    def build(self) -> tuple[Any, list[Any]]:
+        """All tables, as unsigned integers and numbers."""
+        sums = locals_ = largest = 0
+        for tensors in self.required.terms:
+            degree = tensors.ranks[0] if tensors.degree is None else min(tensors.ranks[0], tensors.degree)
+            variables = len(tensors.term.arguments)
+            program = taylor_polynomials.instruction_list(tensors.term.formula, variables, degree)
+            self._add_term(tensors, program, degree)
+            sums = max(sums, sum(map(len, tensors.outputs)))
+            locals_ = max(locals_, variables + len(tensors.term.data))
+            largest = max(largest, program.polynomials * monomial_count(variables, degree))
+        work = (sums, sums + locals_, sums + locals_ + largest)
+        counts = (self.order, len(self.required.terms), *work, len(self.required.children), self.dimension)
+        ints = [*counts, *(0,) * (len(TABLES) + len(NUMBERS))]
+        numbers: list[Any] = []
+        for at, (name, width) in enumerate(TABLES.items(), len(COUNTS)):
+            ints[at] = len(ints)
+            rows = self.rows[name]
+            ints += rows if width == 1 else [entry for row in rows for entry in row]
+        for at, name in enumerate(NUMBERS, len(COUNTS) + len(TABLES)):
+            ints[at] = len(numbers)
+            numbers += map(self.convert, self.rows[name])
+        return np.array(ints, np.uint64), numbers
+
+    def _add_term(self, tensors: TermTensors, program: InstructionList, degree: int) -> None:
+        term, rows = tensors.term, self.rows
+        variables = len(term.arguments)
+        arguments, data = len(rows["argument"]), len(rows["datum"])
+        for argument in term.arguments:
+            minus = argument.minus
+            rows["argument"].append((*argument.plus, int(minus is not None), *(minus or argument.plus)))
+        for datum in term.data:
+            rows["datum"].append((datum.role, len(rows["datum_value"])))
+            rows["datum_value"] += datum.values
+        first_instruction = len(rows["instruction"])
+        self._add_instructions(program, variables, degree)
+        ranges = self._add_outputs(tensors)
+        groups, children = self._add_contractions(tensors, ranges)
+        shape = taylor_polynomials.shape(variables, degree)
+        sites = term.sites
+        site_row = len(rows["site"])
+        rows["site"] += [(*row, *(0,) * (TABLES["site"] - len(row))) for row in sites.table]
+        rows["term"].append(
+            (
+                *(SITE_KINDS[sites.kind], sites.count, site_row, sites.size),
+                *(arguments, len(rows["argument"]), data, len(rows["datum"])),
+                *(first_instruction, len(rows["instruction"])),
+                *(program.result, degree, len(shape.factorials)),
+                self._shared_offset("raised", shape, shape.raised),
+                self._shared_offset("factorial", shape, shape.factorials),
+                *(groups, groups + len(children) * variables, ranges[0][0], ranges[-1][1]),
+                *(len(rows["level"]) - self.order - 1, len(rows["child_level"]) - self.order - 1),
+            )
+        )
+
+    def _shared_offset(self, name: str, key: Any, values: Iterable[Any]) -> int:
+        """The offset of values in a table, where equal values are stored once."""
+        if (name, key) not in self.known:
+            self.known[name, key] = len(self.rows[name])
+            self.rows[name] += values
+        return self.known[name, key]
+
+    def _add_instructions(self, program: InstructionList, variables: int, degree: int) -> None:
+        for instruction in program.instructions:
+            begin = self._shared_offset("product", instruction.products, instruction.products)
+            factor = len(self.rows["factor"])
+            self.rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
+            operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
+            self.rows["instruction"].append((*operands, begin, begin + len(instruction.products), factor))
+            self.rows["constant"].append(0 if instruction.number is None else instruction.number)
+
+    def _add_outputs(self, tensors: TermTensors) -> list[tuple[int, int]]:
+        """Add the outputs, by colour; returns the range of each colour."""
+        ranges = []
+        for outputs in tensors.outputs:
+            begin = len(self.rows["output"])
+            self.rows["output"] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
+            ranges.append((begin, len(self.rows["output"])))
+        return ranges
+
+    def _add_contractions(self, tensors: TermTensors, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
+        """Add the contractions by order, none for the single node; returns the numbers of groups and the children."""
+        forests, rows = self.required.forests, self.rows
+        wanted = sorted(tensors.ranks, key=lambda forest: (forests.order[forest], forest))
+        children = sorted({forests.right[forest] for forest in wanted if forest})
+        local = {tree: at for at, tree in enumerate(children)}
+        orders, colors = self.table.lists[:2]
+        directions = [(self._shared_offset("direction", chosen, chosen), len(chosen)) for chosen in tensors.directions]
+        offset, groups = self._offsets(tensors, wanted)
+        rows["level"].append(len(rows["contraction"]))
+        for n in range(1, self.order + 1):
+            for forest in (forest for forest in wanted if forests.order[forest] == n):
+                uses = len(rows["use"])
+                self._add_uses(tensors, forest, ranges)
+                contraction = 0, 0, 0, 0, 0, 0
+                if forest:
+                    right = forests.right[forest]
+                    first, count = directions[colors[right]]
+                    size = tensors.size(forests, forest)
+                    contraction = offset[forests.left[forest]], offset[forest], size, local[right], first, first + count
+                rows["contraction"].append((*contraction, uses, len(rows["use"])))
+            rows["level"].append(len(rows["contraction"]))
+        begin = len(rows["child"])
+        rows["child"] += [self.child_number[tree] for tree in children]
+        rows["child_level"] += [begin + sum(orders[tree] < n for tree in children) for n in range(self.order + 1)]
+        return groups, children
+
+    def _offsets(self, tensors: TermTensors, wanted: list[int]) -> tuple[dict[int, int], int]:
+        """The offset of each forest in a group, and their total size; forests contained in no other share an offset."""
+        forests = self.required.forests
+        lefts = {0, *(forests.left[forest] for forest in wanted)}
+        offset, groups, shared = {}, 0, 0
+        for forest in wanted:
+            size = tensors.size(forests, forest)
+            if forest in lefts:
+                offset[forest] = groups
+                groups += size
+            else:
+                shared = max(shared, size)
+        return {forest: offset.get(forest, groups) for forest in wanted}, groups + shared
+
+    def _add_uses(self, tensors: TermTensors, forest: int, ranges: list[tuple[int, int]]) -> None:
+        """Add the trees with these children to the sum, or to the fields of children."""
+        colors = self.table.lists[1]
+        for tree in self.trees_of[forest]:
+            first, last = ranges[colors[tree]]
+            if tensors.rank_for(self.required.forests, forest, colors[tree]) is None:
+                continue
+            if self.weights[tree] != 0:
+                self.rows["use"].append((0, first, last))
+                self.rows["weight"].append(self.weights[tree])
+            if tree in self.child_number:
+                self.rows["use"].append((1 + self.child_number[tree], first, last))
+                self.rows["weight"].append(0)

@@ -1,0 +1,393 @@
+"""Modified Hamiltonians of methods on scenes, as functions of the state and the step size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.stages import check_method
+from bseries.exceptions import SeriesError
+from bseries.fields.inputs import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
+from bseries.fields.modified_fields import modified_field
+from bseries.fields.modified_invariants import modified_invariant
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
+from bseries.hamiltonians.energy_formulas import EnergyFormulas
+from bseries.hamiltonians.from_trees import energy_series, energy_trees
+from bseries.hamiltonians.generating_functions import generating_terms
+from bseries.hamiltonians.hamiltonian_verdict import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
+from integrators.core.errors import IntegratorError
+from integrators.reference.plain_arithmetic import Arithmetic
+from integrators.scenes.scene import Scene
+from trees.counting import check_order
+
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+
+    from bseries.fields.modified_fields import SceneSeries
+    from bseries.hamiltonians.from_trees import EnergySeries
+    from integrators.methods.program.program import Method
+
+
+class ModifiedHamiltonian:
+    """Truncated modified Hamiltonian H̃ = H + h H_2 + h² H_3 + … as a function of the state and the step size.
+
+    Use `modified_hamiltonian` to make one. For h = 0 it is H, with its constant.
+
+    Attributes:
+        method: The method, or the field series.
+        scene: The scene.
+        order: The number of terms N, with the powers h^0 … h^(N−1).
+        parts: The parts of the method on the scene, if given.
+        route: The way of computation: ``"trees"``, ``"brackets"``, ``"generating-function"`` or ``"integration"``.
+
+    Example:
+        >>> import bseries as bs
+        >>> H = bs.modified_hamiltonian(bs.method("implicit-midpoint"), bs.scene("pendulum"), 5)
+        >>> H
+        <the modified Hamiltonian of implicit-midpoint on pendulum: order 5, by trees>
+        >>> H.symbolic(2)
+        -p**2*cos(q)/24 - sin(q)**2/24
+        >>> H([0.0, -1.5], 0.1), H.gradient([0.0, -1.5], 0.1).round(6).tolist()
+        (-0.071151..., [0.0, -0.997436])
+    """
+
+    def __init__(
+        self,
+        method: Method | BSeries,
+        scene: Scene,
+        order: int,
+        parts: Any,
+        route: str,
+        energy: EnergySeries | EnergyFormulas,
+    ):
+        self.method, self.scene, self.order, self.parts, self.route = method, scene, order, parts, route
+        self._energy = energy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ModifiedHamiltonian, (self.method, self.scene, self.order, self.parts, self.route, self._energy)
+
+    @property
+    def label(self) -> str:
+        """The name of the modified Hamiltonian."""
+        return f"the modified Hamiltonian of {name_of(self.method)}"
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables."""
+        return self.scene.variables
+
+    def __repr__(self) -> str:
+        return f"<{self.label} on {self.scene.name}: order {self.order}, by {self.route}>"
+
+    def __str__(self) -> str:
+        rows = (f"h^{k:<3} {self.symbolic(k)}" for k in range(self.order))
+        limit = self.verdict.limit()
+        return "\n".join([f"{self.label} on {self.scene.name}", *rows, *([limit] if limit else [])])
+
+    @cached_property
+    def verdict(self) -> HamiltonianVerdict:
+        """The order to which a modified Hamiltonian exists, tested beyond the terms computed here.
+
+        Example:
+            >>> import bseries as bs
+            >>> H = bs.modified_hamiltonian(bs.method("rk4"), bs.scene("pendulum"), 5)
+            >>> H.verdict.exists_through
+            4
+            >>> print(H.verdict.limit())
+            H~ exists through h^4 only: on pendulum the term with h^5 has no Hamiltonian; the first tree to break it for
+            all H is [τ,[[τ]]].
+        """
+        return verdict_beyond(self.method, self.scene, self.order, self.parts)
+
+    def __call__(self, y: Any, h: float, workers: int = 1) -> Any:
+        """The value at one point or many.
+
+        Args:
+            y: The state, of shape (variables,), or (variables, n) for n points.
+            h: The step size.
+            workers: The number of threads that share the points.
+
+        Returns:
+            A float, or an array of shape (n,).
+
+        Raises:
+            SeriesError: `y` has the wrong number of variables, or is not numeric.
+        """
+        states, shape = read_states(y, self.scene.dimension)
+        step = read_step(h)
+        values = self._energy.evaluator.values(states, step, workers)
+        warn_where_not_finite(values, f"{self.label} on {self.scene.name}", step, stacklevel=3)
+        return values if len(shape) == 2 else float(values[0])
+
+    def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
+        """The terms at one point or many, without the powers of h.
+
+        Args:
+            y: As for a call.
+            workers: The number of threads that share the points.
+
+        Returns:
+            An array (order,) or (order, n); the k-th row is the coefficient of h^k.
+        """
+        states, shape = read_states(y, self.scene.dimension)
+        return self._energy.evaluator.terms(states, workers).reshape(self.order, *shape[1:])
+
+    @property
+    def compiled(self) -> Any:
+        """A numba function (y, h) for other compiled code."""
+        return self._energy.evaluator.compiled
+
+    def observer(self, h: float) -> Callable[[float, Any], float]:
+        """An observer (t, y) for `bs.integrate`.
+
+        Example:
+            >>> import bseries as bs
+            >>> pendulum, midpoint = bs.scene("pendulum"), bs.method("implicit-midpoint")
+            >>> H = bs.modified_hamiltonian(midpoint, pendulum, 3)
+            >>> run = bs.integrate(pendulum, midpoint, h=0.1, steps=1000, observe={"H": H.observer(0.1)})
+            >>> bool(abs(run.observed["H"] - run.observed["H"][0]).max() < 1e-6)
+            True
+        """
+        step, compiled = read_step(h), self.compiled
+
+        def modified_energy(t: float, y: Any) -> float:
+            """The modified Hamiltonian at y."""
+            return compiled(y, step)
+
+        return modified_energy
+
+    def precise(self, y: Any, h: Any, digits: int = 50) -> Any:
+        """The value at one point with a given number of digits, as a number of mpmath.
+
+        Args:
+            y: One point: numbers, fractions, strings or numbers of mpmath.
+            h: The step size.
+            digits: The number of decimal digits.
+
+        Raises:
+            SeriesError: The coefficients have fewer digits, or `y` has the wrong number of values.
+            IntegratorError: An argument has the wrong type.
+        """
+        arithmetic = Arithmetic(digits)
+        with arithmetic.working():
+            point = arithmetic.read(y, "y")
+            if len(point) != self.scene.dimension:
+                raise SeriesError(f"y must have {self.scene.dimension} values, but had {len(point)}")
+            value = self._energy.precise(list(point), arithmetic.number(h, "h"), digits)
+            return arithmetic.rounded(arithmetic.vector([value]))[0]
+
+    def symbolic(self, k: int) -> sympy.Expr:
+        """The formula of the coefficient of h^k.
+
+        Args:
+            k: The power of h, from 0 to order − 1.
+
+        Raises:
+            SeriesError: The power is out of range.
+        """
+        check_power(k, self.order - 1)
+        if k not in self._formulas:
+            self._formulas[k] = self._energy.symbolic(k)
+        return self._formulas[k]
+
+    @cached_property
+    def _formulas(self) -> dict[int, sympy.Expr]:
+        return {}
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The formula for a step size, a number or a symbol.
+
+        Raises:
+            SeriesError: `h` is neither a number nor an expression.
+        """
+        import sympy
+
+        step = read_symbolic_step(h)
+        return sympy.Add(*(self.symbolic(k) * step**k for k in range(self.order)))
+
+    @cached_property
+    def field(self) -> SceneSeries:
+        """The truncated modified equation with this Hamiltonian."""
+        return modified_field(self.method, self.scene, self.order, parts=self.parts)
+
+    def gradient(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
+        """The gradient at one point or many; by trees from the modified equation f = (−∂H̃/∂q, ∂H̃/∂p).
+
+        Args:
+            y: As for a call.
+            h: The step size.
+            workers: The number of threads that share the points.
+
+        Returns:
+            An array of the shape of `y`.
+        """
+        import numpy as np
+
+        if isinstance(self._energy, EnergyFormulas):
+            states, shape = read_states(y, self.scene.dimension)
+            return self._energy.gradient(states, read_step(h), workers).T.reshape(shape)
+        field = self.field(y, h, workers=workers)
+        gradient = np.empty_like(field)
+        momenta, positions = (slice(block.offset, block.end) for block in self.scene.canonical_pair or ())
+        gradient[momenta], gradient[positions] = field[positions], -field[momenta]
+        return gradient
+
+    def to_dict(self) -> dict[str, Any]:
+        """The formulas and the verdict as plain data."""
+        return {
+            "schema": 1,
+            "kind": "hamiltonian",
+            "method": name_of(self.method),
+            "scene": self.scene.name,
+            "route": self.route,
+            "order": self.order,
+            "variables": list(self.variables),
+            "exists_through": self.verdict.exists_through,
+            "verdict": self.verdict.to_dict(),
+            "terms": [{"power": k, "hamiltonian": str(self.symbolic(k))} for k in range(self.order)],
+        }
+
+    def to_latex(self) -> str:
+        """The formula as LaTeX, without zero terms, with a note on where the modified Hamiltonian ends."""
+        import sympy
+
+        terms = [(k, sympy.latex(self.symbolic(k))) for k in range(self.order) if self.symbolic(k) != 0]
+        powers = {0: "", 1: "h ", **{k: f"h^{{{k}}} " for k, _ in terms if k > 1}}
+        formula = " + ".join(f"{powers[k]}\\left({text}\\right)" if k else text for k, text in terms) or "0"
+        limit = self.verdict.limit(latex=True)
+        return f"{formula}\\quad\\text{{({limit})}}" if limit else formula
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.to_latex()}$"
+
+
+ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
+
+
+def modified_hamiltonian(
+    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+) -> ModifiedHamiltonian:
+    """The modified Hamiltonian of a method on a scene: the Hamiltonian of its truncated modified equation.
+
+    Args:
+        method: A method, or a field series such as a `modified_equation`.
+        scene: A canonical scene, or a Poisson system.
+        order: The number of terms N, with the powers h^0 … h^(N−1); by default the order of a series.
+        parts: For methods that split the field: a map from the names of their parts to blocks or parts of the scene,
+            where the names differ.
+        route: ``"trees"`` (elementary Hamiltonians), ``"brackets"`` (nested Poisson brackets, for splittings and
+            compositions), ``"generating-function"`` (the Hamilton–Jacobi equation), ``"integration"`` (of the modified
+            equation on this scene), or ``"auto"``: trees for symplectic methods, else brackets on a Poisson system,
+            else integration.
+
+    Raises:
+        SeriesError: The modified equation is not Hamiltonian on the scene, the route does not apply, or an argument is
+            out of range.
+
+    Example:
+        >>> import bseries as bs
+        >>> H = modified_hamiltonian(bs.method("stormer-verlet"), bs.scene("henon-heiles"), 3)
+        >>> print(H)
+        the modified Hamiltonian of stormer-verlet-kdk on henon-heiles
+        h^0   p1**2/2 + p2**2/2 + q1**2*q2 + q1**2/2 - q2**3/3 + q2**2/2
+        h^1   0
+        h^2   p1**2*q2/6 + p1**2/12 + p1*p2*q1/3 - p2**2*q2/6 + p2**2/12 - q1**4/24 - q1**2*q2**2/12 - ...
+
+        A method that is not symplectic has none:
+
+        >>> modified_hamiltonian(bs.method("rk4"), bs.scene("henon-heiles"), 5)
+        Traceback (most recent call last):
+        bseries.exceptions.SeriesError: method must be symplectic on henon-heiles, but rk4 is Hamiltonian for all H
+        to order 4, where [τ,[[τ]]] breaks it, and on henon-heiles to order 4, where the term with h^4 breaks it
+
+    References:
+        HLW, sections IX.3, IX.4 and IX.9, theorem IX.9.8.
+    """
+    if route not in ROUTES:
+        raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
+    if not isinstance(scene, Scene):
+        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+    if isinstance(method, BSeries):
+        order = check_order(method.order if order is None else order)
+        if method.empty != 0:
+            raise SeriesError(
+                f"method must be a method or the series of a field, but its empty tree has {method.empty}"
+            )
+        if route in ("brackets", "generating-function"):
+            raise SeriesError(f"method must be a method for the route {route!r}, but was a series")
+    else:
+        check_method(method)
+        if order is None:
+            raise SeriesError("order must be given for a method, but was None")
+        order = check_order(order)
+    found, energy = _route_and_energy(method, scene, order, parts, route)
+    return ModifiedHamiltonian(method, scene, order, parts, found, energy)
+
+
+def _route_and_energy(
+    method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
+) -> tuple[str, EnergySeries | EnergyFormulas]:
+    """The route to H̃, and H̃ itself."""
+    canonical = scene.is_hamiltonian and scene.poisson is None
+    if route == "trees" or (route == "auto" and canonical):
+        found = _by_trees(method, scene, order, parts, canonical)
+        if found is not None:
+            return "trees", found
+        if route == "trees":
+            verdict = hamiltonian_verdict(method, scene, order, parts=parts)
+            raise SeriesError(f"method must be symplectic for the route 'trees', but {verdict}")
+    is_method = not isinstance(method, BSeries)
+    if is_method and (route == "brackets" or (route == "auto" and scene.poisson is not None)):
+        try:
+            return "brackets", EnergyFormulas(scene.symbols, bracket_terms(method, scene, order, parts))
+        except SeriesError:
+            if route == "brackets":
+                raise
+    if is_method and route == "generating-function":
+        return route, EnergyFormulas(scene.symbols, generating_terms(method, scene, order, parts))
+    _check_hamiltonian(method, scene, order, parts)
+    terms = modified_invariant(modified_field(method, scene, order, parts=parts)).terms
+    if route == "integration":
+        terms = _with_constants(terms, method, scene, order, parts, "trees" if canonical else "brackets")
+    return "integration", EnergyFormulas(scene.symbols, terms)
+
+
+def _with_constants(
+    terms: tuple[sympy.Expr, ...], method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
+) -> tuple[sympy.Expr, ...]:
+    """Integrals with the constants of elementary Hamiltonians or brackets, where these give H̃."""
+    if route == "brackets" and isinstance(method, BSeries):
+        return terms
+    try:
+        _, energy = _route_and_energy(method, scene, order, parts, route)
+    except (SeriesError, IntegratorError):
+        return terms
+    found = [terms[0]]
+    for k, term in enumerate(terms[1:], 1):
+        ring = DifferentialRing([energy.symbolic(k) - term], scene.symbols)
+        gap = ring.elements[0]
+        is_constant = all(ring.is_zero(ring.derivative(gap, i)) for i in range(scene.dimension))
+        found.append(term + ring.to_expression(gap) if is_constant else term)
+    return tuple(found)
+
+
+def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, canonical: bool) -> EnergySeries | None:
+    """H̃ by trees; None if the modified equation is not Hamiltonian for all H of the kind of the scene."""
+    if not canonical:
+        raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {scene.title} is not")
+    trees = energy_trees(method, scene, order, parts)
+    return energy_series(trees) if trees.verdict.holds else None
+
+
+def _check_hamiltonian(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> None:
+    """Check that the modified equation is Hamiltonian on the scene."""
+    verdict = hamiltonian_verdict(method, scene, order, parts=parts)
+    if verdict.order == 0:
+        raise SeriesError(f"scene must be Hamiltonian, but the field of {scene.title} is not")
+    if not verdict.holds:
+        kind = "symplectic" if scene.poisson is None else "a Poisson integrator"
+        raise SeriesError(f"method must be {kind} on {scene.title}, but {verdict}")
