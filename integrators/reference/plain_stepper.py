@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError
+from integrators.core.errors import IntegratorError, shown
 from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Average, Derivative, Evaluation, Field, Flow, Program, operands
-from integrators.methods.tableaux.rational_programs import rational_program
+from integrators.methods.program.program import (
+    Average,
+    Derivative,
+    Evaluation,
+    Field,
+    Flow,
+    Method,
+    Program,
+    operands,
+)
 from integrators.reference.plain_arithmetic import Arithmetic, size
 from integrators.reference.plain_fields import Fields
 from integrators.reference.plain_flows import average, fixed_point, flow_increment, newton
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
     from integrators.reference.plain_arithmetic import Vector
     from integrators.reference.plain_fields import ByPart
 
@@ -33,7 +40,9 @@ class Stepper:
         digits: int | None,
     ) -> None:
         self.arithmetic = arithmetic = Arithmetic(digits)
-        program = rational_program(method, arithmetic.decimals)
+        if not isinstance(method, Method):
+            raise IntegratorError(f"method must be a method, but was {shown(method)}")
+        program = method.rational_program(arithmetic.decimals)
         if program.parameters:
             raise IntegratorError(f"parameters must have values before a step, but {program.parameters[0]} had none")
         self.name = program.name

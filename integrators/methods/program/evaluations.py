@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten
@@ -192,3 +192,8 @@ def check_form(form: object, argument: str, *, start: int) -> LinearForm:
     if form.start != start:
         raise IntegratorError(f"{argument} must be {kind} but was {shorten(str(form))}")
     return form
+
+
+def combination(coefficients: Iterable[Entry], forms: Iterable[LinearForm]) -> LinearForm:
+    """Σ x_j k_j without the zero coefficients."""
+    return sum((k.times(x) for x, k in zip(coefficients, forms, strict=True) if x != 0), LinearForm())

@@ -117,6 +117,24 @@ class Method(ImmutableValue):
         """One sentence for each contradiction in the coefficients, such as weights that do not sum to 1."""
         return self.program.issues
 
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational approximations of coefficients whose exact form is slow to compute.
+
+        Only tableaux on roots of polynomials (see `StageAlgebra`) have such coefficients.
+
+        Args:
+            decimals: the approximations are within 10^-decimals.
+
+        Returns:
+            The program.
+
+        Example:
+            >>> from integrators import method
+            >>> print(method("gauss2").rational_program(3).result)
+            y + 1/2*k1 + 1/2*k2
+        """
+        return self.program
+
 
 class Program(Method):
     """A one-step method as a program; made by a `ProgramBuilder`, which explains its attributes.

@@ -7,12 +7,11 @@ from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import check_label, check_partition_names
+from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.program.program import Method
-from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit
+from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
 from integrators.methods.tableaux.tableau_input import in_color_order
-from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from integrators.methods.program.program import Program
@@ -80,11 +79,7 @@ class PartitionedRungeKutta(Method):
         if len({part.domain for part in parts} & {"float", "symbolic"}) == 2:
             domains = ", ".join(f"{key} is {part.domain}" for key, part in zip(names, parts, strict=True))
             raise IntegratorError(f"partitions must not mix floats and symbols, but {shorten(domains)}")
-        check_label(name, "name")
-        check_label(reference, "reference")
-        self.__dict__.update(
-            names=names, partitions=parts, name="custom" if name is None else name, reference=reference
-        )
+        self.__dict__.update(names=names, partitions=parts, **read_labels(name, reference))
         if warn:
             emit(issue for key, issue in self._part_issues if not isinstance(partitions[key], RungeKutta))
 
@@ -182,7 +177,13 @@ class PartitionedRungeKutta(Method):
     def program(self) -> Program:
         """The stages and the step as a program, with one evaluation for each part and stage."""
         labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program([(part.A, part.b) for part in self.partitions], self.names, **labels)
+        return tableau_program(self.partitions, self.names, **labels)
+
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational numbers within 10^-decimals of entries that come from stage algebras."""
+        if all(part.algebra is None for part in self.partitions):
+            return self.program
+        return self._map(lambda part: part.approximated(decimals)).program
 
     def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
         """The method with values in place of symbols, as `RungeKutta.substitute`."""

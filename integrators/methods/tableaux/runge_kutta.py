@@ -8,19 +8,18 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
-from integrators.core.arguments import check_label
+from integrators.core.arguments import read_labels
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
-from integrators.methods.program.program import Method
+from integrators.methods.program.evaluations import combination
+from integrators.methods.program.program import Method, ProgramBuilder
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 from integrators.methods.tableaux.tableau_input import read_tableau
-from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
     from integrators.methods.program.program import Program
-    from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
     Row = tuple[Entry, ...]
 
@@ -85,7 +84,7 @@ class RungeKutta(Method):
         matrix, weights, nodes, extra = read_tableau(A, b, c, embedded, parameters, digits)
         nodes = tuple(map(entries.sum_entries, matrix)) if nodes is None else nodes
         self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)
-        self._label(name, reference)
+        self.__dict__.update(names=("",), **read_labels(name, reference))
         if warn:
             emit(self.issues)
 
@@ -110,14 +109,8 @@ class RungeKutta(Method):
         if not isinstance(algebra, StageAlgebra):
             raise IntegratorError(f"algebra must be a StageAlgebra, but was {shorten(repr(algebra))}")
         method = cls.__new__(cls)
-        method.__dict__.update(embedded=(), digits=None, algebra=algebra)
-        method._label(name, reference)
+        method.__dict__.update(names=("",), embedded=(), digits=None, algebra=algebra, **read_labels(name, reference))
         return method
-
-    def _label(self, name: str | None, reference: str | None) -> None:
-        check_label(name, "name")
-        check_label(reference, "reference")
-        self.__dict__.update(names=("",), name="custom" if name is None else name, reference=reference)
 
     @property
     def _data(self) -> tuple[Any, ...]:
@@ -197,7 +190,21 @@ class RungeKutta(Method):
     def program(self) -> Program:
         """The stages and the step as a program."""
         labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program([(self.A, self.b)], self.names, **labels)
+        return tableau_program([self], self.names, **labels)
+
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational numbers within 10^-decimals of the entries if they come from a stage algebra."""
+        return self.approximated(decimals).program
+
+    def approximated(self, decimals: int) -> RungeKutta:
+        """The tableau, with rational numbers within 10^-decimals of the entries if they come from a stage algebra."""
+        if self.algebra is None:
+            return self
+        from mpmath.libmp import to_rational
+
+        A, b, c = self.algebra.tableau_decimal(decimals + 3)
+        rows = [[Fraction(*map(int, to_rational(x._mpf_))) for x in row] for row in (*A, b, c)]
+        return RungeKutta(rows[:-2], rows[-2], rows[-1], name=self.name, warn=False)
 
     @cached_property
     def row_sums(self) -> Row:
@@ -348,6 +355,34 @@ class RungeKutta(Method):
             reference=self.reference,
             warn=False,
         )
+
+
+def tableau_program(tableaux: Sequence[RungeKutta], names: Sequence[str], **labels: Any) -> Program:
+    """The program of k^ν_i = h f^ν(y + Σ_μ Σ_j a^μ_ij k^μ_j), y1 = y + Σ_ν Σ_i b^ν_i k^ν_i.
+
+    Args:
+        tableaux: one tableau for each part, with equally many stages.
+        names: the names of the parts; unused if there is one part.
+        labels: name, reference and digits, as for `ProgramBuilder.program`.
+
+    Returns:
+        The program; stage by stage, and within a stage part by part.
+    """
+    count, stages = len(tableaux), tableaux[0].stages
+    parts = tuple(names) if count > 1 else ()
+    builder = ProgramBuilder(parts)
+    registers = builder.unknowns(count * stages)
+    increments = [registers[part::count] for part in range(count)]
+    for i in range(stages):
+        at = builder.y
+        for tableau, k in zip(tableaux, increments, strict=True):
+            at = at + combination(tableau.A[i], k)
+        for name, k in zip(parts or (None,), increments, strict=True):
+            builder.field(at, name, into=k[i])
+    result = builder.y
+    for tableau, k in zip(tableaux, increments, strict=True):
+        result = result + combination(tableau.b, k)
+    return builder.program(result, **labels)
 
 
 def _is_lower(sparsity: Sequence[Sequence[bool]], first: int) -> bool:
