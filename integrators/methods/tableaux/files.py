@@ -18,9 +18,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.formats import FORMATS, check_keys, json_text, parse_json, parse_toml
+from integrators.core.text_files import FORMATS, check_keys, json_text, parse_json, parse_toml, read_text
 from integrators.core.text_files import atomic_write as atomic_write
-from integrators.core.text_files import read_text
 from integrators.exact.entries import read_entry
 from integrators.exact.expressions import decimal_text, format_number
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
