@@ -17,27 +17,27 @@ if TYPE_CHECKING:
     from integrators.methods.program.program import Program
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
-"""The domains of entries, each containing those before."""
+"""The domains of entries, ascending."""
 
 
 class PartitionedRungeKutta(Method):
-    """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, all with the same stages.
+    """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, with common stages.
 
-    With y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). So these are also the
-    additive Runge–Kutta methods with any number of parts, such as implicit–explicit ones; see
-    `GeneralizedAdditiveRungeKutta` for parts that have stages of their own.
+    For y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). This includes additive
+    Runge–Kutta methods with any number of parts, such as implicit–explicit ones; for parts with their own stages see
+    `GeneralizedAdditiveRungeKutta`.
 
     Args:
-        partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and perhaps c. Their order
-            is that of the colours 0, 1, …, but p always comes before q; names start with a letter, and t and τ are
+        partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and optionally c. Their
+            order is that of the colours 0, 1, …, but p always precedes q; names start with a letter, and t and τ are
             reserved.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        warn: whether to emit a `TableauWarning` for each of `issues`; a part that is a `RungeKutta` has warned itself.
+        parameters: the symbols allowed in formulas.
+        name: the name of the method in messages.
+        reference: the publication of the method.
+        warn: whether to emit a `TableauWarning` for each of `issues`, except those of parts that are `RungeKutta`s.
 
     Raises:
-        IntegratorError: fewer than two parts, a bad name, different numbers of stages, or a part that is no tableau.
+        IntegratorError: fewer than two parts, an invalid name, different numbers of stages, or an invalid tableau.
 
     Example:
         The Störmer–Verlet method, kick–drift–kick:
@@ -106,27 +106,27 @@ class PartitionedRungeKutta(Method):
 
     @property
     def algebra(self) -> None:
-        """None: the parts may have one each."""
+        """None: only the parts may have algebras."""
         return None
 
     @property
     def embedded(self) -> tuple[()]:
-        """The embedded weights: none."""
+        """No embedded weights."""
         return ()
 
     @cached_property
     def max_children(self) -> None:
-        """None: a tableau is meant for all fields."""
+        """None: tableaux apply to all fields."""
         return None
 
     @cached_property
     def digits(self) -> int | None:
-        """The smallest number of correct digits of a part, None if all are exact."""
+        """The smallest number of correct digits of the parts; None if all are exact."""
         return min((part.digits for part in self.partitions if part.digits is not None), default=None)
 
     @cached_property
     def domain(self) -> str:
-        """The smallest domain that holds the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
+        """The smallest domain that contains the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
         return max((part.domain for part in self.partitions), key=DOMAINS.index)
 
     @cached_property
@@ -141,19 +141,19 @@ class PartitionedRungeKutta(Method):
 
     @cached_property
     def issues(self) -> tuple[str, ...]:
-        """The issues of the parts, each with the name of its part."""
+        """The issues of the parts, with their names."""
         return tuple(issue for _, issue in self._part_issues)
 
     @cached_property
     def is_explicit(self) -> bool:
-        """Whether every part is explicit, so that nothing needs solving whatever the fields depend on."""
+        """Whether every part is explicit, so the method is explicit for all fields."""
         return all(part.is_explicit for part in self.partitions)
 
     @cached_property
     def is_explicit_if_separable(self) -> bool:
-        """Whether the stages can be computed in some order when no block's field depends on the block itself.
+        """Whether the method is explicit if no block's field depends on the block itself.
 
-        So it is for the Störmer–Verlet method and symplectic Euler methods on H(p, q) = T(p) + U(q).
+        Examples are the Störmer–Verlet and symplectic Euler methods for H(p, q) = T(p) + U(q).
         """
         return _is_acyclic([part.sure_sparsity for part in self.partitions]) and _is_acyclic(
             [part.sparsity for part in self.partitions]
@@ -163,14 +163,14 @@ class PartitionedRungeKutta(Method):
     def is_symplectic(self) -> bool:
         """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for every two parts (HLW, Theorem VI.4.6).
 
-        With two parts p and q the method is then symplectic for every Hamiltonian; a separable one does not need
-        b_i = b̂_i.
+        With two parts p and q the method is then symplectic for every Hamiltonian; for separable ones b_i = b̂_i is
+        not necessary.
         """
         return all(first.is_symplectic_with(second) for first, second in combinations(self.partitions, 2))
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether one reversal of the stages shows that every part is its own adjoint (HLW, V.2)."""
+        """Whether every part is its own adjoint under a common reversal of the stages (HLW, V.2)."""
         return are_symmetric(self.partitions)
 
     @cached_property
@@ -186,7 +186,7 @@ class PartitionedRungeKutta(Method):
         return self._map(lambda part: part.approximated(decimals)).program
 
     def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
-        """The method with values in place of symbols, as `RungeKutta.substitute`."""
+        """The method with values substituted for symbols, as `RungeKutta.substitute`."""
         check_known(values, self.parameters)
         return self._map(lambda part: part.substitute({k: v for k, v in values.items() if k in part.parameters}))
 
@@ -200,9 +200,9 @@ class PartitionedRungeKutta(Method):
 
 
 def _is_acyclic(sparsities: Sequence[Sequence[Sequence[bool]]]) -> bool:
-    """Whether stages can be computed in some order if the field of a part depends on the other parts only.
+    """Whether stages can be computed in some order if the field of each part depends only on the other parts.
 
-    Stage i of part ν needs, for each a^ν_ij ≠ 0, the field of ν at stage j, hence stage j of all other parts.
+    For each a^ν_ij ≠ 0, stage i of part ν depends on the field of ν at stage j, hence on stage j of all other parts.
     """
     parts = range(len(sparsities))
     needs = {
