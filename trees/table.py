@@ -229,7 +229,6 @@ class TreeTable(Sequence[Tree]):
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def _repr_svg_(self) -> str:
-
         return svg(self)
 
     def ids(self, order: int) -> range:

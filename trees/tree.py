@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from trees.drawing import svg
 from trees.errors import TreeError
 from trees.formulas import elementary_differential, elementary_weight, order_condition
-from trees.networks import from_networkx, to_networkx
-from trees.notation import MAX_ORDER, parse, tree_text
+from trees.notation import MAX_ORDER, from_networkx, parse, to_networkx, tree_text
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -149,12 +148,10 @@ class Tree:
             >>> Tree.from_networkx(nx.path_graph(3), root=1)
             Tree('[τ,τ]')
         """
-
         return Tree.from_levels(*from_networkx(graph, root))
 
     def to_networkx(self) -> nx.DiGraph:
-        """The tree as a directed graph; see `trees.networks.to_networkx`."""
-
+        """The tree as a directed graph; see `trees.notation.to_networkx`."""
         return to_networkx(self.levels, self.colors)
 
     @property
@@ -271,17 +268,14 @@ class Tree:
 
     def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
-
         return elementary_differential(self, format, names)
 
     def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
-
         return elementary_weight(self, format, names)
 
     def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
-
         return order_condition(self, format, names)
 
     def __str__(self) -> str:
@@ -291,7 +285,6 @@ class Tree:
         return f"Tree('{self.text()}')"
 
     def _repr_svg_(self) -> str:
-
         return svg(self)
 
     def __hash__(self) -> int:
