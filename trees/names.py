@@ -1,4 +1,4 @@
-"""Names of colours: trees hold colours as numbers, texts and formulas call them by name."""
+"""Names of the colours of nodes in texts and formulas."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are th
 
 
 def default_names(colors: int) -> tuple[str, ...]:
-    """The names of so many colours where nobody chose any.
+    """The default names of colours.
 
     Args:
         colors: The number of colours.
 
     Returns:
-        One empty name for one colour, p and q for two, and letters beyond. The letters leave out p, q and t, so that
-        a text tells by itself which names it uses.
+        One empty name for one colour, p and q for two, and other letters without t for more, so that the names in a
+        text are unambiguous.
 
     Example:
         >>> default_names(1), default_names(2), default_names(3)
@@ -34,13 +34,13 @@ def _default_name(color: int, largest: int) -> str:
 
 
 def default_color(name: str) -> int | None:
-    """The colour among three or more that has this name by default, if any.
+    """The colour with a default name among three or more colours.
 
     Args:
         name: A letter, followed by a number for colours beyond the letters.
 
     Returns:
-        The colour, or None if no colour is called so.
+        The colour; None if the name is not a default name.
 
     Example:
         >>> default_color("c"), default_color("a1"), default_color("p")
@@ -53,26 +53,26 @@ def default_color(name: str) -> int | None:
 
 
 def is_name(word: str) -> bool:
-    """Whether a word may name a colour: a letter, then letters, digits and ``_``; neither ``t`` nor with a ``τ``."""
+    """Whether a word can name a colour: a letter, then letters, digits and ``_``; not ``t``, and without ``τ``."""
     return word[:1].isalpha() and word != "t" and all(c.isalnum() or c == "_" for c in word) and "τ" not in word
 
 
 def is_number(word: str) -> bool:
-    """Whether a word is a number in digits, short enough for anything a tree can have."""
+    """Whether a word is a decimal number of at most nine digits."""
     return word.isascii() and word.isdigit() and len(word) < 10
 
 
 def check_names(names: Iterable[str]) -> tuple[str, ...]:
-    """The names of colours as a tuple, if each can be told apart and read back.
+    """The names of colours as a tuple, checked to be readable and different.
 
     Args:
-        names: One name per colour. A single empty name means trees of one colour, written without it.
+        names: One name per colour. A single empty name means uncoloured trees.
 
     Returns:
         The names.
 
     Raises:
-        TreeError: If a name is repeated, reserved, or no word that `is_name` accepts.
+        TreeError: If a name is repeated or not valid for `is_name`.
     """
     checked = tuple(names) if hasattr(names, "__iter__") else ()
     if checked == ("",):
@@ -90,13 +90,13 @@ def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> lis
 
     Args:
         colors: The colour of each node.
-        names: One name per colour; None for the default names of as many colours as occur.
+        names: One name per colour; None for the default names.
 
     Returns:
-        The names; empty ones for trees of one colour that nobody named.
+        The names; empty for uncoloured trees.
 
     Raises:
-        TreeError: If a name is unusable or a colour has none.
+        TreeError: If a name is invalid or a colour has none.
 
     Example:
         >>> node_names((0, 1, 0)), node_names((0, 0))

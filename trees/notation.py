@@ -1,7 +1,6 @@
-"""Text to tree and back, on preorder sequences: a tree is the levels of its nodes and their colours.
+"""Notations of trees: text, preorder sequences of levels and colours, networkx graphs.
 
-Reading gives levels and colours, whatever the notation; writing starts from them. Neither recurses, so a tree may be
-as tall as it likes.
+All notations are converted from and to levels and colours, without recursion, so trees can be arbitrarily tall.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ MAX_ORDER = 10_000
 
 @runtime_checkable
 class TreeLike(Protocol):
-    """A tree as formulas and pictures need it; `Tree` is one."""
+    """The interface of `Tree` for formulas and drawings."""
 
     @property
     def order(self) -> int:
@@ -45,19 +44,13 @@ class TreeLike(Protocol):
 
 
 def parents_of(levels: Sequence[int]) -> list[int]:
-    """The parent of each node, as numbers in preorder; −1 for the root.
-
-    Args:
-        levels: The level of each node in preorder.
-
-    Returns:
-        The numbers of the parents.
+    """The parent of each node, as index in preorder; −1 for the root.
 
     Example:
         >>> parents_of((0, 1, 2, 1))
         [-1, 0, 1, 0]
     """
-    path: list[int] = []  # the nodes from the root to the present one
+    path: list[int] = []  # the nodes from the root to the current one
     parents = []
     for node, level in enumerate(levels):
         path[level:] = [node]
@@ -70,9 +63,9 @@ def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: st
 
     Args:
         levels: The level of each node in preorder, the root's 0.
-        labels: What to write for each node.
-        opening: The bracket before children.
-        closing: The bracket after them.
+        labels: The text of each node.
+        opening: The bracket before the children.
+        closing: The bracket after the children.
 
     Returns:
         The text.
@@ -88,12 +81,12 @@ def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: st
 
 
 def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str] | None = None) -> str:
-    """A tree in brackets, as `parse` reads it back.
+    """A tree in bracket notation, which `parse` reads back.
 
     Args:
         levels: The level of each node in preorder.
         colors: The colour of each node.
-        names: One name per colour; None for the default names of as many colours as occur.
+        names: One name per colour; None for the default names.
 
     Returns:
         The text.
@@ -109,17 +102,9 @@ def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str]
 
 
 def parse(text: str, names: Iterable[str] | None = None) -> tuple[list[int], list[int]]:
-    """The levels and colours, in preorder, of a tree in any notation.
+    """The levels and colours, in preorder, of a tree in any notation, as for `Tree`.
 
-    Args:
-        text: ``[τ,[τ]]`` or ``[[t]t]``, ``[τ^3]``, ``p[q,q[p]]``, ``[0,1,2,1]`` or ``[0,1,1]:[0,1,1]``.
-        names: The names of the colours; None for p and q if the text has no others, and for a, b, c, … otherwise.
-
-    Returns:
-        Levels and colours, siblings in the order of the text. What came as numbers is for the caller to check.
-
-    Raises:
-        TreeError: If the text is not one tree; the sentence says where.
+    Siblings are in the order of the text, and sequences of numbers are not checked.
 
     Example:
         >>> parse("p[q^2]")
@@ -138,7 +123,7 @@ def _error(text: str, problem: str) -> TreeError:
 
 
 def _read_numbers(text: str) -> tuple[list[int], list[int]]:
-    """A level sequence, followed after a colon by the sequence of colours if there are any."""
+    """A level sequence, optionally followed by a colon and the sequence of colours."""
     sequences = []
     position = 1
     for part in text.split(":", 1):
@@ -158,7 +143,7 @@ def _read_numbers(text: str) -> tuple[list[int], list[int]]:
 
 
 def _tokens(text: str) -> Iterator[tuple[int, str]]:
-    """The words and single marks of a text, each with its position counted from 1."""
+    """The words and symbols of a text, with positions from 1."""
     start = 0
     while start < len(text):
         stop = start + 1
@@ -171,14 +156,14 @@ def _tokens(text: str) -> Iterator[tuple[int, str]]:
 
 
 class _BracketReader:
-    """One pass over a tree in brackets."""
+    """Parser of a tree in brackets."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.levels: list[int] = []
-        self.words: list[tuple[int, str]] = []  # of each node: its position, and the name of its colour or ""
-        self.open: list[tuple[int, int]] = []  # of each bracket not closed yet: its position and its node's number
-        self.item = 0  # the number of the node at the root of what was read last
+        self.words: list[tuple[int, str]] = []  # position and colour name (or "") of each node
+        self.open: list[tuple[int, int]] = []  # position and node of each unclosed bracket
+        self.item = 0  # the root of the subtree read last
 
     def read(self) -> tuple[list[int], list[tuple[int, str]]]:
         previous = ""
@@ -230,7 +215,7 @@ class _BracketReader:
 
 
 def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] | None) -> list[int]:
-    """The colours that the words name: those of all nodes, or of none."""
+    """The colours of the nodes, of which all or none must be named."""
     used = {word for _, word in words}
     if used == {""}:
         return [0] * len(words)
@@ -274,18 +259,7 @@ def to_networkx(levels: Sequence[int], colors: Sequence[int]) -> nx.DiGraph:
 
 
 def from_networkx(graph: nx.Graph, root: Any = None) -> tuple[list[int], list[Any]]:
-    """Levels and colours, in preorder, of the tree that a graph holds.
-
-    Args:
-        graph: A tree: directed, with edges from parent to child, or undirected. The attribute ``color`` of a node is
-            its colour, 0 where it is missing.
-        root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
-
-    Returns:
-        Levels, and the colours as they are given.
-
-    Raises:
-        TreeError: If the graph is not a tree with this root.
+    """Levels and colours, in preorder, of a tree given as a graph, as for `Tree.from_networkx`.
 
     Example:
         >>> import networkx as nx
