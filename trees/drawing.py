@@ -51,20 +51,7 @@ class Picture(NamedTuple):
 def arrange(
     trees: TreeLike | Iterable[TreeLike], columns: int | None, labels: bool | Iterable[str], names: Iterable[str] | None
 ) -> Picture:
-    """Arrange trees in rows and columns of individual sizes, with the roots of each row aligned.
-
-    Args:
-        trees: A tree, or at most `MAX_TREES` of them, each of at most `MAX_NODES` nodes.
-        columns: The number of trees in a row; None for at most 10.
-        labels: Captions below the trees: True for their texts, or one string per tree.
-        names: The names of the colours in texts; None for the default names.
-
-    Returns:
-        The picture.
-
-    Raises:
-        TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
-    """
+    """Arrange trees in rows and columns of individual sizes, with the roots of each row aligned."""
     members = _members(trees)
     levels, colors = [tree.levels for tree in members], [tree.colors for tree in members]
     if names is None:

@@ -53,16 +53,8 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
 def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The elementary weight of a tree: a sum with factors b for the root, a for inner edges, c for edges to leaves.
 
-    Args:
-        tree: The tree.
-        format: ``"text"`` or ``"latex"``.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The formula, summed over all indices: i, j, k, …, or i1, i2, … if there are not enough letters.
-
-    Raises:
-        TreeError: If the format is unknown or a colour has no name.
+    It is summed over all indices: i, j, k, …, or i1, i2, … if there are not enough letters. The arguments are those of
+    `elementary_differential`.
 
     Example:
         >>> from trees import Tree
@@ -95,16 +87,10 @@ def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str]
 def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The order condition of a Runge–Kutta method: the elementary weight of the tree is 1/γ.
 
-    Args:
-        tree: The tree.
-        format: ``"text"`` or ``"latex"``.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The equation.
+    The arguments are those of `elementary_differential`.
 
     Raises:
-        TreeError: If the format is unknown, a colour has no name, or γ is too large to be printed.
+        TreeError: If γ is too large to be printed.
 
     Example:
         >>> from trees import Tree

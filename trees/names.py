@@ -10,14 +10,7 @@ _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are th
 
 
 def default_names(colors: int) -> tuple[str, ...]:
-    """The default names of colours.
-
-    Args:
-        colors: The number of colours.
-
-    Returns:
-        One empty name for one colour, p and q for two, and other letters without t for more, so that the names in a
-        text are unambiguous.
+    """The default names of colours: "" for one colour, p and q for two, for more the other letters except t.
 
     Example:
         >>> default_names(1), default_names(2), default_names(3)
@@ -34,13 +27,7 @@ def _default_name(color: int, largest: int) -> str:
 
 
 def default_color(name: str) -> int | None:
-    """The colour with a default name among three or more colours.
-
-    Args:
-        name: A letter, followed by a number for colours beyond the letters.
-
-    Returns:
-        The colour; None if the name is not a default name.
+    """The colour with a default name among three or more colours; None if there is none.
 
     Example:
         >>> default_color("c"), default_color("a1"), default_color("p")
@@ -63,17 +50,7 @@ def is_number(word: str) -> bool:
 
 
 def check_names(names: Iterable[str]) -> tuple[str, ...]:
-    """The names of colours as a tuple, checked to be readable and different.
-
-    Args:
-        names: One name per colour. A single empty name means uncoloured trees.
-
-    Returns:
-        The names.
-
-    Raises:
-        TreeError: If a name is repeated or not valid for `is_name`.
-    """
+    """The names of colours as a tuple: different words, or the single name "" of uncoloured trees."""
     checked = tuple(names) if hasattr(names, "__iter__") else ()
     if checked == ("",):
         return checked
@@ -86,17 +63,7 @@ def check_names(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> list[str]:
-    """The name of each node's colour.
-
-    Args:
-        colors: The colour of each node.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The names; empty for uncoloured trees.
-
-    Raises:
-        TreeError: If a name is invalid or a colour has none.
+    """The name of each node's colour, by default the default name.
 
     Example:
         >>> node_names((0, 1, 0)), node_names((0, 0))

@@ -61,15 +61,6 @@ def parents_of(levels: Sequence[int]) -> list[int]:
 def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:
     """A tree as nested text: each node's label, then its children in brackets, separated by commas.
 
-    Args:
-        levels: The level of each node in preorder, the root's 0.
-        labels: The text of each node.
-        opening: The bracket before the children.
-        closing: The bracket after the children.
-
-    Returns:
-        The text.
-
     Example:
         >>> nest((0, 1, 2, 1), "abcd", "(", ")")
         'a(b(c),d)'
@@ -82,14 +73,6 @@ def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: st
 
 def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str] | None = None) -> str:
     """A tree in bracket notation, which `parse` reads back.
-
-    Args:
-        levels: The level of each node in preorder.
-        colors: The colour of each node.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The text.
 
     Example:
         >>> tree_text((0, 1, 1, 2), (0, 0, 0, 0)), tree_text((0, 1, 1, 2), (0, 1, 1, 0))
@@ -235,14 +218,7 @@ def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] |
 
 
 def to_networkx(levels: Sequence[int], colors: Sequence[int]) -> nx.DiGraph:
-    """A tree as a directed graph.
-
-    Args:
-        levels: The level of each node in preorder.
-        colors: The colour of each node.
-
-    Returns:
-        Nodes 0, 1, … in preorder, 0 the root, each with its attribute ``color``; edges from parent to child.
+    """A tree as a directed graph with the attribute ``color`` of nodes 0, 1, … in preorder.
 
     Example:
         >>> list(to_networkx((0, 1, 1, 2), (0, 0, 0, 0)).edges)

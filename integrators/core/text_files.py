@@ -27,18 +27,7 @@ TOKEN = (
 
 
 def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -> tuple[str, str]:
-    """The text of a file, and its name for messages.
-
-    Args:
-        source: a path, or an open file of text or bytes.
-        most: the largest size in bytes.
-
-    Returns:
-        The text and the name.
-
-    Raises:
-        IntegratorError: the file cannot be read, is too large, or is not UTF-8 text.
-    """
+    """The text of a path or open file of at most `most` bytes, and its name for messages."""
     is_path = isinstance(source, str | os.PathLike)
     label = os.fspath(source) if is_path else str(getattr(source, "name", "input"))
     if not is_path and not hasattr(source, "read"):
@@ -58,16 +47,7 @@ def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -
 
 
 def read_lines(file: IO[Any], label: str) -> Iterator[str]:
-    """The lines of an open file of text or bytes, of any total length.
-
-    Args:
-        file: the file.
-        label: its name in messages.
-
-    Raises:
-        IntegratorError: a line is longer than `MAX_BYTES`.
-        UnicodeDecodeError: the file is not UTF-8 text.
-    """
+    """The lines of an open file of text or bytes, of any total length."""
     while line := file.readline(MAX_BYTES + 1):
         if len(line) > MAX_BYTES:
             raise IntegratorError(f"{label} must have lines of at most {MAX_BYTES} bytes, but one has more")
@@ -84,15 +64,7 @@ def _decode(raw: bytes, label: str) -> str:
 
 
 def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a file atomically: after an interruption it is complete or unchanged.
-
-    Args:
-        path: the file.
-        content: bytes, or text, which is encoded as UTF-8.
-
-    Raises:
-        IntegratorError: the file cannot be written.
-    """
+    """Write a file atomically: after an interruption it is complete or unchanged."""
     with replacing(path) as file:
         file.write(content if isinstance(content, bytes) else content.encode())
 
@@ -102,12 +74,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """Temporary file that replaces another when complete; links are followed, permissions kept.
 
     A pipe or a device is written directly.
-
-    Args:
-        path: the file.
-
-    Raises:
-        IntegratorError: the file cannot be written.
     """
     name = check_path(path, "path")
     temporary = None
@@ -143,11 +109,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
 
 
 def remove_unfinished(path: str) -> None:
-    """Remove temporary files of a file left by killed processes.
-
-    Args:
-        path: the file.
-    """
+    """Remove temporary files of a file left by killed processes."""
     folder, start = _unfinished(path)
     with suppress(OSError):  # the folder is not readable
         for name in os.listdir(folder):
@@ -262,16 +224,7 @@ def parse_toml(text: str) -> Any:
 
 
 def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
-    """Refuse data that is not a table, or has unknown keys.
-
-    Args:
-        data: the content of a file.
-        known: the allowed keys.
-        argument: its name in messages.
-
-    Raises:
-        IntegratorError: it has another key; the message suggests a similar known one.
-    """
+    """Refuse data that is not a table or has unknown keys; the message suggests a similar known key."""
     if not isinstance(data, dict):
         raise IntegratorError(f"{argument} must be a table of keys and values, but was {shorten(repr(data))}")
     for key in data:

@@ -20,9 +20,6 @@ SUM, PRODUCT, ATOM = range(3)
 def literal(value: Coefficient) -> str:
     """The nearest double to an exact number, as text.
 
-    Raises:
-        IntegratorError: The number is beyond the range of doubles, or cannot be told from zero.
-
     Example:
         >>> import sympy
         >>> literal(Fraction(1, 3)), literal(sympy.sqrt(2)), literal(Fraction(4))
@@ -64,13 +61,6 @@ def nearest_double(value: Any) -> float:
 
 def exact_text(value: Coefficient, number: str) -> str:
     """An exact number as an expression of integers, roots and functions.
-
-    Args:
-        value: The number.
-        number: The name of a function of integers p, q that returns p/q.
-
-    Raises:
-        IntegratorError: The number is not of this form.
 
     Example:
         >>> import sympy

@@ -43,7 +43,8 @@ def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -
             f"{argument} must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each a "
             f"whole number, 0 or more, or None, but was {shown(bounds)}"
         )
-    read = tuple(_without_empty_total(tuple(map(_bound, row)), parts) for row in rows)
+    read = tuple(tuple(map(_bound, row)) for row in rows)
+    read = tuple(row[:parts] if row[parts:] == (None,) else row for row in read)
     return read if any(bound is not None for row in read for bound in row) else None
 
 
@@ -76,7 +77,3 @@ def _is_bound(bound: Any) -> bool:
 
 def _bound(bound: Any) -> int | None:
     return None if bound in (None, INFINITE) else int(bound)
-
-
-def _without_empty_total(row: tuple[int | None, ...], parts: int) -> tuple[int | None, ...]:
-    return row[:parts] if row[parts:] == (None,) else row

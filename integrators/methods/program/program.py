@@ -235,16 +235,21 @@ class Program(Method):
             >>> repeat(method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
             ((0, None), (1, 0))
         """
-        return Program(
-            self.evaluations,
-            self.result,
-            parts=self.names,
-            auxiliary=self.auxiliary,
-            name=self.name,
-            reference=self.reference,
-            digits=self.digits,
-            max_children=max_children,
-        )
+        return self.changed(max_children=max_children)
+
+    def changed(self, **changes: Any) -> Program:
+        """The program with some arguments of its constructor changed."""
+        arguments = {
+            "evaluations": self.evaluations,
+            "result": self.result,
+            "parts": self.names,
+            "auxiliary": self.auxiliary,
+            "name": self.name,
+            "reference": self.reference,
+            "digits": self.digits,
+            "max_children": self.max_children,
+        }
+        return Program(**arguments | changes)
 
     @property
     def stages(self) -> int:

@@ -49,18 +49,7 @@ def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm])
 def appended(
     program: Program, factor: Entry, *, first: int, start: LinearForm, parts: Sequence[int]
 ) -> tuple[list[Evaluation], LinearForm]:
-    """A step of length factor · h from `start`: its evaluations, numbered from `first`, and its end.
-
-    Args:
-        program: the method.
-        factor: the fraction of the step.
-        first: the number of its first evaluation.
-        start: the start of the step.
-        parts: for each part of the program its number in the composition.
-
-    Returns:
-        The evaluations and the end of the step.
-    """
+    """A step of length factor · h from `start`: its evaluations, numbered from `first`, and its end."""
     evaluations, end = scaled(program, factor)
 
     def renumber(form: LinearForm) -> LinearForm:
@@ -97,13 +86,4 @@ def as_decimals(program: Program, digits: int) -> Program:
     def exact(form: LinearForm) -> LinearForm:
         return form.map(lambda x: Fraction(round_entry(x)))
 
-    return Program(
-        [change(evaluation) for evaluation in program.evaluations],
-        exact(program.result),
-        parts=program.names,
-        auxiliary=program.auxiliary,
-        name=program.name,
-        reference=program.reference,
-        digits=digits,
-        max_children=program.max_children,
-    )
+    return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)
