@@ -59,7 +59,7 @@ class FreeTree(NamedTuple):
 
 
 @kernel
-def turn_roots(
+def move_roots(
     flips, max_order, colors, block, order, color, left, right, base_start, base, stack, flipped, turned,
 ):  # fmt: skip
     """For every tree the tree with the other root colour (only if `flips`), and with its largest child as the root."""
@@ -122,7 +122,7 @@ class Rootings:
         size = len(table)
         flipped, turned, representative = (table.column(size, "int32") for _ in range(3))
         sign, stack = table.column(size), table.column(table.max_order, "int32")
-        table.run(turn_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
+        table.run(move_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
         self.flipped, self.turned = _list(flipped), _list(turned)
         if min(self.turned) < 0 or (self.flips and min(self.flipped) < 0):
             raise TreeError(f"table must hold every tree with its root moved, but {table!r} does not")

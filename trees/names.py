@@ -22,8 +22,8 @@ def default_names(colors: int) -> tuple[str, ...]:
 def _default_name(color: int, largest: int) -> str:
     if largest <= 1:
         return "pq"[color] if largest else ""
-    lap, letter = divmod(color, len(_LETTERS))
-    return _LETTERS[letter] + (str(lap) if lap else "")
+    cycle, letter = divmod(color, len(_LETTERS))
+    return _LETTERS[letter] + (str(cycle) if cycle else "")
 
 
 def default_color(name: str) -> int | None:
@@ -33,10 +33,10 @@ def default_color(name: str) -> int | None:
         >>> default_color("c"), default_color("a1"), default_color("p")
         (2, 23, None)
     """
-    letter, lap = _LETTERS.find(name[0]), name[1:]
-    if letter < 0 or lap.startswith("0") or not is_number(lap or "0"):
+    letter, cycle = _LETTERS.find(name[0]), name[1:]
+    if letter < 0 or cycle.startswith("0") or not is_number(cycle or "0"):
         return None
-    return int(lap or "0") * len(_LETTERS) + letter
+    return int(cycle or "0") * len(_LETTERS) + letter
 
 
 def is_name(word: str) -> bool:

@@ -118,10 +118,10 @@ class Tree:
             Tree('[τ,[τ]]')
         """
         depths = _integers("levels", levels)
-        paints = [0] * len(depths) if colors is None else _integers("colors", colors)
-        _check_levels(depths, paints)
+        node_colors = [0] * len(depths) if colors is None else _integers("colors", colors)
+        _check_levels(depths, node_colors)
         subtrees: list[list[Tree]] = [[] for _ in range(max(depths) + 2)]  # by level: subtrees without a parent so far
-        for level, color in zip(reversed(depths), reversed(paints), strict=True):
+        for level, color in zip(reversed(depths), reversed(node_colors), strict=True):
             children = subtrees[level + 1]
             children.sort()
             subtrees[level].append(Tree.from_sorted(color, tuple(children)))

@@ -112,7 +112,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
     """
 
     def __init__(self, path: str, sentence: str):
-        self._path, self._sentence, self._room = path, sentence, LARGE
+        self._path, self._sentence, self._unpack_limit = path, sentence, LARGE
         self._archive: zipfile.ZipFile | None = None
         self._headers: dict[str, Header] = {}
         with reading(sentence):
@@ -208,7 +208,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             there = size - header.start  # in a folder, files may grow
             if there < header.size or (there > header.size and self._archive is not None):
                 raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
-            if header.dtype.kind == "U" and header.size > (self._room if is_packed else MOST_TEXT):
+            if header.dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
                 raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
             self._headers[name] = header
         return self._headers[name]
@@ -222,8 +222,8 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         if not header.size:
             return np.zeros(shape, dtype, order)
         with self._open(name) as (file, _, is_packed):
-            if (header.size < LARGE and (not is_packed or header.size <= self._room)) or dtype.kind == "U":
-                self._room -= header.size if is_packed else 0
+            if (header.size < LARGE and (not is_packed or header.size <= self._unpack_limit)) or dtype.kind == "U":
+                self._unpack_limit -= header.size if is_packed else 0
                 file.read(header.start)
                 return np.frombuffer(_exactly(file, header.size, name), dtype).reshape(shape, order=order)
             if is_packed:

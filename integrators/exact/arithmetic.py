@@ -187,17 +187,17 @@ def transcendental_power(base: Any, exponent: Any) -> Exact:
 
     if _sign(base) <= 0:
         raise ArithmeticError("has a formula as exponent of a number that is not positive")
-    return bounded(sympy.sympify(base, strict=True) ** _moderate(exponent))
+    return bounded(sympy.sympify(base, strict=True) ** _limited_argument(exponent))
 
 
 def apply(name: str, argument: Exact) -> Exact:
     """The elementary function with this name, applied to an argument."""
     import sympy
 
-    return bounded(getattr(sympy, name)(_moderate(sympy.sympify(argument, strict=True))))
+    return bounded(getattr(sympy, name)(_limited_argument(sympy.sympify(argument, strict=True))))
 
 
-def _moderate(argument: Any) -> Any:
+def _limited_argument(argument: Any) -> Any:
     """The argument of a function; a number is refused if its exponential would be too large."""
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
         raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")

@@ -109,29 +109,29 @@ def _bilinear(x: Summand, y: Summand, *, beside: bool) -> FormalSum:
     first, second = as_sum(x, "x"), as_sum(y, "y")
     check_work(len(first) * len(second))
     total: dict[Any, Any] = {}
-    for (scions,), a in first.terms.items():
-        for (stock,), b in second.terms.items():
-            add_terms(total, _attached(scions, stock, beside).terms, a * b)
+    for (attached,), a in first.terms.items():
+        for (base,), b in second.terms.items():
+            add_terms(total, _graftings(attached, base, beside).terms, a * b)
     return FormalSum.from_terms(total)
 
 
 @lru_cache(maxsize=KEPT)
-def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
+def _graftings(attached: Forest, base: Forest, beside: bool) -> FormalSum:
     """The sum over all ways to attach the trees of one forest to the nodes of another, or place them beside it.
 
-    The value of a subtree of the stock is a sum over pairs of the numbers of copies attached of each different scion,
+    The value of a subtree of the base is a sum over pairs of the numbers of copies attached of each different tree,
     and the result. m copies are distributed to two parts in binom(m, k) ways.
     """
-    if stock.order == 1 and not beside:
-        return FormalSum(rooted(scions, stock.trees[0].color))
-    kinds = Counter(scions)
+    if base.order == 1 and not beside:
+        return FormalSum(rooted(attached, base.trees[0].color))
+    kinds = Counter(attached)
     wanted = tuple(kinds.values())
     none = (0,) * len(kinds)
     check_work(prod(copies + 1 for copies in wanted))
-    slot = {}
+    unit = {}
     for received in product(*(range(copies + 1) for copies in wanted)):
         trees = [tree for tree, copies in zip(kinds, received, strict=True) for _ in range(copies)]
-        slot[received, Forest.from_sorted(tuple(trees))] = 1
+        unit[received, Forest.from_sorted(tuple(trees))] = 1
 
     def multiply(left: Terms, right: Terms) -> Terms:
         total: dict[Any, Any] = {}
@@ -149,11 +149,11 @@ def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
     def lift(subtree: Tree, terms: Terms) -> Terms:
         return {(received, rooted(forest, subtree.color)): ways for (received, forest), ways in terms.items()}
 
-    total: Terms = slot if beside else {(none, Forest()): 1}
+    total: Terms = unit if beside else {(none, Forest()): 1}
     work = 0
-    for tree in stock:
-        value = fold(tree, slot, lift, multiply)
-        work += work_of(total, value, stock.order)
+    for tree in base:
+        value = fold(tree, unit, lift, multiply)
+        work += work_of(total, value, base.order)
         check_work(work)
         total = multiply(total, value)
     return FormalSum.from_terms({(forest,): ways for (received, forest), ways in total.items() if received == wanted})

@@ -120,11 +120,11 @@ class LinearForm(ImmutableValue):
         """The form times an entry of a method."""
         return self.map(lambda x: multiply_entries(x, entry))
 
-    def renumbered(self, number: Callable[[int], LinearForm], start: LinearForm) -> LinearForm:
-        """The form with `start` substituted for y and number(e) for every k_e."""
+    def substituted(self, evaluation: Callable[[int], LinearForm], start: LinearForm) -> LinearForm:
+        """The form with `start` substituted for y and evaluation(e) for every k_e."""
         total = start.times(self.start) if self.start != 0 else LinearForm()
         for e, x in self.terms.items():
-            total = total + number(e).times(x)
+            total = total + evaluation(e).times(x)
         return total
 
     def __add__(self, other: object) -> LinearForm:

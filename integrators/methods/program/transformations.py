@@ -53,7 +53,7 @@ def appended(
     evaluations, end = scaled(program, factor)
 
     def renumber(form: LinearForm) -> LinearForm:
-        return form.renumbered(lambda e: LinearForm(0, {first + e: 1}), start)
+        return form.substituted(lambda e: LinearForm(0, {first + e: 1}), start)
 
     def place(evaluation: Evaluation) -> Evaluation:
         moved: Any = mapped(evaluation, renumber)
@@ -71,7 +71,7 @@ def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]
     start = LinearForm(1) - (end - LinearForm(1))
 
     def restart(form: LinearForm) -> LinearForm:
-        return form.renumbered(lambda e: LinearForm(0, {e: 1}), start)
+        return form.substituted(lambda e: LinearForm(0, {e: 1}), start)
 
     return tuple(mapped(evaluation, restart) for evaluation in evaluations), start
 
