@@ -10,7 +10,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 
 MAX_BYTES = 10_000_000
 FORMATS = ("json", "toml")
@@ -31,7 +31,7 @@ def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -
     is_path = isinstance(source, str | os.PathLike)
     label = os.fspath(source) if is_path else str(getattr(source, "name", "input"))
     if not is_path and not hasattr(source, "read"):
-        raise IntegratorError(f"source must be a path or an open file, but was {shorten(repr(source))}")
+        raise IntegratorError(f"source must be a path or an open file, but was {shown(source)}")
     try:
         with open(label, "rb") if is_path else nullcontext(source) as file:
             raw = file.read(most + 1)
@@ -161,10 +161,10 @@ def check_path(path: Any, argument: str) -> str:
         IntegratorError: it is not a path; the message calls it `argument`.
     """
     if not isinstance(path, str | os.PathLike):
-        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(path))}")
+        raise IntegratorError(f"{argument} must be a path, but was {shown(path)}")
     name = os.fspath(path)
     if not isinstance(name, str) or not name or "\0" in name:
-        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(name))}")
+        raise IntegratorError(f"{argument} must be a path, but was {shown(name)}")
     return name
 
 
@@ -226,7 +226,7 @@ def parse_toml(text: str) -> Any:
 def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
     """Refuse data that is not a table or has unknown keys; the message suggests a similar known key."""
     if not isinstance(data, dict):
-        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shorten(repr(data))}")
+        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shown(data)}")
     for key in data:
         if key not in known:
             from difflib import get_close_matches

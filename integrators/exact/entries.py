@@ -10,7 +10,7 @@ from math import fsum, inf, isfinite
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number
 
@@ -52,9 +52,9 @@ def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
         if not isfinite(number):
             raise IntegratorError(f"{argument} must be a finite number, but was {value}")
         if number != value:
-            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(repr(value))}")
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shown(value)}")
         return number
-    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shorten(repr(value))}")
+    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shown(value)}")
 
 
 def is_sympy(value: object) -> bool:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ class _Parser:
 
     def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
         if not isinstance(text, str):
-            raise IntegratorError(f"{argument} must be a formula as text, but was {shorten(repr(text))}")
+            raise IntegratorError(f"{argument} must be a formula as text, but was {shown(text)}")
         self.text, self.names, self.functions, self.argument = text, names, functions, argument
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")

@@ -17,7 +17,7 @@ from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import FORMATS, atomic_write, check_keys, json_text, parse_json, parse_toml, read_text
 from integrators.exact.entries import read_entry
 from integrators.exact.expressions import decimal_text, format_number
@@ -170,7 +170,7 @@ def _read_method(data: Any) -> Method:
     check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
     partitions = data["partitions"]
     if not isinstance(partitions, dict):
-        raise IntegratorError(f"partitions must map names to tableaux, but was {shorten(repr(partitions))}")
+        raise IntegratorError(f"partitions must map names to tableaux, but was {shown(partitions)}")
     parameters = items(data.get("parameters", ()), "parameters")
     parts = {name: _prefixed(name, _read_tableau, part, parameters) for name, part in partitions.items()}
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
@@ -193,7 +193,7 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
         if key not in data:
             raise IntegratorError(f"content must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
     if data.get("domain", "float") != "float":
-        raise IntegratorError(f"domain must be float or left out, but was {shorten(repr(data['domain']))}")
+        raise IntegratorError(f"domain must be float or left out, but was {shown(data['domain'])}")
     rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
     if "domain" in data:
         rows = {key: _as_floats(value) for key, value in rows.items()}
@@ -232,7 +232,7 @@ def _write_method(method: Method) -> dict[str, Any]:
         partitions = dict(zip(method.names, map(_write_method, method.partitions), strict=True))
         return {**_labels(method), "partitions": partitions}
     if not isinstance(method, RungeKutta):
-        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shorten(repr(method))}")
+        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
     algebra = method.algebra
     if algebra is not None:
         polynomial, b = _numbers(algebra.polynomial), _numbers(algebra.b)

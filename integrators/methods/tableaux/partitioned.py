@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_partition_names, read_labels
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.methods.program.program import Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
 from integrators.methods.tableaux.tableau_input import in_color_order
@@ -64,9 +64,7 @@ class PartitionedRungeKutta(Method):
         warn: bool = True,
     ) -> None:
         if not isinstance(partitions, Mapping) or len(partitions) < 2:
-            raise IntegratorError(
-                f"partitions must map two or more names to tableaux, but was {shorten(repr(partitions))}"
-            )
+            raise IntegratorError(f"partitions must map two or more names to tableaux, but was {shown(partitions)}")
         check_partition_names(partitions)
         names = in_color_order(partitions)
         parts = tuple(_read_part(key, partitions[key], parameters) for key in names)
@@ -224,7 +222,7 @@ def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:
         return part
     if not isinstance(part, Mapping) or not {"A", "b"} <= part.keys() <= {"A", "b", "c"}:
         raise IntegratorError(
-            f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shorten(repr(part))}"
+            f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shown(part)}"
         )
     try:
         return RungeKutta(**part, parameters=parameters, name=name, warn=False)

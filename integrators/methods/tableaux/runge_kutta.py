@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from integrators.core.arguments import read_labels
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
 from integrators.methods.program.evaluations import combination
@@ -105,7 +105,7 @@ class RungeKutta(Method):
             IntegratorError: `algebra` is not a `StageAlgebra`.
         """
         if not isinstance(algebra, StageAlgebra):
-            raise IntegratorError(f"algebra must be a StageAlgebra, but was {shorten(repr(algebra))}")
+            raise IntegratorError(f"algebra must be a StageAlgebra, but was {shown(algebra)}")
         method = cls.__new__(cls)
         method.__dict__.update(names=("",), embedded=(), digits=None, algebra=algebra, **read_labels(name, reference))
         return method
@@ -226,12 +226,12 @@ class RungeKutta(Method):
             agree = [entries.cancels((*row, -node), self.precision) for row, node in rows]
             consistent = entries.cancels((*self.b, -1), self.precision)
         found = [
-            f"row {i + 1} of A sums to {_shown(self.row_sums[i])}, but c[{i + 1}] is {_shown(self.c[i])}"
+            f"row {i + 1} of A sums to {_entry_text(self.row_sums[i])}, but c[{i + 1}] is {_entry_text(self.c[i])}"
             for i, agrees in enumerate(agree)
             if agrees is False
         ]
         if consistent is False:
-            found.append(f"weights b sum to {_shown(self.weight_sum)}, not 1: the method is inconsistent")
+            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent")
         return tuple(found)
 
     @cached_property
@@ -411,7 +411,7 @@ def _is_reversible(method: RungeKutta, order: Sequence[int]) -> bool:
     )
 
 
-def _shown(value: Entry) -> str:
+def _entry_text(value: Entry) -> str:
     return shorten(format_number(value))
 
 
@@ -420,7 +420,7 @@ def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:
     for name in values:
         if name not in parameters:
             known = ", ".join(parameters) or "of which there are none"
-            raise IntegratorError(f"values must be for the parameters {known}, but one was for {shorten(repr(name))}")
+            raise IntegratorError(f"values must be for the parameters {known}, but one was for {shown(name)}")
 
 
 def emit(issues: Iterable[str]) -> None:

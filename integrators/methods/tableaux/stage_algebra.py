@@ -64,7 +64,7 @@ class StageAlgebra(ImmutableValue):
         if stages > MAX_STAGES:
             raise IntegratorError(f"polynomial must have degree {MAX_STAGES} at most, but has {stages}")
         if stages < 1 or nodes[-1] != 1:
-            raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _shown(nodes))
+            raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _polynomial_text(nodes))
         rows = tuple(_rationals(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1))
         if len(rows) != stages or any(len(row) != stages for row in rows):
             sizes = sorted({len(row) for row in rows})
@@ -77,9 +77,11 @@ class StageAlgebra(ImmutableValue):
             raise IntegratorError(f"b must have {stages} entries, one per root of polynomial, but had {len(weights)}")
         real, simple = polynomials.count_real_roots(nodes)
         if not simple:
-            raise IntegratorError("polynomial must have simple roots, but was " + _shown(nodes))
+            raise IntegratorError("polynomial must have simple roots, but was " + _polynomial_text(nodes))
         if real != stages:
-            raise IntegratorError(f"polynomial must have {stages} real roots, but has {real}: {_shown(nodes)}")
+            raise IntegratorError(
+                f"polynomial must have {stages} real roots, but has {real}: {_polynomial_text(nodes)}"
+            )
         self.__dict__.update(polynomial=nodes, A=rows, b=weights)
 
     @property
@@ -87,7 +89,7 @@ class StageAlgebra(ImmutableValue):
         return self.polynomial, self.A, self.b
 
     def __repr__(self) -> str:
-        return f"StageAlgebra({_shown(self.polynomial)})"
+        return f"StageAlgebra({_polynomial_text(self.polynomial)})"
 
     @property
     def stages(self) -> int:
@@ -358,7 +360,7 @@ def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
     return tuple(numbers)
 
 
-def _shown(p: Polynomial) -> str:
+def _polynomial_text(p: Polynomial) -> str:
     """A polynomial as text, shortened."""
     text = " + ".join(f"{a}*x^{k}" if k else str(a) for k, a in enumerate(p) if a) or "0"
     return shorten(text)
