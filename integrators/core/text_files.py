@@ -86,7 +86,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         if os.path.isfile(target) and not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
         remove_unfinished(target)
-        with _beside(target) as file:
+        with _temporary_file(target) as file:
             temporary = file.name
             yield file
             file.flush()
@@ -119,7 +119,7 @@ def remove_unfinished(path: str) -> None:
                         os.unlink(file.name)
 
 
-def _beside(target: str) -> IO[bytes]:
+def _temporary_file(target: str) -> IO[bytes]:
     """A new temporary file in the folder of the target, locked while open."""
     while True:
         file = open("".join([os.path.join(*_unfinished(target)), os.urandom(8).hex(), ".tmp"]), "xb")  # noqa: SIM115

@@ -136,9 +136,9 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
         IntegratorError: one has other characters than letters, digits and ``_``, begins with a digit, or names a
             function; the message calls them `argument`.
     """
-    checked = () if isinstance(names, str) else tuple(names)
     if isinstance(names, str):
         raise IntegratorError(f"{argument} must be a sequence of names, but was the text {shorten(names)!r}")
+    checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
         if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *NOT_FINITE):
