@@ -55,7 +55,7 @@ def main(
         return
     from rich.console import Console
 
-    from integrators.methods.tableaux.files import atomic_write
+    from integrators.core.text_files import atomic_write
 
     for path in filter(None, (json_file, page)):
         check_folder(path)
@@ -129,7 +129,7 @@ def check_folder(path: Path) -> Path:
 def write_page(result: Mapping[str, Any], page: Path) -> None:
     """Write the page and its pictures."""
     from bseries.plotting import picture
-    from integrators.methods.tableaux.files import atomic_write
+    from integrators.core.text_files import atomic_write
 
     for name, drawn in pictures(result).items():
         file = page.parent / name

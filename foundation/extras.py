@@ -1,10 +1,10 @@
-"""What to do where an optional package is missing."""
+"""Installation hints for optional packages."""
 
 from __future__ import annotations
 
 
 def how_to_install(extra: str) -> str:
-    """How a user of a clone installs the packages of an extra.
+    """The command that installs the packages of an extra.
 
     Example:
         >>> how_to_install("plot")

@@ -1,16 +1,16 @@
-"""Numba's decorators, with machine code kept on disk for the next process where that is safe.
+"""Numba's decorators with a safe cache of machine code on disk.
 
-Numba's own cache raises where nothing can be written, believes damaged files, and runs what others have put there. Here
-the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum, and what numba needs to go on.
-The key covers what the code depends on: the text of the module and of further `sources` (numba does not notice edits of
-callees elsewhere), options, types, the processor, and versions. The cache is
+Numba's own cache raises where nothing can be written, trusts damaged files, and runs code that others may have put
+there. Here the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum and numba's data.
+The key covers everything the code depends on: the text of the module and of further `sources` (numba does not notice
+edits of callees in other files), options, types, the processor, and versions. The cache is
 
 - the folder that the environment variable ``BSERIES_CACHE`` names, else
 - the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
   on macOS, ``%LOCALAPPDATA%\\bseries-engine`` on Windows.
 
-It may be deleted at any time; what is missing or damaged is made again. Nothing removes old files from it. Where
-nothing can be written, code stays in memory; likewise, with a warning, where others can write, or the disk is full.
+It may be deleted at any time; missing or damaged files are made again. Old files are never removed. Code stays in
+memory where nothing can be written, and, with a warning, where others can write or the disk is full.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from typing import Any
 
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
-"""Errors where there is no place for files, or another process has just written the same file."""
+"""Errors of a place without write access, or of a file that another process has just written."""
 CHECKSUM = 32
 """Bytes of SHA-256."""
 
 
 def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
-    """As `numba.njit`, with machine code kept.
+    """`numba.njit` with cached machine code.
 
     Args:
-        signature: The types of the result and of the arguments; without, those of each call.
+        signature: The types of the result and of the arguments; None for those of each call.
         sources: Modules or files, besides that of the function, on which the code depends.
-        **options: What numba is told.
+        **options: Options of numba.
 
     Returns:
         A decorator.
@@ -70,12 +70,12 @@ def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **
 
 
 def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
-    """As `numba.cfunc`, with machine code kept.
+    """`numba.cfunc` with cached machine code.
 
     Args:
         signature: The types of the result and of the arguments.
         sources: Modules or files, besides that of the function, on which the code depends.
-        **options: What numba is told.
+        **options: Options of numba.
 
     Returns:
         A decorator.
@@ -101,11 +101,7 @@ def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **option
 
 
 def cache_directory() -> Path | None:
-    """Where machine code is kept, if that is safe.
-
-    Returns:
-        The directory; it need not exist. None for a user without a home.
-    """
+    """The directory of the cache, which need not exist; None for a user without a home."""
     chosen = os.environ.get("BSERIES_CACHE")
     if sys.platform == "win32":
         parent = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
@@ -119,7 +115,7 @@ def cache_directory() -> Path | None:
 
 @cache
 def package_version() -> str:
-    """The version of this package, empty where it is not installed."""
+    """The version of this package; empty if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -129,7 +125,7 @@ def package_version() -> str:
 
 
 class _Cache:
-    """What numba asks for the code of one function, and gives what it has compiled."""
+    """The cache of one function, with the interface that numba expects."""
 
     def __init__(self, function: Any, sources: Iterable[ModuleType | Path], *options: Any):
         self._function, self._options = function, options
@@ -137,11 +133,11 @@ class _Cache:
 
     @property
     def cache_path(self) -> str:
-        """What numba's statistics name."""
+        """The path in numba's statistics."""
         return str(cache_directory())
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The code for a signature, or None: it must be compiled."""
+        """The cached code for a signature; None if there is none."""
         from numba.core.compiler import CompileResult
 
         target.refresh()
@@ -157,11 +153,11 @@ class _Cache:
                 return None
             found, code = pickle.loads(content)
             return CompileResult._rebuild(target, *code) if found == signature else None
-        except Exception:  # what cannot be read is made anew
+        except Exception:  # unreadable files are made again
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep what has been compiled, unless it holds addresses of this process."""
+        """Write compiled code to the cache, unless it contains addresses of this process."""
         from numba.core.serialize import dumps
 
         path = self._path(signature, result.codegen)
@@ -177,7 +173,7 @@ class _Cache:
                 _warn(f"the cache {path.parent} cannot be written ({error.strerror})")
 
     def _path(self, signature: Any, codegen: Any) -> Path | None:
-        """The file; None without a home, or without a text that tells whether the function has changed."""
+        """The file; None without a home, or if the source text is not available."""
         import numba
         from numba.core.serialize import dumps
 
@@ -195,7 +191,7 @@ class _Cache:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """A new file that belongs to nobody else; if it is cut short, its checksum tells."""
+    """Write a new private file; the checksum reveals a truncated one."""
     path.unlink(missing_ok=True)
     try:
         with open(path, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
@@ -209,20 +205,20 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _is_private(directory: Path) -> bool:
-    """Whether nobody else can write to a directory; where someone can, a warning says so.
+    """Whether nobody else can write to a directory; warns otherwise.
 
-    Who can write to a directory above may put another in its place, but none that belongs to this user, let alone
-    files. So of these only such are refused as everybody can write to, and where names are not kept (as in /tmp).
+    Users who can write to a parent directory could replace the directory, but not by one that belongs to this user.
+    So parents are refused only if they are world-writable without the sticky bit.
     """
     try:
         real = directory.resolve()
         for place in (real, *real.parents):
             state = place.stat()
-            if not (_is_own(state) if place == real else _keeps_names(state)):
+            if not (_is_own(state) if place == real else _is_protected(state)):
                 what = f"{place} has owner {state.st_uid} and mode {stat.S_IMODE(state.st_mode):o}"
                 _warn(f"others may write to the cache {directory} ({what})")
                 return False
-    except OSError:  # there is nothing yet
+    except OSError:  # it does not exist yet
         pass
     return True
 
@@ -232,14 +228,14 @@ def _is_own(state: os.stat_result) -> bool:
     return os.name != "posix" or (state.st_uid in (0, os.geteuid()) and not state.st_mode & 0o022)
 
 
-def _keeps_names(state: os.stat_result) -> bool:
-    """Whether what lies in a directory cannot be replaced by everybody."""
+def _is_protected(state: os.stat_result) -> bool:
+    """Whether a directory is not world-writable, or has the sticky bit (as /tmp)."""
     return os.name != "posix" or not state.st_mode & stat.S_IWOTH or bool(state.st_mode & stat.S_ISVTX)
 
 
 @cache
 def _warn(reason: str) -> None:
-    """Say once why nothing is kept."""
+    """Warn once why nothing is cached."""
     warnings.warn(
         f"machine code is compiled in memory and not kept: {reason}; BSERIES_CACHE may name a folder of your own",
         RuntimeWarning,

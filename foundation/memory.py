@@ -1,4 +1,4 @@
-"""How much memory this process may still take, and the refusal of work that needs more."""
+"""Available memory, and the refusal of work that would exceed it."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 SMALL = 2**24
-"""Bytes that are not worth a look."""
+"""Bytes below which the available memory is not queried."""
 CGROUPS = Path("/sys/fs/cgroup")
 OWN_CGROUPS = Path("/proc/self/cgroup")
 
 
 def refuse_beyond_memory(needed: int, refusal: type[Exception], what: str) -> None:
-    """Refuse work before it is started that would not fit in memory.
+    """Refuse work that would not fit in memory before it starts.
 
     Args:
-        needed: Bytes that it takes, work arrays and bookkeeping included.
-        refusal: The error that is raised.
-        what: The beginning of the message, which says what must be smaller, and what "would take … GB of memory".
+        needed: Bytes required, including work arrays and bookkeeping.
+        refusal: The class of the error.
+        what: The beginning of the message, up to "would take … GB of memory".
 
     Example:
         >>> refuse_beyond_memory(10**21, ValueError, "order must be smaller: a table")
@@ -35,7 +35,7 @@ def refuse_beyond_memory(needed: int, refusal: type[Exception], what: str) -> No
 
 
 def available_memory() -> int:
-    """Bytes that this process may still take: of the machine, of its control groups, and of its limits (ulimit).
+    """Bytes available to this process: of the machine, its control groups and its resource limits (ulimit).
 
     Example:
         >>> available_memory() > 0
@@ -43,11 +43,11 @@ def available_memory() -> int:
     """
     import psutil
 
-    return min([psutil.virtual_memory().available, *_room_of_limits(), *_room_in_cgroups()])
+    return min([psutil.virtual_memory().available, *_left_by_limits(), *_left_by_cgroups()])
 
 
-def _room_of_limits() -> Iterator[int]:
-    """What RLIMIT_AS and RLIMIT_DATA leave."""
+def _left_by_limits() -> Iterator[int]:
+    """Bytes left by RLIMIT_AS and RLIMIT_DATA."""
     try:
         import resource
     except ImportError:  # not a POSIX system
@@ -61,8 +61,8 @@ def _room_of_limits() -> Iterator[int]:
             yield most - taken
 
 
-def _room_in_cgroups() -> Iterator[int]:
-    """What the limits of the process's control groups leave, of version 1 or 2; file caches can be given up."""
+def _left_by_cgroups() -> Iterator[int]:
+    """Bytes left by control groups, of version 1 or 2; file caches count as free."""
     try:
         lines = OWN_CGROUPS.read_text().splitlines()
     except OSError:  # not Linux

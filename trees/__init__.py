@@ -1,6 +1,6 @@
-"""Rooted trees, coloured or not: values, notations, formulas, tables and pictures. Combinatorics only.
+"""Coloured and uncoloured rooted trees: values, notations, formulas, tables and pictures.
 
-Heavy imports wait until a name is used (PEP 562); ``__init__.pyi`` is the list of public names.
+Submodules are imported on first use (PEP 562); ``__init__.pyi`` is the list of public names.
 """
 
 import lazy_loader

@@ -1,8 +1,7 @@
-"""The decorator of all kernels: one source, compiled by numba when it pays, plain Python otherwise.
+"""Kernels: functions that run in the interpreter or compiled by numba.
 
-Importing numba costs a quarter of a second and the first compiled call as much again, while a table of a few hundred
-trees is done in a millisecond by the interpreter. So a kernel is an ordinary function of sequences until somebody asks
-for the compiled one.
+Importing numba takes a quarter of a second, and so does the first compiled call; the interpreter makes a table of a few
+hundred trees in a millisecond. So kernels are compiled on demand.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from typing import Any
 
 
 class Kernel:
-    """A pure function of arrays with two executions: ``py_func`` (any sequences, any numbers) and ``compiled``.
+    """A pure function of arrays with two implementations: ``py_func`` (any sequences and numbers) and ``compiled``.
 
-    Inside a kernel other kernels are called by name; each execution finds its own kind of the callee. Callees must
-    live in the same file, because the cache on disk notices edits of that file only; modules whose constants go
-    into machine code are named as `sources`, or their files are (see `foundation.machine_code`).
+    Kernels call other kernels by name, each implementation those of its kind. Callees must be in the same file, since
+    the cache on disk detects edits of that file only; modules whose constants enter the machine code, or their files,
+    are named as `sources` (see `foundation.machine_code`).
     """
 
     def __init__(
@@ -40,12 +39,12 @@ class Kernel:
 
     @cached_property
     def py_func(self) -> Callable[..., Any]:
-        """The kernel run by the interpreter."""
+        """The kernel in the interpreter."""
         return self._bind(lambda kernel: kernel.py_func)
 
     @cached_property
     def compiled(self) -> Callable[..., Any]:
-        """The kernel compiled by numba (machine code is kept on disk; the GIL is released while it runs)."""
+        """The kernel compiled by numba, with cached machine code; it releases the GIL."""
         from foundation.machine_code import njit
 
         return njit(sources=self._sources, nogil=True, **self._options)(self._bind(lambda kernel: kernel.compiled))
@@ -53,20 +52,20 @@ class Kernel:
     def c_function(self, signature: Any) -> Any:
         """The kernel as a C function, a ctypes object that compiled code can call.
 
-        A callee that numba links is compiled again with each of its callers; a C function is compiled once.
+        Numba compiles linked callees again with each caller, C functions only once.
         """
         if signature not in self._c_functions:
             from foundation.machine_code import cfunc
 
             function = self._bind(lambda kernel: kernel.compiled)
-            # Holds the code that ctypes only points to.
+            # Keeps the code alive to which the ctypes object points.
             self._c_functions[signature] = cfunc(signature, sources=self._sources, **self._options)(function)
         return self._c_functions[signature].ctypes
 
     def interpreted(self, **names: Any) -> Callable[..., Any]:
-        """The kernel run by the interpreter, here and in its callees with other things behind some global names.
+        """The kernel in the interpreter, with global names redefined in it and its callees.
 
-        With the elementary functions of mpmath in place of those of `math`, a kernel computes in any precision.
+        With the elementary functions of mpmath instead of `math`, a kernel computes in any precision.
         """
         return self._bind(lambda kernel: kernel.interpreted(**names), **names)
 
@@ -88,18 +87,18 @@ def kernel(function: Callable[..., Any]) -> Kernel:
 
 
 def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = ()) -> Kernel:
-    """Mark a function as a kernel of floating-point numbers: products and sums may fuse, 1/0 is infinite as in C.
+    """Mark a function as a floating-point kernel: products and sums may be fused, 1/0 is infinite as in C.
 
     Args:
         function: The function.
-        sources: Modules, or their files, on which its machine code depends.
+        sources: Modules or files on which its machine code depends.
     """
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 
 
 def compiling_pays(work: float) -> bool:
-    """Whether so many elementary operations are better done by compiled kernels.
+    """Whether `work` elementary operations are faster with compiled kernels.
 
-    The interpreter does some five million a second. Once numba is loaded its fixed cost is paid.
+    The interpreter performs some five million per second. If numba is loaded, its fixed cost has been paid.
     """
     return work > 1e6 or "numba" in sys.modules

@@ -1,4 +1,4 @@
-"""Counting trees without enumerating them, and what a table of them will cost."""
+"""Counts of trees without enumeration, and the memory of tables."""
 
 from __future__ import annotations
 
@@ -10,20 +10,18 @@ from foundation.memory import refuse_beyond_memory
 from trees.errors import TreeError
 
 MOST_NODES = 60
-"""No table and no count goes further: residues and bounds in `bseries` rely on it, and memory ends long before."""
+"""Limit of tables and counts, on which residues and bounds in `bseries` rely; memory is exhausted far below."""
 
 UNBOUNDED = 2**31 - 1
-"""A number of children that no tree in a table reaches."""
+"""More children than any tree in a table has."""
 
 Limits = tuple[tuple[int, ...], ...]
-
-
 MOST_BITS = 10_000
-"""Python prints no integers that are much longer."""
+"""Python does not print much longer integers."""
 
 
 def check_order(order: object, name: str = "order") -> int:
-    """`order` as an int, or a TreeError: it must be a whole number, 1 or more."""
+    """A whole number, 1 or more, as an int."""
     if isinstance(order, bool) or not hasattr(order, "__index__"):
         raise TreeError(f"{name} must be a whole number, but was {order!r:.60}")
     value = order.__index__()  # pyright: ignore[reportAttributeAccessIssue]
@@ -35,7 +33,7 @@ def check_order(order: object, name: str = "order") -> int:
 
 
 def check_size(order: object, colors: object) -> tuple[int, int]:
-    """Order and number of colours as ints within what tables can have, or a TreeError."""
+    """The order and number of colours of a table, within the limits, as ints."""
     nodes, kinds = check_order(order), check_order(colors, "colors")
     if nodes > MOST_NODES:
         raise TreeError(f"order must be {MOST_NODES} or less, but was {nodes!s:.60}")
@@ -45,12 +43,12 @@ def check_size(order: object, colors: object) -> tuple[int, int]:
 
 
 def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | float | None) -> Limits:
-    """`max_children` in its normal form: row c bounds the children of a node of colour c, by colour and in all.
+    """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all.
 
     Args:
         colors: Number of colours K.
-        max_children: None (no bound), one number (bounds the children of every node), or K rows of K bounds, each with
-            a bound on the total as an optional entry K. None and ``inf`` mean unbounded.
+        max_children: None (no bound), one number (for the children of every node), or K rows of K bounds, each with
+            an optional entry K for the total. None and ``inf`` mean unbounded.
 
     Raises:
         TreeError: A bound is not a whole number, 0 or more, or a row has a wrong length.
@@ -79,7 +77,7 @@ def _bound(entry: float | None) -> int:
 
 
 def _add_trees(multisets: list[list[int]], nodes: int, trees: int) -> None:
-    """Let `trees` more trees of `nodes` nodes each join multisets[k][n]: k trees with n nodes in all."""
+    """Add `trees` trees of `nodes` nodes each to the counts multisets[k][n] of k trees with n nodes in all."""
     size = len(multisets) - 1
     choices = [1]  # multisets of j among the new trees: C(trees + j − 1, j)
     for j in range(1, size // nodes + 1):
@@ -90,9 +88,9 @@ def _add_trees(multisets: list[list[int]], nodes: int, trees: int) -> None:
 
 
 def _forests(size: int, multisets: Sequence[list[list[int]]], limits: Sequence[int]) -> int:
-    """Multisets of trees with `size` nodes in all that a node with these limits may carry."""
+    """The number of multisets of children with `size` nodes in all of a node with these limits."""
     total = limits[-1]
-    if total >= size:  # the total bounds nothing: only the number of nodes needs keeping
+    if total >= size:  # the total is not bounded: count by nodes only
         forests = [1] + [0] * size
         for own, most in zip(multisets, limits, strict=False):
             series = [sum(row[n] for row in own[: min(most, size) + 1]) for n in range(size + 1)]
@@ -126,7 +124,7 @@ def count_by_color(order: int, limits: Limits) -> tuple[tuple[int, ...], ...]:
 def count_trees(
     order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
 ) -> tuple[int, ...]:
-    """How many rooted trees there are with 1, 2, …, `order` nodes, without listing them.
+    """The numbers of rooted trees with 1, 2, …, `order` nodes, without enumeration.
 
     Args:
         order: Largest number of nodes, 1 to 60.
@@ -154,7 +152,7 @@ def count_trees(
 
 
 def memory_estimate(counts: Sequence[int], colors: int) -> int:
-    """Bytes that a table of counts[n−1] trees of each order n takes, its splits below the top order included."""
+    """Bytes of a table of counts[n−1] trees of each order n, including its splits below the top order."""
     top = len(counts)
     columns = sum(counts) * 10
     bases = sum(count * (top - n) * colors * 4 for n, count in enumerate(counts, 1))
@@ -163,5 +161,5 @@ def memory_estimate(counts: Sequence[int], colors: int) -> int:
 
 
 def refuse_table_beyond_memory(needed: int, what: str) -> None:
-    """Raise a TreeError before work is started that would not fit in the memory of this process."""
+    """Refuse a table that would not fit in memory before work starts."""
     refuse_beyond_memory(needed, TreeError, f"order must be smaller: {what}")

@@ -1,4 +1,4 @@
-"""Pictures of trees: one tree or a whole table, as SVG or through matplotlib."""
+"""Drawings of trees, single or in tables, as SVG or with matplotlib."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ MAX_TREES = 2_000
 MAX_NODES = 1_000
 """The largest number of nodes of one tree in a picture."""
 
-STEP, RADIUS, LINE, FONT = 26.0, 5.5, 1.2, 12.0  # pixels: between nodes, of a node, of a line, of a caption's letters
+STEP, RADIUS, LINE, FONT = 26.0, 5.5, 1.2, 12.0  # in pixels: node distance, radius, line width, font size
 _GAP = 24.0  # pixels between neighbouring trees
-_LETTER = 0.6 * FONT  # the width of a letter, about
+_LETTER = 0.6 * FONT  # average width of a letter
 
 
 class Drawn(NamedTuple):
-    """One tree in its place: pixels to the right and down from the upper left corner of the picture."""
+    """A tree in a picture, with coordinates in pixels to the right and down from the upper left corner."""
 
     title: str
     nodes: list[tuple[float, float, int]]
-    """Place and colour of each node, in preorder."""
+    """Coordinates and colour of each node, in preorder."""
     edges: list[tuple[float, float, float, float]]
-    """Both ends of each edge."""
+    """Coordinates of both ends of each edge."""
     caption: str
     below: tuple[float, float]
-    """The middle of the caption's base line."""
+    """The centre of the caption's base line."""
 
 
 class Picture(NamedTuple):
-    """Trees in their places, and the size of the whole."""
+    """A picture: its size, and trees with coordinates."""
 
     width: float
     height: float
@@ -51,20 +51,7 @@ class Picture(NamedTuple):
 def arrange(
     trees: TreeLike | Iterable[TreeLike], columns: int | None, labels: bool | Iterable[str], names: Iterable[str] | None
 ) -> Picture:
-    """Place trees in rows and columns, each as wide and high as it needs, the roots of a row on one line.
-
-    Args:
-        trees: A tree, or at most `MAX_TREES` of them, each of at most `MAX_NODES` nodes.
-        columns: The number of trees side by side; None for at most 10.
-        labels: What to write below the trees: True for their texts, or one string per tree.
-        names: The names of the colours in texts; None for the default names.
-
-    Returns:
-        The picture.
-
-    Raises:
-        TreeError: If there is no tree, too much to draw, or not one label per tree.
-    """
+    """Arrange trees in rows and columns of individual sizes, with the roots of each row aligned."""
     members = _members(trees)
     levels, colors = [tree.levels for tree in members], [tree.colors for tree in members]
     if names is None:
@@ -78,7 +65,7 @@ def arrange(
     for (xs, ys), caption in zip(shapes, captions, strict=True):
         widths.append(max(max(xs) - min(xs) + 2 * RADIUS, _LETTER * len(caption)) + _GAP)
         heights.append(max(ys) + 2 * RADIUS + _GAP / 2)
-    margin = _GAP / 2 + (1.5 * FONT if any(captions) else 0)  # between a row's roots and its lower border
+    margin = _GAP / 2 + (1.5 * FONT if any(captions) else 0)  # between the roots of a row and its lower border
     column_widths = [max(widths[k::columns]) for k in range(columns)]
     row_heights = [max(heights[k : k + columns]) + margin for k in range(0, len(members), columns)]
     borders = list(accumulate(column_widths))
@@ -133,15 +120,16 @@ def _columns(columns: int | None, count: int) -> int:
 
 
 def _edges(levels: Sequence[int]) -> list[tuple[int, int]]:
-    """Child and parent of each edge, as numbers in preorder."""
+    """Child and parent of each edge, as indices in preorder."""
     return list(enumerate(parents_of(levels)))[1:]
 
 
 def _tidy(levels: Sequence[int]) -> tuple[list[float], list[float]]:
-    """Places of the nodes in preorder, to the right of the root and above it.
+    """Coordinates of the nodes in preorder, to the right of the root and above it.
 
-    Subtrees stand side by side as close as their outlines allow, and parents in the middle of their children (Reingold
-    and Tilford 1981, doi:10.1109/TSE.1981.234519). An outline is the extreme place on each level, seen from its root.
+    Neighbouring subtrees are as close as their outlines allow, and parents are centred above their children (Reingold
+    and Tilford 1981, doi:10.1109/TSE.1981.234519). An outline is the extreme coordinate on each level, relative to the
+    root of the subtree.
     """
     places = [0.0] * len(levels)  # relative to the parent, in steps
     waiting: list[list[tuple[int, list[float], list[float]]]] = [[] for _ in range(max(levels) + 2)]
@@ -159,15 +147,15 @@ def _tidy(levels: Sequence[int]) -> tuple[list[float], list[float]]:
             places[child] -= middle
         children.clear()
         waiting[levels[node]].append((node, [0.0, *(x - middle for x in lefts)], [0.0, *(x - middle for x in rights)]))
-    rise = max(1.0, max(places) / 3)  # an edge flatter than this would touch the nodes beside its ends
+    rise = max(1.0, max(places) / 3)  # flatter edges would touch neighbouring nodes
     for child, parent in _edges(levels):
         places[child] += places[parent]
     return [STEP * place for place in places], [STEP * rise * level for level in levels]
 
 
 PALETTE = ("#000000", "#ffffff", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
-"""The fill of colours 0, 1, …, from the start again beyond the last: black and white as in the literature on
-partitioned methods, then the colours of Okabe and Ito (2008), which the colour-blind can tell apart."""
+"""Fill of colours 0, 1, …, repeated beyond the last: black and white as in the literature on partitioned methods, then
+the colours of Okabe and Ito (2008), distinguishable by the colour-blind."""
 
 
 def svg(
@@ -176,21 +164,21 @@ def svg(
     labels: bool | Iterable[str] = False,
     names: Iterable[str] | None = None,
 ) -> str:
-    """A picture of one tree, or of many as one table, as SVG.
+    """A drawing of one tree, or of several in a table, as SVG.
 
-    The roots are below. Each tree has its text as title, which viewers show under the pointer.
+    Roots are at the bottom. The title of each tree, shown by viewers as a tooltip, is its text.
 
     Args:
         trees: A tree, or at most 2,000 of them, each of at most 1,000 nodes.
-        columns: The number of trees side by side; None for at most 10.
-        labels: What to write below the trees: True for their texts, or one string per tree.
+        columns: The number of trees in a row; None for at most 10.
+        labels: Captions below the trees: True for their texts, or one string per tree.
         names: The names of the colours in texts; None for the default names.
 
     Returns:
         The SVG document.
 
     Raises:
-        TreeError: If there is no tree, too much to draw, or not one label per tree.
+        TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
 
     Example:
         >>> from trees import Tree
@@ -224,20 +212,20 @@ def draw(
     labels: bool | Iterable[str] = False,
     names: Iterable[str] | None = None,
 ) -> Axes:
-    """The picture that `svg` makes, drawn by matplotlib.
+    """The drawing of `svg` in matplotlib.
 
     Args:
         trees: A tree, or at most 2,000 of them, each of at most 1,000 nodes.
-        ax: The axes to draw on, whose frame is hidden; None for a new figure of fitting size.
-        columns: The number of trees side by side; None for at most 10.
-        labels: What to write below the trees: True for their texts, or one string per tree.
+        ax: The axes, whose frame is hidden; None for a new figure of suitable size.
+        columns: The number of trees in a row; None for at most 10.
+        labels: Captions below the trees: True for their texts, or one string per tree.
         names: The names of the colours in texts; None for the default names.
 
     Returns:
         The axes.
 
     Raises:
-        TreeError: If there is no tree, too much to draw, or not one label per tree.
+        TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
         ImportError: If matplotlib is not installed.
 
     Example:
@@ -254,11 +242,11 @@ def draw(
     if ax is None:
         from matplotlib import pyplot
 
-        figure = pyplot.figure(figsize=(picture.width / 72, picture.height / 72))  # one point for one pixel
+        figure = pyplot.figure(figsize=(picture.width / 72, picture.height / 72))  # one point per pixel
         ax = figure.add_axes((0, 0, 1, 1))
     ax.set(xlim=(0, picture.width), ylim=(picture.height, 0), aspect="equal")
     ax.axis("off")
-    # What matplotlib measures in points grows with the picture, as the rest does.
+    # Scale lengths in points with the picture.
     extent = ax.get_window_extent()
     scale = 72 / ax.figure.dpi * min(extent.width / picture.width, extent.height / picture.height)
     nodes = [node for tree in picture.drawn for node in tree.nodes]
@@ -288,5 +276,5 @@ def _fill(color: int) -> str:
 
 
 def _escape(text: str) -> str:
-    """Text as XML holds it: special characters escaped, control characters left out."""
+    """Text for XML, with special characters escaped and without control characters."""
     return escape("".join(character if character.isprintable() else " " for character in text))

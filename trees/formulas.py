@@ -1,9 +1,8 @@
-"""The formulas of a tree: its elementary differential, its elementary weight, and the order condition between them.
+"""Formulas of a tree: elementary differential, elementary weight, and order condition.
 
 For one colour they are those of the textbooks. For f = Σ_ν f^[ν] with a Runge–Kutta matrix and weights for each part ν,
-a node of colour ν stands for the part, written f_ν; primes are derivatives, and each is taken in the direction of one
-argument, so a part that lives in one block of variables needs no further mark. The matrix, weights and row sums of a
-part carry its name as superscript: b^ν_i, a^ν_ij, c^ν_i = Σ_j a^ν_ij.
+nodes of colour ν correspond to the part, written f_ν; primes are derivatives, each in the direction of one argument.
+The matrix, weights and row sums of a part have its name as superscript: b^ν_i, a^ν_ij, c^ν_i = Σ_j a^ν_ij.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from trees.errors import TreeError
 from trees.names import node_names
 from trees.notation import TreeLike, nest, parents_of
 
-_INDICES = "ijklmnrsuvwxyz"  # without the names of blocks, of the node and of zero
+_INDICES = "ijklmnrsuvwxyz"  # without p and q (blocks), t (node) and o (zero)
 
 
 def elementary_differential(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
@@ -27,7 +26,7 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
         names: One name per colour; None for the default names.
 
     Returns:
-        The formula; a node of colour p is written f_p.
+        The formula, with f_p for a node of colour p.
 
     Raises:
         TreeError: If the format is unknown or a colour has no name.
@@ -52,18 +51,10 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
 
 
 def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
-    """The elementary weight of a tree: a sum with a factor b for the root, a for each edge, c for each edge to a leaf.
+    """The elementary weight of a tree: a sum with factors b for the root, a for inner edges, c for edges to leaves.
 
-    Args:
-        tree: The tree.
-        format: ``"text"`` or ``"latex"``.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The formula, summed over all its indices: i, j, k, …, or i1, i2, … where there are more than letters.
-
-    Raises:
-        TreeError: If the format is unknown or a colour has no name.
+    It is summed over all indices: i, j, k, …, or i1, i2, … if there are not enough letters. The arguments are those of
+    `elementary_differential`.
 
     Example:
         >>> from trees import Tree
@@ -94,18 +85,12 @@ def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str]
 
 
 def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
-    """The condition on a Runge–Kutta method that the tree's elementary weight be 1/γ.
+    """The order condition of a Runge–Kutta method: the elementary weight of the tree is 1/γ.
 
-    Args:
-        tree: The tree.
-        format: ``"text"`` or ``"latex"``.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The equation.
+    The arguments are those of `elementary_differential`.
 
     Raises:
-        TreeError: If the format is unknown, a colour has no name, or γ is too large to be written out.
+        TreeError: If γ is too large to be printed.
 
     Example:
         >>> from trees import Tree
@@ -116,14 +101,14 @@ def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] |
         HLW, section III.1 and Table III.1.1.
     """
     density = tree.density
-    if density.bit_length() > 9_966:  # Python refuses to write numbers of more than 4300 digits
+    if density.bit_length() > 9_966:  # Python does not print numbers of more than 4300 digits
         raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {density.bit_length()} bits")
     quotient = f"\\frac{{1}}{{{density}}}" if _is_latex(format) else f"1/{density}"
     return f"{elementary_weight(tree, format, names)} = {quotient if density > 1 else 1}"
 
 
 def _children(parents: list[int]) -> list[list[int]]:
-    """The children of each node, from the parent of each."""
+    """The children of each node."""
     children: list[list[int]] = [[] for _ in parents]
     for node in range(1, len(parents)):
         children[parents[node]].append(node)
@@ -137,7 +122,7 @@ def _is_latex(format: str) -> bool:
 
 
 def _derivative(count: int, latex: bool) -> str:
-    """The mark of a derivative: primes to the third, then a number in brackets."""
+    """The mark of a derivative: up to three primes, or its order in parentheses."""
     if count <= 3:
         return "'" * count
     return f"^{{({count})}}" if latex else f"^({count})"
@@ -149,7 +134,7 @@ def latex_name(name: str) -> str:
 
 
 def index_letters(count: int, latex: bool) -> list[str]:
-    """Names of so many summation indices: i, j, k, …, and numbered ones where letters do not suffice."""
+    """Names of summation indices: i, j, k, …, or numbered ones if there are not enough letters."""
     if count <= len(_INDICES):
         return list(_INDICES[:count])
     return [f"i_{{{k}}}" if latex else f"i{k}" for k in range(1, count + 1)]

@@ -1,16 +1,15 @@
-"""Trees without a root: how rooted trees turn into each other when the root moves, and the classes this makes.
+"""Free trees: classes of rooted trees that differ only in the position of the root.
 
-Moving the root along one edge takes u ∘ v to v ∘ u. Elementary Hamiltonians change their sign with it,
-H(u ∘ v) = −H(v ∘ u), so that a class of rooted trees (a free tree) has one Hamiltonian up to sign, and none where u = v
-is met: such free trees are called superfluous.
+Moving the root along one edge maps u ∘ v to v ∘ u. Elementary Hamiltonians change sign, H(u ∘ v) = −H(v ∘ u), so the
+Hamiltonian of a free tree is unique up to sign, and vanishes if u = v occurs: such free trees are called superfluous.
 
-Each tree needs only the edge to its largest child. That edge leads towards the centroid, and together these edges are
-all edges of the free tree: if neither end of an edge between u and v picked it, the picked neighbours w of u and x of v
-would give |u| > |w| ≥ |v| > |x| ≥ |u|.
+For each tree only the edge to its largest child is considered. That edge leads towards the centroid, and these edges of
+all rootings are all edges of the free tree: if neither end of an edge between u and v chose it, the chosen neighbours w
+of u and x of v would give |u| > |w| ≥ |v| > |x| ≥ |u|.
 
-Two kinds of colours are known. *Parts* of the system, f = Σ f^[ν], stay with their nodes. *Blocks* p and q of a
-Hamiltonian system belong to the edges: an edge has an end with ∂/∂p and an end with ∂/∂q, a node has the colour of the
-block in which its parent is differentiated, and the colour of a root says nothing. So a moved root gets the colour
+There are two kinds of colours. *Parts* of the system, f = Σ f^[ν], belong to the nodes. *Blocks* p and q of a
+Hamiltonian system belong to the edges: an edge has one end with ∂/∂p and one with ∂/∂q, the colour of a node is the
+block in which its parent is differentiated, and the colour of a root has no meaning. So a moved root gets the colour
 opposite to that of its neighbour.
 """
 
@@ -29,7 +28,7 @@ from trees.tree import Tree
 
 
 class Rooting(NamedTuple):
-    """A rooted tree of a free tree, which `multiplicity` of its nodes give when chosen as the root.
+    """A rooted tree of a free tree, obtained from `multiplicity` choices of the root.
 
     Its Hamiltonian is `sign` times that of the representative; the sign is 0 if the free tree is superfluous.
     """
@@ -40,10 +39,10 @@ class Rooting(NamedTuple):
 
 
 class FreeTree(NamedTuple):
-    """A free tree: the class of the rooted trees that differ only in the place of the root.
+    """A free tree: a class of rooted trees that differ only in the position of the root.
 
-    `representative` has its root in the centroid (of two centroids, where the smaller tree comes out); `symmetry` is
-    the number of automorphisms, |τ| / Σ 1/σ over the rootings.
+    The root of `representative` is the centroid (of two, the one with the smaller tree); `symmetry` is the number of
+    automorphisms, |τ| / Σ 1/σ over the rootings.
 
     Example:
         >>> star = free_tree_classes(4)[-1]
@@ -60,10 +59,10 @@ class FreeTree(NamedTuple):
 
 
 @kernel
-def turn_roots(
+def move_roots(
     flips, max_order, colors, block, order, color, left, right, base_start, base, stack, flipped, turned,
 ):  # fmt: skip
-    """For every tree, the tree with the other root colour (only if `flips`), and with the root in its largest child."""
+    """For every tree the tree with the other root colour (only if `flips`), and with its largest child as the root."""
     for tree in range(len(turned)):
         u = left[tree]
         v = right[tree]
@@ -84,7 +83,7 @@ def turn_roots(
 
 @kernel
 def find_centroids(flips, order, color, right, flipped, turned, representative, sign):
-    """Move every root to the centroid: the representative of the class, and the sign of so many moves."""
+    """Move every root to the centroid: the representative of the class, and the sign of the moves."""
     for tree in range(len(turned)):
         at = tree
         parity = 1
@@ -107,14 +106,14 @@ def find_centroids(flips, order, color, right, flipped, turned, representative, 
 
 
 class Rootings:
-    """Moving the root, for all trees of a table, as columns over the ids.
+    """The moves of the root for all trees of a table, as columns over the ids.
 
     Attributes:
-        flips: Whether roots change their colour: the colours are blocks, and not only blocks that the other one drives.
-        flipped: Id of the tree with the other root colour, where `flips`.
-        turned: Id of v ∘ u for the tree u ∘ v, v its largest child; if `flips`, with u's colour opposite to v's.
-        representative: Id of the tree that stands for the class.
-        sign: Sign of the tree's Hamiltonian relative to the representative's; 0 for superfluous trees.
+        flips: Whether roots can change colour: the colours are blocks of a system that is not separable.
+        flipped: Id of the tree with the other root colour, if `flips`.
+        turned: Id of v ∘ u for the tree u ∘ v with largest child v; if `flips`, with u's colour opposite to v's.
+        representative: Id of the representative of the class.
+        sign: Sign of the Hamiltonian relative to that of the representative; 0 for superfluous trees.
     """
 
     def __init__(self, table: TreeTable, *, blocks: bool = False):
@@ -123,7 +122,7 @@ class Rootings:
         size = len(table)
         flipped, turned, representative = (table.column(size, "int32") for _ in range(3))
         sign, stack = table.column(size), table.column(table.max_order, "int32")
-        table.run(turn_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
+        table.run(move_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
         self.flipped, self.turned = _list(flipped), _list(turned)
         if min(self.turned) < 0 or (self.flips and min(self.flipped) < 0):
             raise TreeError(f"table must hold every tree with its root moved, but {table!r} does not")
@@ -135,11 +134,11 @@ class Rootings:
         self._symmetry = _list(table.symmetry_and_density[0])
 
     def symmetry(self, tree: int) -> int:
-        """Number of automorphisms of a tree's free tree: the centroid, or the edge between two, stays where it is."""
+        """Number of automorphisms of the free tree, which fix the centroid or the edge between two centroids."""
         return self._symmetry[self.representative[tree]] * (1 if self.sign[tree] else 2)
 
     def multiplicity(self, tree: int) -> int:
-        """Number of nodes that give this tree when chosen as the root of its free tree."""
+        """Number of nodes of the free tree that give this tree as roots."""
         return self.symmetry(tree) // self._symmetry[tree]
 
 
@@ -149,21 +148,21 @@ def _list(column: Any) -> list[int]:
 
 @lru_cache(maxsize=8)
 def rootings(table: TreeTable, *, blocks: bool = False) -> Rootings:
-    """The rootings of a table, made once.
+    """The rootings of a table, cached.
 
     Raises:
-        TreeError: The table does not hold every tree with its root moved.
+        TreeError: The table does not contain every tree with its root moved.
     """
     return Rootings(table, blocks=blocks)
 
 
 def is_separable(table: TreeTable) -> bool:
-    """Whether the trees are those of p' = f(q), q' = g(p): no node has a child of its own colour."""
+    """Whether the trees are those of p' = f(q), q' = g(p), without children of their parent's colour."""
     return table.colors == 2 and all(table.limits[c][c] == 0 for c in range(2))
 
 
 def grafting(table: TreeTable) -> Callable[[int, int], int]:
-    """The Butcher product u ∘ v on the ids of a table; negative if the table does not hold it."""
+    """The Butcher product u ∘ v on the ids of a table; negative if outside the table."""
     run = table.run(kernels.graft)
     stack = table.column(table.max_order, "int32")
     return lambda u, v: run(u, v, table.max_order, table.colors, *table.columns, stack)
@@ -176,23 +175,23 @@ def free_tree_classes(
     blocks: bool = False,
     max_children: Iterable[Iterable[float | None]] | float | None = None,
 ) -> tuple[FreeTree, ...]:
-    """The free trees with 1 … `order` nodes: classes of rooted trees that differ in the place of the root.
+    """The free trees with 1 … `order` nodes.
 
-    The modified Hamiltonian of a method on y' = J ∇H has one term for each class that is not superfluous.
+    The modified Hamiltonian of a method for y' = J ∇H has one term for each free tree that is not superfluous.
 
     Args:
         order: Largest number of nodes.
         colors: Number of colours.
         blocks: Whether two colours are the blocks p and q of a Hamiltonian system, p' = −H_q and q' = H_p; otherwise
-            they are parts of a sum of systems. The roots of blocks have no colour and are written with that of p, but
-            for the trees of separable systems, where the root's colour tells the kinetic from the potential energy.
-        max_children: Which trees to hold, as for `TreeTable`; moving the root must not lead out of them.
+            they are parts of a sum of systems. The roots for blocks have no colour and are written as p, except in
+            separable systems, where their colour distinguishes kinetic and potential energy.
+        max_children: Bounds on children, as for `TreeTable`, which moves of the root must respect.
 
     Returns:
-        The classes, their representatives ascending.
+        The free trees, ascending by representative.
 
     Raises:
-        TreeError: An argument is out of its range, or moving the root leads out of the trees.
+        TreeError: An argument is out of range, or a move of the root violates the bounds.
 
     Example:
         >>> [str(free.representative) for free in free_tree_classes(5) if not free.is_superfluous]

@@ -1,8 +1,8 @@
-"""Compiled combinatorics of the tree table: enumerate, look up, graft, split.
+"""Kernels of tree tables: enumeration, products, splits, partitions.
 
-All kernels work on the ids and flat columns that `trees.table.TreeTable` describes. Every tree with two or more nodes
-is uniquely u ∘ v with v its largest child; the ids of all u ∘ v with u fixed and v of one order and colour are
-contiguous, so id(u ∘ v) = base[u, |v|, colour(v)] + v, without any hashing.
+All kernels use the ids and columns of `trees.table.TreeTable`. Every tree with two or more nodes is uniquely u ∘ v
+with v its largest child; the ids of all u ∘ v with fixed u and v of one order and colour are contiguous, so
+id(u ∘ v) = base[u, |v|, colour(v)] + v without hashing.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from trees.compiled import kernel
 
 OUTSIDE = -(2**31)
-"""Base of a product that the table does not hold: so small that adding any id leaves it negative."""
+"""Base of products outside the table, negative after any id is added."""
 
 
 @kernel
@@ -48,7 +48,7 @@ def enumerate_trees(max_order, colors, limits, block, order, color, left, right,
 
 @kernel
 def count_children(tree, colors, color, left, right, counts):
-    """Number of children of the root by colour, and in all (last entry)."""
+    """Count the children of the root by colour, and in all (last entry)."""
     for d in range(colors + 1):
         counts[d] = 0
     while right[tree] >= 0:
@@ -59,7 +59,7 @@ def count_children(tree, colors, color, left, right, counts):
 
 @kernel
 def product(u, v, max_order, colors, block, order, color, base_start, base):
-    """Id of u ∘ v where no child of u is larger than v; negative if the table does not hold it."""
+    """Id of u ∘ v if no child of u is larger than v; negative if outside the table."""
     m = int(order[u])
     r = int(order[v])
     if m + r > max_order:
@@ -70,7 +70,7 @@ def product(u, v, max_order, colors, block, order, color, base_start, base):
 
 @kernel
 def graft(u, v, max_order, colors, block, order, color, left, right, base_start, base, stack):
-    """Id of u ∘ v for any u and v: take off the children of u above v, put v on, put them back."""
+    """Id of u ∘ v for any u and v: remove the children of u above v, add v, add them again."""
     depth = 0
     while right[u] > v:
         stack[depth] = right[u]
@@ -88,10 +88,10 @@ def split_trees(
     first, last, max_order, colors, block, order, color, left, right, base_start, base, start, trunk, branch,
     to, to_trunk, to_branch, stack,
 ):  # fmt: skip
-    """List the splits (trunk, branch) of the trees first … last−1: one for each edge that can be cut.
+    """List the splits (trunk, branch) of the trees first … last−1, one for each edge.
 
     splits(u ∘ v) = {(u, v)} ∪ {(u' ∘ v, w) : (u', w) ∈ splits(u)} ∪ {(u ∘ v', w) : (v', w) ∈ splits(v)}.
-    Those of a tree with n nodes begin at start[n] + tree·(n−1); new ones are written from to[n] + tree·(n−1) on.
+    Those of a tree with n nodes begin at start[n] + tree·(n−1); new ones are written from to[n] + tree·(n−1).
     """
     for tree in range(first, last):
         n = order[tree]
@@ -104,7 +104,7 @@ def split_trees(
         to_branch[at] = v
         m = order[u]
         for k in range(start[m] + u * (m - 1), start[m] + (u + 1) * (m - 1)):
-            # Cutting below u only makes its children smaller, so v stays the largest.
+            # A cut in u makes its children smaller, so v remains the largest.
             at += 1
             to_trunk[at] = product(trunk[k], v, max_order, colors, block, order, color, base_start, base)
             to_branch[at] = branch[k]
@@ -121,11 +121,11 @@ def split_trees(
 def list_partitions(
     first, last, max_order, colors, block, order, color, left, right, base_start, base, start, skeleton, part, stack
 ):
-    """List the partitions of the trees first … last−1: the skeleton and the part that holds the root, for each.
+    """List the partitions of the trees first … last−1: skeleton and root part of each.
 
-    A partition cuts some edges; the parts are what hangs together, the skeleton is what is left of the tree when every
-    part shrinks to a node of its root's colour. The partitions of u ∘ v are pairs of one of u and one of v, each with
-    the new edge first kept (the two root parts grow together, as do the roots of the two skeletons) and then cut.
+    A partition cuts some edges; the parts are the connected components, and the skeleton is obtained by contracting
+    every part to a node of its root's colour. The partitions of u ∘ v are pairs of one of u and one of v, each with the
+    new edge first kept (joining the root parts, and the roots of the skeletons) and then cut.
     Those of a tree with n nodes begin at start[n] + tree·2^(n−1).
     """
     for tree in range(first, last):
@@ -162,7 +162,7 @@ def list_partitions(
 
 @kernel
 def symmetry_and_density(order, left, right, symmetry, density, multiplicity):
-    """σ and γ of every tree from its left and right parts.
+    """σ and γ of every tree u ∘ v from those of u and v.
 
     σ(u ∘ v) = σ(u) σ(v) μ, with μ the number of children equal to v; γ(u ∘ v) = |u ∘ v| · γ(u)/|u| · γ(v).
     """

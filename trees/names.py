@@ -1,4 +1,4 @@
-"""Names of colours: trees hold colours as numbers, texts and formulas call them by name."""
+"""Names of the colours of nodes in texts and formulas."""
 
 from __future__ import annotations
 
@@ -10,14 +10,7 @@ _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are th
 
 
 def default_names(colors: int) -> tuple[str, ...]:
-    """The names of so many colours where nobody chose any.
-
-    Args:
-        colors: The number of colours.
-
-    Returns:
-        One empty name for one colour, p and q for two, and letters beyond. The letters leave out p, q and t, so that
-        a text tells by itself which names it uses.
+    """The default names of colours: "" for one colour, p and q for two, for more the other letters except t.
 
     Example:
         >>> default_names(1), default_names(2), default_names(3)
@@ -29,51 +22,35 @@ def default_names(colors: int) -> tuple[str, ...]:
 def _default_name(color: int, largest: int) -> str:
     if largest <= 1:
         return "pq"[color] if largest else ""
-    lap, letter = divmod(color, len(_LETTERS))
-    return _LETTERS[letter] + (str(lap) if lap else "")
+    cycle, letter = divmod(color, len(_LETTERS))
+    return _LETTERS[letter] + (str(cycle) if cycle else "")
 
 
 def default_color(name: str) -> int | None:
-    """The colour among three or more that has this name by default, if any.
-
-    Args:
-        name: A letter, followed by a number for colours beyond the letters.
-
-    Returns:
-        The colour, or None if no colour is called so.
+    """The colour with a default name among three or more colours; None if there is none.
 
     Example:
         >>> default_color("c"), default_color("a1"), default_color("p")
         (2, 23, None)
     """
-    letter, lap = _LETTERS.find(name[0]), name[1:]
-    if letter < 0 or lap.startswith("0") or not is_number(lap or "0"):
+    letter, cycle = _LETTERS.find(name[0]), name[1:]
+    if letter < 0 or cycle.startswith("0") or not is_number(cycle or "0"):
         return None
-    return int(lap or "0") * len(_LETTERS) + letter
+    return int(cycle or "0") * len(_LETTERS) + letter
 
 
 def is_name(word: str) -> bool:
-    """Whether a word may name a colour: a letter, then letters, digits and ``_``; neither ``t`` nor with a ``τ``."""
+    """Whether a word can name a colour: a letter, then letters, digits and ``_``; not ``t``, and without ``τ``."""
     return word[:1].isalpha() and word != "t" and all(c.isalnum() or c == "_" for c in word) and "τ" not in word
 
 
 def is_number(word: str) -> bool:
-    """Whether a word is a number in digits, short enough for anything a tree can have."""
+    """Whether a word is a decimal number of at most nine digits."""
     return word.isascii() and word.isdigit() and len(word) < 10
 
 
 def check_names(names: Iterable[str]) -> tuple[str, ...]:
-    """The names of colours as a tuple, if each can be told apart and read back.
-
-    Args:
-        names: One name per colour. A single empty name means trees of one colour, written without it.
-
-    Returns:
-        The names.
-
-    Raises:
-        TreeError: If a name is repeated, reserved, or no word that `is_name` accepts.
-    """
+    """The names of colours as a tuple: different words, or the single name "" of uncoloured trees."""
     checked = tuple(names) if hasattr(names, "__iter__") else ()
     if checked == ("",):
         return checked
@@ -86,17 +63,7 @@ def check_names(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> list[str]:
-    """The name of each node's colour.
-
-    Args:
-        colors: The colour of each node.
-        names: One name per colour; None for the default names of as many colours as occur.
-
-    Returns:
-        The names; empty ones for trees of one colour that nobody named.
-
-    Raises:
-        TreeError: If a name is unusable or a colour has none.
+    """The name of each node's colour, by default the default name.
 
     Example:
         >>> node_names((0, 1, 0)), node_names((0, 0))

@@ -1,16 +1,18 @@
-"""Text to tree and back, on preorder sequences: a tree is the levels of its nodes and their colours.
+"""Notations of trees: text, preorder sequences of levels and colours, networkx graphs.
 
-Reading gives levels and colours, whatever the notation; writing starts from them. Neither recurses, so a tree may be
-as tall as it likes.
+All notations are converted from and to levels and colours, without recursion, so trees can be arbitrarily tall.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from trees.errors import TreeError
 from trees.names import check_names, default_color, is_name, is_number, node_names
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
@@ -18,7 +20,7 @@ MAX_ORDER = 10_000
 
 @runtime_checkable
 class TreeLike(Protocol):
-    """A tree as formulas and pictures need it; `Tree` is one."""
+    """The interface of `Tree` for formulas and drawings."""
 
     @property
     def order(self) -> int:
@@ -42,19 +44,13 @@ class TreeLike(Protocol):
 
 
 def parents_of(levels: Sequence[int]) -> list[int]:
-    """The parent of each node, as numbers in preorder; −1 for the root.
-
-    Args:
-        levels: The level of each node in preorder.
-
-    Returns:
-        The numbers of the parents.
+    """The parent of each node, as index in preorder; −1 for the root.
 
     Example:
         >>> parents_of((0, 1, 2, 1))
         [-1, 0, 1, 0]
     """
-    path: list[int] = []  # the nodes from the root to the present one
+    path: list[int] = []  # the nodes from the root to the current one
     parents = []
     for node, level in enumerate(levels):
         path[level:] = [node]
@@ -64,15 +60,6 @@ def parents_of(levels: Sequence[int]) -> list[int]:
 
 def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:
     """A tree as nested text: each node's label, then its children in brackets, separated by commas.
-
-    Args:
-        levels: The level of each node in preorder, the root's 0.
-        labels: What to write for each node.
-        opening: The bracket before children.
-        closing: The bracket after them.
-
-    Returns:
-        The text.
 
     Example:
         >>> nest((0, 1, 2, 1), "abcd", "(", ")")
@@ -85,15 +72,7 @@ def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: st
 
 
 def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str] | None = None) -> str:
-    """A tree in brackets, as `parse` reads it back.
-
-    Args:
-        levels: The level of each node in preorder.
-        colors: The colour of each node.
-        names: One name per colour; None for the default names of as many colours as occur.
-
-    Returns:
-        The text.
+    """A tree in bracket notation, which `parse` reads back.
 
     Example:
         >>> tree_text((0, 1, 1, 2), (0, 0, 0, 0)), tree_text((0, 1, 1, 2), (0, 1, 1, 0))
@@ -106,17 +85,9 @@ def tree_text(levels: Sequence[int], colors: Sequence[int], names: Iterable[str]
 
 
 def parse(text: str, names: Iterable[str] | None = None) -> tuple[list[int], list[int]]:
-    """The levels and colours, in preorder, of a tree in any notation.
+    """The levels and colours, in preorder, of a tree in any notation, as for `Tree`.
 
-    Args:
-        text: ``[τ,[τ]]`` or ``[[t]t]``, ``[τ^3]``, ``p[q,q[p]]``, ``[0,1,2,1]`` or ``[0,1,1]:[0,1,1]``.
-        names: The names of the colours; None for p and q if the text has no others, and for a, b, c, … otherwise.
-
-    Returns:
-        Levels and colours, siblings in the order of the text. What came as numbers is for the caller to check.
-
-    Raises:
-        TreeError: If the text is not one tree; the sentence says where.
+    Siblings are in the order of the text, and sequences of numbers are not checked.
 
     Example:
         >>> parse("p[q^2]")
@@ -135,7 +106,7 @@ def _error(text: str, problem: str) -> TreeError:
 
 
 def _read_numbers(text: str) -> tuple[list[int], list[int]]:
-    """A level sequence, followed after a colon by the sequence of colours if there are any."""
+    """A level sequence, optionally followed by a colon and the sequence of colours."""
     sequences = []
     position = 1
     for part in text.split(":", 1):
@@ -155,7 +126,7 @@ def _read_numbers(text: str) -> tuple[list[int], list[int]]:
 
 
 def _tokens(text: str) -> Iterator[tuple[int, str]]:
-    """The words and single marks of a text, each with its position counted from 1."""
+    """The words and symbols of a text, with positions from 1."""
     start = 0
     while start < len(text):
         stop = start + 1
@@ -168,14 +139,14 @@ def _tokens(text: str) -> Iterator[tuple[int, str]]:
 
 
 class _BracketReader:
-    """One pass over a tree in brackets."""
+    """Parser of a tree in brackets."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.levels: list[int] = []
-        self.words: list[tuple[int, str]] = []  # of each node: its position, and the name of its colour or ""
-        self.open: list[tuple[int, int]] = []  # of each bracket not closed yet: its position and its node's number
-        self.item = 0  # the number of the node at the root of what was read last
+        self.words: list[tuple[int, str]] = []  # position and colour name (or "") of each node
+        self.open: list[tuple[int, int]] = []  # position and node of each unclosed bracket
+        self.item = 0  # the root of the subtree read last
 
     def read(self) -> tuple[list[int], list[tuple[int, str]]]:
         previous = ""
@@ -227,7 +198,7 @@ class _BracketReader:
 
 
 def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] | None) -> list[int]:
-    """The colours that the words name: those of all nodes, or of none."""
+    """The colours of the nodes, of which all or none must be named."""
     used = {word for _, word in words}
     if used == {""}:
         return [0] * len(words)
@@ -244,3 +215,69 @@ def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] |
             raise _error(text, f"has the colour {word!r:.40}, not one of {choice:.40}, at position {position}")
         colors.append(color)
     return colors
+
+
+def to_networkx(levels: Sequence[int], colors: Sequence[int]) -> nx.DiGraph:
+    """A tree as a directed graph with the attribute ``color`` of nodes 0, 1, … in preorder.
+
+    Example:
+        >>> list(to_networkx((0, 1, 1, 2), (0, 0, 0, 0)).edges)
+        [(0, 1), (0, 2), (2, 3)]
+    """
+    import networkx as nx
+
+    graph = nx.DiGraph()
+    for node, parent in enumerate(parents_of(levels)):
+        graph.add_node(node, color=colors[node])
+        if node:
+            graph.add_edge(parent, node)
+    return graph
+
+
+def from_networkx(graph: nx.Graph, root: Any = None) -> tuple[list[int], list[Any]]:
+    """Levels and colours, in preorder, of a tree given as a graph, as for `Tree.from_networkx`.
+
+    Example:
+        >>> import networkx as nx
+        >>> from_networkx(nx.path_graph(3), root=1)
+        ([0, 1, 1], [0, 0, 0])
+    """
+    if not all(hasattr(graph, name) for name in ("is_directed", "adj", "nodes")):
+        raise TreeError(f"graph must be a networkx graph, but was {graph!r:.60}")
+    if graph.number_of_edges() != len(graph) - 1:
+        raise TreeError(
+            "graph must be a tree, with one edge fewer than nodes, "
+            f"but has {len(graph)} nodes and {graph.number_of_edges()} edges"
+        )
+    root = _root(graph, root)
+    levels, colors = [], []
+    seen = {root}
+    stack = [(0, root)]
+    while stack:
+        level, node = stack.pop()
+        levels.append(level)
+        colors.append(graph.nodes[node].get("color", 0))
+        children = [neighbor for neighbor in graph.adj[node] if neighbor not in seen]
+        seen.update(children)
+        stack += [(level + 1, child) for child in children]
+    if len(seen) < len(graph):
+        missing = next(node for node in graph if node not in seen)
+        raise TreeError(
+            f"graph must be connected and without cycles, but node {missing!r:.60} is not reached from the root"
+        )
+    return levels, colors
+
+
+def _root(graph: nx.Graph, root: Any) -> Any:
+    """The root of a graph, given or found."""
+    if root is not None:
+        if root not in graph:
+            raise TreeError(f"root must be a node of the graph, but was {root!r:.60}")
+        return root
+    if not graph.is_directed():
+        raise TreeError("root must be given if the graph is undirected, but was None")
+    parents = {child for node in graph for child in graph.adj[node]}
+    roots = [node for node in graph if node not in parents]
+    if len(roots) != 1:
+        raise TreeError(f"graph must have one node without a parent, the root, but has {len(roots)}")
+    return roots[0]

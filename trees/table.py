@@ -1,4 +1,4 @@
-"""TreeTable: every tree up to an order, as columns of numbers."""
+"""Tables of all trees up to an order, as columns of numbers."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 KEPT_SPLITS = 2**26
-"""Splits of the top order beyond this number are made in passing, never kept."""
+"""If the top order has more splits, they are made in chunks and not kept."""
 CHUNK = 2**16
 
 
 class Splits(NamedTuple):
-    """Splits (trunk, branch) of the trees first … last−1; a tree with n nodes has n−1 from start[n] + tree·(n−1) on."""
+    """Splits (trunk, branch) of trees first … last−1; those of a tree with n nodes begin at start[n] + tree·(n−1)."""
 
     first: int
     last: int
@@ -42,16 +42,16 @@ class Splits(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """The columns that kernels read: arrays where the table is compiled, lists where it is not.
+    """The columns for kernels: arrays if the table is compiled, else lists.
 
     Attributes:
-        block: By number of nodes and root colour, the first id.
+        block: The first id, by number of nodes and root colour.
         order: Number of nodes of every tree.
         color: Root colour of every tree.
         left: Id of every tree without its largest child; −1 for single nodes.
         right: Id of the largest child of every tree; −1 for single nodes.
-        base_start: By number of nodes, where `base` starts.
-        base: By tree and the block of the right factor, where the Butcher products with it start.
+        base_start: The start of `base`, by number of nodes.
+        base: The start of the Butcher products, by tree and block of the right factor.
     """
 
     block: Any
@@ -66,19 +66,19 @@ class Columns(NamedTuple):
 class TreeTable(Sequence[Tree]):
     """Every rooted tree with 1 … `order` nodes in `colors` colours, sorted and numbered.
 
-    The number of a tree, its id, is its place in the order by (number of nodes, root colour, left, right), where
-    tree = left ∘ right, right is the child with the largest id and left the rest. The table is a sequence of `Tree`;
+    The id of a tree is its index in the order by (number of nodes, root colour, left, right), where
+    tree = left ∘ right, right is the child with the largest id and left the rest. The table is a sequence of `Tree`s;
     its columns are arrays over the ids.
 
     Args:
         order: Largest number of nodes.
         colors: Number of colours K.
-        max_children: Which trees to hold: None for all; one number bounds the children of every node; K rows of K
-            bounds say how many children of each colour a node of each colour may have (None: any number), with a bound
-            on the total as an optional entry K. Cutting an edge of a tree in such a table leaves both parts in it.
+        max_children: Restriction to some trees: None for all; one number bounds the children of every node; K rows of
+            K bounds limit the children of each colour of a node of each colour (None: unbounded), with an optional
+            entry K for the total. Both parts of a split of a tree in such a table belong to it.
 
     Raises:
-        TreeError: An argument is out of its range, or the table would not fit in memory (refused before any work).
+        TreeError: An argument is out of range, or the table would not fit in memory (refused before any work).
 
     Example:
         >>> table = TreeTable(4)
@@ -105,7 +105,7 @@ class TreeTable(Sequence[Tree]):
         self._enumerate()
 
     def _enumerate(self) -> None:
-        """Allocate the columns and fill them; small tables stay Python lists until somebody asks for arrays."""
+        """Allocate and fill the columns, in small tables as Python lists."""
         order, colors = self.max_order, self.colors
         self.block = [0]
         for row in self._counts[1:]:
@@ -135,11 +135,11 @@ class TreeTable(Sequence[Tree]):
         return TreeTable, (self.max_order, self.colors, self.limits)
 
     def run(self, kernel: Any) -> Any:
-        """The execution of a kernel that suits this table's columns."""
+        """The implementation of a kernel for the columns of this table."""
         return kernel.compiled if self.compiled else kernel.py_func
 
     def column(self, content: int | list[int], dtype: str | None = None) -> Any:
-        """A column of zeros, or of given numbers: a list, or an array for compiled kernels."""
+        """A column of zeros, or of given numbers, as a list, or as an array for compiled kernels."""
         if not self.compiled:
             return [0] * content if isinstance(content, int) else content
         import numpy as np
@@ -183,7 +183,7 @@ class TreeTable(Sequence[Tree]):
         return isinstance(tree, Tree) and self._find(tree) >= 0
 
     def _find(self, tree: Tree) -> int:
-        """Id of a tree, negative if the table does not hold it."""
+        """Id of a tree; negative if outside the table."""
         if tree.order > self.max_order or tree.color >= self.colors:
             return kernels.OUTSIDE
         _, order, color, _, _, base_start, base = self.columns
@@ -198,10 +198,10 @@ class TreeTable(Sequence[Tree]):
         return at
 
     def index(self, tree: Tree | str) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Id of a tree (or of the tree that a text denotes).
+        """Id of a tree, or of a tree given as text.
 
         Raises:
-            TreeError: The text denotes no tree, or the table does not hold it.
+            TreeError: The text is not a tree, or the tree is not in the table.
 
         Example:
             >>> TreeTable(3, colors=2).index("p[q,q]")
@@ -229,7 +229,6 @@ class TreeTable(Sequence[Tree]):
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def _repr_svg_(self) -> str:
-
         return svg(self)
 
     def ids(self, order: int) -> range:
@@ -256,7 +255,7 @@ class TreeTable(Sequence[Tree]):
 
     @cached_property
     def left(self) -> np.ndarray:
-        """Id of what is left of every tree without its largest child; −1 for single nodes."""
+        """Id of every tree without its largest child; −1 for single nodes."""
         return self._public(self.columns.left, "int32")
 
     @cached_property
@@ -266,24 +265,24 @@ class TreeTable(Sequence[Tree]):
 
     @cached_property
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Order, colour, left and right as unsigned arrays, which kernels index without a look at the sign."""
+        """Order, colour, left and right as unsigned arrays, which kernels index without testing the sign."""
         columns = (self.order, self.color, self.left, self.right)
         return tuple(column.view(f"u{column.itemsize}") for column in columns)  # pyright: ignore[reportReturnType]
 
     @cached_property
     def lists(self) -> tuple[list[int], list[int], list[int], list[int]]:
-        """Order, colour, left and right as lists, for kernels run by the interpreter."""
+        """Order, colour, left and right as lists, for kernels in the interpreter."""
         columns = self.columns[1:5]
         return tuple(x if isinstance(x, list) else x.tolist() for x in columns)  # pyright: ignore[reportReturnType]
 
     @property
     def symmetry(self) -> np.ndarray:
-        """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 ends)."""
+        """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 overflows)."""
         return self._public(self.symmetry_and_density[0], "int64" if self.max_order <= 20 else "object")
 
     @property
     def density(self) -> np.ndarray:
-        """Density γ of every tree (Python integers beyond order 20, where int64 ends)."""
+        """Density γ of every tree (Python integers beyond order 20, where int64 overflows)."""
         return self._public(self.symmetry_and_density[1], "int64" if self.max_order <= 20 else "object")
 
     @staticmethod
@@ -296,7 +295,7 @@ class TreeTable(Sequence[Tree]):
 
     @cached_property
     def symmetry_and_density(self) -> tuple[Any, Any]:
-        """The columns σ and γ: arrays where the table is compiled and they fit int64, lists elsewhere."""
+        """The columns σ and γ: arrays if the table is compiled and they fit in int64, else lists."""
         compiled = self.compiled and self.max_order <= 20
         if not compiled:
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
@@ -311,9 +310,9 @@ class TreeTable(Sequence[Tree]):
 
     @cached_property
     def splits(self) -> Splits:
-        """The splits of all trees, or of all below the top order where the top order has too many to keep.
+        """The splits of all trees, without the top order if it has too many.
 
-        Cutting one edge of a tree gives (trunk, branch); a tree with n nodes has n−1 splits, repeats kept.
+        Cutting one edge of a tree gives (trunk, branch); a tree with n nodes has n−1 splits, with repetitions.
         """
         sizes = self.sizes
         keep = self.max_order
@@ -337,14 +336,14 @@ class TreeTable(Sequence[Tree]):
         )  # fmt: skip
 
     def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
-        """Fill the columns that `trees.table` describes."""
+        """Fill the columns of `Partitions`."""
         self.run(kernels.list_partitions)(
             0, len(self), self.max_order, self.colors, *self.columns, start, skeleton, part,
             self.column(self.max_order, "int32"),
         )  # fmt: skip
 
     def split_chunks(self) -> Iterator[Splits]:
-        """The splits of all trees, ids ascending: the kept ones at once, the others in chunks made in passing."""
+        """The splits of all trees, ids ascending: first the kept ones, then the others in chunks."""
         kept = self.splits
         yield kept
         n = self.max_order
@@ -359,9 +358,9 @@ class TreeTable(Sequence[Tree]):
 
 
 def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], ...]:
-    """The counts of a table that can be made on this machine; larger ones are refused."""
+    """The counts of a table, which is refused if it would not fit in memory."""
     what = f"a table of trees with {order} nodes in {len(limits)} colours"
-    # Growth is geometric, so a refusal needs only the first order that no longer fits.
+    # Growth is geometric, so the first order that does not fit decides.
     for n in sorted({min(order, 10), min(order, 16), min(order, 24), min(order, 40), order}):
         counts = count_by_color(n, limits)
         sizes = [sum(row) for row in counts[1:]]
@@ -380,20 +379,20 @@ def _kept_table(order: int, limits: Limits) -> TreeTable | None:
 def tree_table(
     order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
 ) -> TreeTable:
-    """The table for these arguments, made once: tables of up to a million trees are kept for the next caller."""
+    """The table for these arguments; tables of up to a million trees are cached."""
     order, colors = check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return _kept_table(order, limits) or TreeTable(order, colors, limits)
 
 
 class Partitions(NamedTuple):
-    """All partitions of the trees of a table; a tree with n nodes has 2^(n−1) from start[n] + tree·2^(n−1) on.
+    """All partitions of the trees of a table; the 2^(n−1) of a tree with n nodes begin at start[n] + tree·2^(n−1).
 
     Attributes:
-        start: By number of nodes, where the lists start.
-        skeleton: Id of the tree that is left when every part shrinks to a node.
-        part: Id of the part that holds the root.
-        kept: How many partitions belong to trees below the largest order.
+        start: The start of the lists, by number of nodes.
+        skeleton: Id of the tree with every part contracted to a node.
+        part: Id of the part that contains the root.
+        kept: The number of partitions of trees below the largest order.
     """
 
     start: Any
@@ -404,10 +403,10 @@ class Partitions(NamedTuple):
 
 @lru_cache(maxsize=4)
 def partitions_of(table: TreeTable) -> Partitions:
-    """The partitions of all trees of a table, kept for the next caller (the last four tables are).
+    """The partitions of all trees of a table, cached for the last four tables.
 
     Args:
-        table: All trees up to some order; skeletons of a restricted family leave it.
+        table: An unrestricted table; skeletons of restricted trees may be unrestricted.
 
     Raises:
         TreeError: The table is restricted, or the lists would not fit in memory (refused before any work).

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from trees.drawing import svg
 from trees.errors import TreeError
 from trees.formulas import elementary_differential, elementary_weight, order_condition
-from trees.networks import from_networkx, to_networkx
-from trees.notation import MAX_ORDER, parse, tree_text
+from trees.notation import MAX_ORDER, from_networkx, parse, to_networkx, tree_text
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -21,9 +20,9 @@ if TYPE_CHECKING:
 class Tree:
     """A rooted tree whose nodes have colours 0, 1, …; trees of one colour are those of the textbooks.
 
-    Trees that differ only in the order of siblings are equal. Trees are ordered by their number of nodes, then by the
-    colour of the root, then by `left`, then by `right`: the order of the ids in a `TreeTable`. Children ascend in it.
-    A tree has at most 10,000 nodes; within that no operation runs out of stack, however tall the tree.
+    Trees that differ only in the order of siblings are equal. Trees are ordered by number of nodes, colour of the root,
+    `left` and `right`, as in a `TreeTable`; children are sorted in ascending order. A tree has at most 10,000 nodes; no
+    operation is recursive.
 
     Args:
         text: The tree in any notation: ``[τ,[τ]]``, ``[[t]t]``, ``[τ^3]``, ``p[q,q[p]]``, the levels of its nodes
@@ -31,7 +30,7 @@ class Tree:
         names: The names of the colours in the text; None for p and q if it has no others, and for a, b, c, … otherwise.
 
     Raises:
-        TreeError: If the text is not one tree; the sentence says where.
+        TreeError: If the text is not one tree; the message gives the position.
 
     Example:
         >>> tree = Tree("[[τ]τ]")
@@ -62,7 +61,7 @@ class Tree:
 
     @staticmethod
     def from_sorted(color: int, children: tuple[Tree, ...]) -> Tree:
-        """The tree with these children, which the caller guarantees to ascend and to stay below the limit of nodes."""
+        """The tree with these children, which must ascend and have fewer than `MAX_ORDER` nodes (not checked)."""
         tree = object.__new__(Tree)
         tree._color = color
         tree._children = children
@@ -75,17 +74,17 @@ class Tree:
 
     @staticmethod
     def join(children: Iterable[Tree], color: int = 0) -> Tree:
-        """The tree that a new root makes of these trees, B₊ of them.
+        """The tree with a new root and these children, B₊.
 
         Args:
-            children: The trees that become the root's children, in any order.
+            children: The children of the root, in any order.
             color: The colour of the root.
 
         Returns:
             The tree.
 
         Raises:
-            TreeError: If a child is not a tree, the colour is not 0, 1, …, or there would be too many nodes.
+            TreeError: If a child is not a tree, the colour is not 0, 1, …, or there are too many nodes.
 
         Example:
             >>> Tree.join([Tree("[τ]"), Tree("τ")])
@@ -102,7 +101,7 @@ class Tree:
 
     @staticmethod
     def from_levels(levels: Iterable[int], colors: Iterable[int] | None = None) -> Tree:
-        """The tree whose nodes, in preorder, have these levels and colours.
+        """The tree with these levels and colours of its nodes, in preorder.
 
         Args:
             levels: The distance of each node from the root: 0 for the root, then at most 1 more than the entry before.
@@ -119,10 +118,10 @@ class Tree:
             Tree('[τ,[τ]]')
         """
         depths = _integers("levels", levels)
-        paints = [0] * len(depths) if colors is None else _integers("colors", colors)
-        _check_levels(depths, paints)
-        subtrees: list[list[Tree]] = [[] for _ in range(max(depths) + 2)]  # by level: those still without a parent
-        for level, color in zip(reversed(depths), reversed(paints), strict=True):
+        node_colors = [0] * len(depths) if colors is None else _integers("colors", colors)
+        _check_levels(depths, node_colors)
+        subtrees: list[list[Tree]] = [[] for _ in range(max(depths) + 2)]  # by level: subtrees without a parent so far
+        for level, color in zip(reversed(depths), reversed(node_colors), strict=True):
             children = subtrees[level + 1]
             children.sort()
             subtrees[level].append(Tree.from_sorted(color, tuple(children)))
@@ -131,11 +130,11 @@ class Tree:
 
     @staticmethod
     def from_networkx(graph: nx.Graph, root: Any = None) -> Tree:
-        """The tree that a networkx graph holds.
+        """The tree given by a networkx graph.
 
         Args:
             graph: A tree: directed, with edges from parent to child, or undirected. The attribute ``color`` of a node
-                is its colour, 0 where it is missing.
+                is its colour, by default 0.
             root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
 
         Returns:
@@ -149,12 +148,10 @@ class Tree:
             >>> Tree.from_networkx(nx.path_graph(3), root=1)
             Tree('[τ,τ]')
         """
-
         return Tree.from_levels(*from_networkx(graph, root))
 
     def to_networkx(self) -> nx.DiGraph:
-        """The tree as a directed graph; see `trees.networks.to_networkx`."""
-
+        """The tree as a directed graph; see `trees.notation.to_networkx`."""
         return to_networkx(self.levels, self.colors)
 
     @property
@@ -164,7 +161,7 @@ class Tree:
 
     @property
     def children(self) -> tuple[Tree, ...]:
-        """The subtrees on top of the root, ascending."""
+        """The subtrees of the root, ascending."""
         return self._children
 
     @property
@@ -183,7 +180,7 @@ class Tree:
         return self._children[-1] if self._children else None
 
     def preorder(self) -> Iterator[tuple[int, Tree]]:
-        """Each node's level and the subtree on top of it: the root, then child by child.
+        """The level and subtree of each node, in preorder.
 
         Returns:
             An iterator over pairs.
@@ -215,22 +212,22 @@ class Tree:
 
     @property
     def symmetry(self) -> int:
-        """The number of ways to permute siblings, at all nodes, that leave the tree as it is: σ(τ)."""
+        """The symmetry coefficient σ(τ), the number of permutations of siblings that leave the tree unchanged."""
         return prod(factorial(len(list(equal))) for _, tree in self.preorder() for _, equal in groupby(tree._children))
 
     @property
     def density(self) -> int:
-        """The product of the orders of the subtrees on top of all nodes: γ(τ); the exact flow has coefficient 1/γ."""
+        """The density γ(τ), the product of the orders of all subtrees; the exact flow has the coefficients 1/γ."""
         return prod(tree._order for _, tree in self.preorder())
 
     @property
     def alpha(self) -> int:
-        """Butcher's α = n!/(σγ): the number of monotonic labellings, those that grow away from the root."""
+        """Butcher's α = n!/(σγ), the number of monotonic labellings, which increase away from the root."""
         return factorial(self._order) // (self.symmetry * self.density)
 
     @property
     def beta(self) -> int:
-        """Butcher's β = n!/σ = αγ: the number of labellings, in any order."""
+        """Butcher's β = n!/σ = αγ, the number of labellings."""
         return factorial(self._order) // self.symmetry
 
     def butcher_product(self, other: Tree) -> Tree:
@@ -243,7 +240,7 @@ class Tree:
             The product, neither commutative nor associative.
 
         Raises:
-            TreeError: If `other` is not a tree, or there would be too many nodes.
+            TreeError: If `other` is not a tree, or there are too many nodes.
 
         Example:
             >>> Tree("[[τ]]").butcher_product(Tree("τ"))
@@ -252,16 +249,16 @@ class Tree:
         return Tree.join((*self._children, other), self._color)
 
     def text(self, names: Iterable[str] | None = None) -> str:
-        """The tree in brackets, equal for equal trees; `Tree` reads it back.
+        """The tree in bracket notation, unique for each tree; `Tree` reads it back.
 
         Args:
-            names: One name per colour; None for none, for p and q, or for a, b, c, …, by how many colours the tree has.
+            names: One name per colour; None for the default names (none, p and q, or a, b, c, …).
 
         Returns:
             The text.
 
         Raises:
-            TreeError: If a name is unusable or a colour has none.
+            TreeError: If a name is invalid or a colour has none.
 
         Example:
             >>> Tree("p[q,q[p]]").text(names=["fast", "slow"])
@@ -271,17 +268,14 @@ class Tree:
 
     def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
-
         return elementary_differential(self, format, names)
 
     def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
-
         return elementary_weight(self, format, names)
 
     def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
         """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
-
         return order_condition(self, format, names)
 
     def __str__(self) -> str:
@@ -291,7 +285,6 @@ class Tree:
         return f"Tree('{self.text()}')"
 
     def _repr_svg_(self) -> str:
-
         return svg(self)
 
     def __hash__(self) -> int:
@@ -315,15 +308,15 @@ class Tree:
         return _compare(self, other) >= 0 if isinstance(other, Tree) else NotImplemented
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Tree.from_levels, (self.levels, self.colors)  # flat, or pickle would run out of stack
+        return Tree.from_levels, (self.levels, self.colors)  # pickle is recursive
 
 
 def _compare(first: Tree, second: Tree) -> int:
-    """Negative, zero or positive as the first tree is smaller than, equal to or larger than the second.
+    """Negative, zero or positive if the first tree is smaller than, equal to or larger than the second.
 
-    Unrolled, (order, root colour, left, right) says: of two trees that agree in order and colour, `left` is smaller
-    where `right` has more nodes. So the orders of the children decide from the last child back, the larger order being
-    the smaller tree; and where all agree, the children themselves from the first on.
+    Of two trees with equal order and colour, the one whose `right` has more nodes has the smaller `left`. So the orders
+    of the children are compared from the last, where the larger order gives the smaller tree; if all are equal, the
+    children themselves are compared from the first.
     """
     pairs = [(first, second)]
     while pairs:
@@ -349,7 +342,7 @@ def _integers(argument: str, values: Iterable[int]) -> list[int]:
 
 
 def _integer(argument: str, value: int) -> int:
-    """A level or a colour from a caller as a plain int, NumPy's too."""
+    """A level or a colour as an int, also from NumPy."""
     try:
         number = index(value)
     except TypeError:

@@ -82,7 +82,7 @@ def _show(tables: Sequence[Table]) -> None:
 
 
 def _keep(file: str | None, kind: str, **figures: Any) -> None:
-    from integrators.methods.tableaux.files import atomic_write
+    from integrators.core.text_files import atomic_write
 
     if file:
         result = {"schema": 1, "kind": kind, "environment": environment(), **figures}

@@ -80,7 +80,7 @@ class Output(NamedTuple):
     def write(self, chunks: Iterable[str]) -> None:
         """Write text piece by piece; a file appears when it is complete."""
         if self.path is not None:
-            from integrators.methods.tableaux.files import atomic_write
+            from integrators.core.text_files import atomic_write
 
             atomic_write(self.path, "".join(chunks))
             return

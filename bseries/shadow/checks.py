@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NoReturn
+import math
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from bseries.exceptions import SeriesError
 from bseries.shadow import kernels
@@ -219,3 +221,18 @@ def _ratios(found: np.ndarray, expected: np.ndarray) -> np.ndarray | None:
     ratios = products / squares
     explained = _rest(found, ratios[:, None] * expected) < ROUGH and np.max(np.abs(ratios - 1)) > ROUGH
     return ratios if explained else None
+
+
+def finite_number(value: Any, argument: str) -> float:
+    """A finite number as a double.
+
+    Raises:
+        SeriesError: It is not a number, or not a finite double.
+    """
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise SeriesError(f"{argument} must be a finite number, but was {value!r:.60}")
+    return number

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.plotting import BLACK, BLUE, VERMILION, check_place, new_figure, picture, picture_format, print_style
-from bseries.shadow.arguments import finite_number
+from bseries.shadow.checks import finite_number
 from bseries.shadow.statistics import OrderStatistics, Statistics
 from integrators.core.optional_modules import optional_module
 from integrators.core.text_files import atomic_write, check_path

@@ -8,8 +8,14 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.shadow.arguments import box_edges, finite_number
-from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
+from bseries.shadow.checks import (
+    check_columns,
+    check_finite,
+    check_potential,
+    check_steps,
+    finite_number,
+    refuse_thinned,
+)
 from bseries.shadow.files import open_source
 from bseries.shadow.formulas import check_order
 from bseries.shadow.measurement import LEAST_VALUES, Measurement
@@ -114,7 +120,7 @@ def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Re
 
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
-    edges = box_edges(period, source.dimension)
+    edges = _box_edges(period, source.dimension)
     if source.forces is None:
         if layout == MIDDLE:
             raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
@@ -129,6 +135,23 @@ def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Re
     else:
         raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
     return Reader(Masses(inverse), h, source, layout, edges)
+
+
+def _box_edges(period: Any, dimension: int) -> np.ndarray | None:
+    """The edges of a periodic box, one for each coordinate; None if there is no box."""
+    if period is None:
+        return None
+    import numpy as np
+
+    try:
+        edges = np.asarray(period, dtype=float).reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        raise SeriesError(f"period must be numbers, but was {period!r:.60}") from None
+    if not len(edges) or dimension % len(edges) or not (np.all(edges > 0) and np.all(np.isfinite(edges))):
+        raise SeriesError(
+            f"period must be a positive number, or one for each dimension or coordinate, but was {period!r:.60}"
+        )
+    return np.tile(edges, dimension // len(edges))
 
 
 def _tolerance(value: Any) -> float:

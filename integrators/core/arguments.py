@@ -1,38 +1,125 @@
-"""Checks of arguments: sequences, labels, names and numbers of digits."""
+"""Checks of arguments: numbers, arrays, sequences, labels and names."""
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shown
+
+if TYPE_CHECKING:
+    import numpy as np
+
+MOST_STEPS = 2**53
+"""The largest number of steps; a double does not represent every larger integer."""
+MOST_DIGITS = 1000
+
+
+def read_number(value: Any, argument: str) -> float:
+    """A finite number as a double."""
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise IntegratorError(f"{argument} must be a finite number, but was {shown(value)}")
+    return number
+
+
+def read_positive(value: Any, argument: str) -> float:
+    """A finite positive number as a double."""
+    number = read_number(value, argument)
+    if number <= 0:
+        raise IntegratorError(f"{argument} must be positive, but was {number:g}")
+    return number
+
+
+def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
+    """A whole number within limits, which messages describe as `what`."""
+    try:
+        number = least - 1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise IntegratorError(f"{argument} must be {what}, but was {shown(value)}")
+    return number
+
+
+def read_steps(value: Any, argument: str, least: int) -> int:
+    """A number of steps."""
+    return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
+
+
+def check_end(t0: float, h: float, steps: int) -> None:
+    """Refuse steps whose end time is beyond the range of doubles."""
+    if not math.isfinite(t0 + steps * h):
+        raise IntegratorError(
+            f"h must be small enough for a finite time after {steps} steps from t = {t0:g}, but was {h:g}"
+        )
+
+
+def check_digits(digits: object) -> None:
+    """Refuse a number of significant digits that is neither None nor an integer within limits."""
+    if digits is not None and (type(digits) is not int or not 1 <= digits <= MOST_DIGITS):
+        raise IntegratorError(f"digits must be an integer from 1 to {MOST_DIGITS}, but was {shown(digits)}")
+
+
+def read_array(values: Any) -> np.ndarray:
+    """Real numbers as an array of doubles; a single nan if `values` are not real numbers."""
+    import numpy as np
+
+    try:
+        if np.iscomplexobj(values) or np.ma.is_masked(values):
+            raise TypeError
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.array(np.nan)
+
+
+def read_vector(values: Any, argument: str, dimension: int) -> np.ndarray:
+    """A vector of finite doubles."""
+    import numpy as np
+
+    vector = read_array(values)
+    if vector.shape != (dimension,) or not np.isfinite(vector).all():
+        raise IntegratorError(f"{argument} must hold {dimension} finite numbers, but was {shown(values)}")
+    return vector
 
 
 def items(value: Any, argument: str) -> list[Any]:
     """The entries of a sequence or array."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, str | bytes | Mapping | set | frozenset) or not isinstance(value, Iterable):
-        raise IntegratorError(f"{argument} must be a sequence, but was {shorten(repr(value))}")
+        raise IntegratorError(f"{argument} must be a sequence, but was {shown(value)}")
     return list(value)
 
 
-def check_digits(digits: object) -> None:
-    """Refuse a number of significant digits that is none."""
-    if digits is not None and (isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= 1000):
-        raise IntegratorError(f"digits must be an integer from 1 to 1000, but was {shorten(repr(digits))}")
-
-
 def check_label(value: object, argument: str) -> None:
-    """Refuse a name or reference that is not text."""
+    """Refuse a name or reference that is neither text nor None."""
     if value is not None and not isinstance(value, str):
-        raise IntegratorError(f"{argument} must be text, but was {shorten(repr(value))}")
+        raise IntegratorError(f"{argument} must be text, but was {shown(value)}")
+
+
+def read_labels(name: str | None, reference: str | None) -> dict[str, str | None]:
+    """The name of a method, ``custom`` by default, and its reference."""
+    check_label(name, "name")
+    check_label(reference, "reference")
+    return {"name": "custom" if name is None else name, "reference": reference}
 
 
 def check_partition_names(names: Iterable[Any]) -> None:
-    """Refuse names of parts that formulas and trees could not tell apart."""
+    """Refuse names of parts that would be ambiguous in formulas or trees."""
     for name in names:
         if not isinstance(name, str) or not name.isidentifier() or name[0] == "_" or name == "t" or "τ" in name:
             raise IntegratorError(
                 "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold "
-                f"τ, but one was {shorten(repr(name))}"
+                f"τ, but one was {shown(name)}"
             )
+
+
+def check_progress(progress: Any) -> None:
+    """Refuse a progress callback that cannot be called."""
+    if progress is not None and not callable(progress):
+        raise IntegratorError(f"progress must be a function of two numbers, but was {shown(progress)}")

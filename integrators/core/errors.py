@@ -11,12 +11,12 @@ class IntegratorError(ValueError):
 
 
 def shorten(text: str, length: int = 60) -> str:
-    """The text, cut to a length that fits a message."""
+    """The text, truncated to fit a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
 def shown(value: Any) -> str:
-    """What a value was, for a message; Python refuses to print integers of more than 4300 digits."""
+    """A value as text for a message; Python refuses to print integers of more than 4300 digits."""
     try:
         return shorten(repr(value))
     except ValueError:

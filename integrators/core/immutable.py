@@ -1,4 +1,4 @@
-"""Values that never change: compared, hashed and pickled by their data."""
+"""Immutable values, compared and hashed by their data, and methods that cache their results."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any, TypeVar, cast
 
 
 class ImmutableValue:
-    """A value whose attributes are set once, by its constructor, through ``__dict__``.
+    """Base class of values whose attributes are set once, by the constructor, through ``__dict__``.
 
     Lazily computed attributes are ``functools.cached_property``, which writes to ``__dict__`` too.
     """
 
     @property
     def _data(self) -> tuple[Any, ...]:
-        """What makes two values of the same class equal."""
+        """The data by which values of one class are compared."""
         raise NotImplementedError
 
     def __eq__(self, other: object) -> bool:
@@ -30,7 +30,7 @@ class ImmutableValue:
         return known
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the hash: that of a text is another in every process."""
+        """All attributes but the hash: hashes of text differ between processes."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -44,7 +44,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def cached_method(function: Function) -> Function:
-    """A function that keeps its results in its first argument; `functools.cache` would keep that, too, for ever.
+    """Cache the results of a method in its object; `functools.cache` would keep the object alive.
 
     Args:
         function: A method, or a function of an object and hashable positional arguments.
@@ -60,7 +60,7 @@ def cached_method(function: Function) -> Function:
         computing 3
         (9, 9)
     """
-    name = f"_remembered_{function.__name__}"
+    name = f"_cached_{function.__name__}"
 
     @wraps(function)
     def known(owner: Any, *arguments: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Packages that only some functions need."""
+"""Import of optional packages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from integrators.core.errors import IntegratorError, shorten
 
 
 def optional_module(module: str, user: str) -> Any:
-    """A module that only one function needs."""
+    """Import a module; the error names its `user` and how to install it."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -1,7 +1,7 @@
-"""Arrays in files, NPZ archives and folders of NPY files: what a file declares is checked before any of it is read.
+"""Arrays in NPZ archives and folders of NPY files: headers are checked before data is read.
 
-A reader names what it needs by `Form`s. Headers tell kinds, shapes and sizes, so that a file that does not fit costs
-nothing. Compressed arrays can be much larger than their file: beyond `LARGE` bytes they are unpacked on the disk.
+A reader specifies the arrays by `Form`s. Headers give kinds, shapes and sizes, so a wrong file is refused at once.
+Compressed arrays can be much larger than their file: beyond `LARGE` bytes they are unpacked to disk.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 LARGE = 2**26
-"""Bytes from which on an array is mapped and not read; and how many bytes of a file are unpacked in memory."""
+"""Bytes from which an array is memory-mapped, and the limit of bytes unpacked in memory per file."""
 MOST_TEXT = 2**30
-"""Bytes of a text."""
+"""Bytes of an array of text."""
 MOST_HEADER = 10_000
 MOST_DIMENSIONS = 32
 LOCAL_HEADER = 30
@@ -36,7 +36,7 @@ CHUNK = 2**20
 DESCRIPTION = re.compile(
     r"(?=.*'descr': *'([<>|=]?[biufU]\d{1,9})')(?=.*'fortran_order': *(True|False))(?=.*'shape': *\(([\d, ]*)\))"
 )
-"""The three things that a header tells, in any order."""
+"""The three entries of a header, in any order."""
 KINDS = {"f": "doubles", "i": "whole numbers", "iu": "whole numbers", "fiu": "real numbers", "b": "flags", "U": "text"}
 JSON_NAMES = {
     dict: "a table", list: "a list", str: "text", int: "a whole number", float: "a number", bool: "true or false",
@@ -47,16 +47,16 @@ DAMAGE = (
     OSError, ValueError, EOFError, OverflowError, MemoryError, RecursionError, NotImplementedError,
     zipfile.BadZipFile, zlib.error, struct.error,
 )  # fmt: skip
-"""What reading a damaged file raises."""
+"""Errors that reading a damaged file may raise."""
 
 
 class Form(NamedTuple):
-    """What a stored array must be.
+    """Specification of a stored array.
 
     Attributes:
-        kinds: The kinds of its numbers, in NumPy's letters.
-        shape: Its lengths; a name stands for the same length wherever it occurs.
-        limits: The least and the largest number; None where there may be any, as in arrays too large to be looked at.
+        kinds: The allowed kinds of numbers, as NumPy's letters.
+        shape: The lengths; equal names mean equal lengths.
+        limits: The least and the largest number; None if unchecked, as for arrays too large to be scanned.
     """
 
     kinds: str
@@ -68,13 +68,13 @@ TEXT = Form("U", limits=None)
 
 
 class Header(NamedTuple):
-    """What a file declares of an array.
+    """The header of a stored array.
 
     Attributes:
-        dtype: Of its numbers.
+        dtype: The type of its numbers.
         shape: Its lengths.
-        order: Of its numbers, C or F.
-        start: Bytes before them.
+        order: The memory layout, C or F.
+        start: The offset of the numbers in bytes.
     """
 
     dtype: np.dtype[Any]
@@ -84,20 +84,13 @@ class Header(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes of its numbers."""
+        """The size of the numbers in bytes."""
         return math.prod(self.shape) * self.dtype.itemsize
 
 
 @contextmanager
 def reading(sentence: str) -> Iterator[None]:
-    """Turn whatever a damaged file raises into an error.
-
-    Args:
-        sentence: What the file must be and was not; the reason is added.
-
-    Raises:
-        IntegratorError: The file is damaged.
-    """
+    """Turn the errors of a damaged file into an `IntegratorError`: the sentence, followed by the reason."""
     try:
         yield
     except IntegratorError:
@@ -108,18 +101,18 @@ def reading(sentence: str) -> Iterator[None]:
 
 
 class StoredArrays(Mapping[str, "np.ndarray"]):
-    """The arrays of an NPZ file, or of the NPY files in a folder, by name; each is read when it is asked for.
+    """The arrays of an NPZ file, or of the NPY files in a folder, by name, each read on access.
 
     Args:
         path: The file or folder.
-        sentence: What it must be and was not, for errors.
+        sentence: The beginning of error messages, which says what it must be.
 
     Raises:
-        IntegratorError: It cannot be read; so do all methods.
+        IntegratorError: It cannot be read; all methods raise it, too.
     """
 
     def __init__(self, path: str, sentence: str):
-        self._path, self._sentence, self._room = path, sentence, LARGE
+        self._path, self._sentence, self._unpack_limit = path, sentence, LARGE
         self._archive: zipfile.ZipFile | None = None
         self._headers: dict[str, Header] = {}
         with reading(sentence):
@@ -150,11 +143,11 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             return self._load(name, file)
 
     def read(self, forms: Mapping[str, Form], sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
-        """Arrays by name; text as text, or lists of it.
+        """Arrays by name; arrays of text as text or lists of text.
 
         Args:
-            forms: What they must be. All headers are checked, in this order, before the first array is read.
-            sizes: Lengths that are known by their names.
+            forms: Their specifications. All headers are checked, in this order, before the first array is read.
+            sizes: Known values of named lengths.
         """
         known = dict(sizes or {})
         with reading(self._sentence):
@@ -163,7 +156,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         return {name: self._value(name, form) for name, form in forms.items()}
 
     def _check(self, name: str, form: Form, sizes: dict[str, int]) -> None:
-        """Refuse an array that is not of a form, going by its header; lengths without a name so far get theirs."""
+        """Refuse an array whose header does not match a form; new named lengths are added to `sizes`."""
         if name not in self:
             raise ValueError(f"it has no array {name}")
         header = self._header(name)
@@ -177,7 +170,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             )
 
     def _value(self, name: str, form: Form) -> Any:
-        """An array whose numbers are in the limits of a form."""
+        """An array, its numbers checked against the limits of a form."""
         array = self[name]
         with reading(self._sentence):
             if form.kinds == "U":
@@ -195,7 +188,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
 
     @contextmanager
     def _open(self, name: str) -> Iterator[tuple[IO[bytes], int, bool]]:
-        """The file of an array, how many bytes it has, and whether they are compressed."""
+        """The file of an array, its size in bytes, and whether it is compressed."""
         file = self._files[name]
         if self._archive is None:
             with open(os.path.join(self._path, file), "rb") as plain:
@@ -208,20 +201,20 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             yield packed, member.file_size, member.compress_type != zipfile.ZIP_STORED
 
     def _header(self, name: str) -> Header:
-        """What the file declares of an array."""
+        """The header of an array."""
         if name not in self._headers:
             with self._open(name) as (file, size, is_packed):
                 header = read_header(file, name)
             there = size - header.start  # in a folder, files may grow
             if there < header.size or (there > header.size and self._archive is not None):
                 raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
-            if header.dtype.kind == "U" and header.size > (self._room if is_packed else MOST_TEXT):
+            if header.dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
                 raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
             self._headers[name] = header
         return self._headers[name]
 
     def _load(self, name: str, file_name: str) -> np.ndarray:
-        """An array: read, mapped if it is large, and first unpacked on the disk if it is compressed, too."""
+        """An array: read, or memory-mapped if large, after unpacking to disk if compressed."""
         import numpy as np
 
         header = self._header(name)
@@ -229,8 +222,8 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         if not header.size:
             return np.zeros(shape, dtype, order)
         with self._open(name) as (file, _, is_packed):
-            if (header.size < LARGE and (not is_packed or header.size <= self._room)) or dtype.kind == "U":
-                self._room -= header.size if is_packed else 0
+            if (header.size < LARGE and (not is_packed or header.size <= self._unpack_limit)) or dtype.kind == "U":
+                self._unpack_limit -= header.size if is_packed else 0
                 file.read(header.start)
                 return np.frombuffer(_exactly(file, header.size, name), dtype).reshape(shape, order=order)
             if is_packed:
@@ -244,14 +237,10 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
 
 
 def read_header(file: IO[bytes], name: str) -> Header:
-    """What an NPY file declares.
-
-    Args:
-        file: The file, at its beginning.
-        name: What messages call the array.
+    """The header of an NPY file, which is read from its beginning.
 
     Raises:
-        ValueError: It declares no array of numbers or text.
+        ValueError: The file does not declare an array of numbers or text; the message calls it `name`.
     """
     import numpy as np
 
@@ -276,7 +265,7 @@ def read_header(file: IO[bytes], name: str) -> Header:
 
 
 def _exactly(file: IO[bytes], size: int, name: str) -> bytearray:
-    """So many bytes of a file."""
+    """The next `size` bytes of a file."""
     data = bytearray(size)
     rest = memoryview(data)
     while rest:
@@ -288,7 +277,7 @@ def _exactly(file: IO[bytes], size: int, name: str) -> bytearray:
 
 
 def _unpacked(packed: IO[bytes], header: Header, name: str) -> np.ndarray:
-    """A compressed array, in a file without a name that is mapped into memory."""
+    """A compressed array, unpacked to an unnamed file and memory-mapped."""
     from tempfile import TemporaryFile, gettempdir
 
     import numpy as np
@@ -305,7 +294,7 @@ def _unpacked(packed: IO[bytes], header: Header, name: str) -> np.ndarray:
 
 
 def _offset(path: str, member: zipfile.ZipInfo) -> int:
-    """Where the content of a file in an archive begins."""
+    """The offset of a member's data in an archive."""
     with open(path, "rb") as file:
         file.seek(member.header_offset + LOCAL_HEADER - 4)
         lengths = struct.unpack("<HH", file.read(4))
@@ -313,16 +302,16 @@ def _offset(path: str, member: zipfile.ZipInfo) -> int:
 
 
 def read_json(text: str, form: Any, name: str) -> Any:
-    """The content of JSON text that is of a form.
+    """The content of JSON text, checked against a form.
 
     Args:
         text: The text.
         form: A type; None; a dictionary of forms for the keys that matter, where a missing one is None; a list of one
             form for all entries; or a tuple of forms of which one must fit.
-        name: What messages call it.
+        name: Its name in messages.
 
     Raises:
-        ValueError: It is not of that form.
+        ValueError: It does not match the form.
         RecursionError: It is nested too deeply.
 
     Example:
@@ -337,7 +326,7 @@ def read_json(text: str, form: Any, name: str) -> Any:
 
 
 def _misfit(value: Any, form: Any, name: str) -> str | None:
-    """Why a value is not of a form; None if it is."""
+    """Why a value does not match a form; None if it does."""
     found: Iterator[str | None]
     if isinstance(form, tuple):
         reasons = [_misfit(value, choice, name) for choice in form]

@@ -1,35 +1,37 @@
-"""Text in and out: reading with a limit, and writing so that no half-written file is ever seen."""
+"""Text files: reading with a size limit, atomic writing, JSON and TOML with exact numbers."""
 
 from __future__ import annotations
 
 import os
+import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
-from typing import IO, Any
+from decimal import Decimal, InvalidOperation
+from typing import IO, Any, NoReturn
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 
 MAX_BYTES = 10_000_000
+FORMATS = ("json", "toml")
+MOST_DIGITS = 4300
+"""Of an integer; Python's conversion takes quadratic time."""
+MOST_PARTS = 100
+"""Of a dotted key; the parser takes quadratic memory."""
+PART = r"""(?:[\w-]++|"(?:[^"\\\n]++|\\[^\n])*+"?|'[^'\n]*+'?)"""
+TOKEN = (
+    r'''"""(?:[^"\\]++|\\.|"{1,2}+(?!"))*+(?:"{3,5}|\Z)|[']{3}.*?(?:[']{3,5}|\Z)|#[^\n]*+'''
+    rf"|(?P<key>{PART}(?:[ \t]*+\.[ \t]*+{PART})*+)"
+)
+"""Multi-line strings, comments, and anything that may be a key."""
 
 
 def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -> tuple[str, str]:
-    """The text of a file, and its name for messages.
-
-    Args:
-        source: a path, or an open file of text or bytes.
-        most: how many bytes it may have; of more nothing is read.
-
-    Returns:
-        The text and the name.
-
-    Raises:
-        IntegratorError: the file cannot be read, is too large, or is no UTF-8 text.
-    """
+    """The text of a path or open file of at most `most` bytes, and its name for messages."""
     is_path = isinstance(source, str | os.PathLike)
     label = os.fspath(source) if is_path else str(getattr(source, "name", "input"))
     if not is_path and not hasattr(source, "read"):
-        raise IntegratorError(f"source must be a path or an open file, but was {shorten(repr(source))}")
+        raise IntegratorError(f"source must be a path or an open file, but was {shown(source)}")
     try:
         with open(label, "rb") if is_path else nullcontext(source) as file:
             raw = file.read(most + 1)
@@ -45,16 +47,7 @@ def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -
 
 
 def read_lines(file: IO[Any], label: str) -> Iterator[str]:
-    """The lines of a file that may be of any length, one by one.
-
-    Args:
-        file: the open file, of text or bytes.
-        label: what messages call it.
-
-    Raises:
-        IntegratorError: a line is longer than `MAX_BYTES`.
-        UnicodeDecodeError: it is no UTF-8 text.
-    """
+    """The lines of an open file of text or bytes, of any total length."""
     while line := file.readline(MAX_BYTES + 1):
         if len(line) > MAX_BYTES:
             raise IntegratorError(f"{label} must have lines of at most {MAX_BYTES} bytes, but one has more")
@@ -71,30 +64,16 @@ def _decode(raw: bytes, label: str) -> str:
 
 
 def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a file so that it is either complete or as it was before, whatever interrupts.
-
-    Args:
-        path: the file.
-        content: bytes, or text to be written as UTF-8.
-
-    Raises:
-        IntegratorError: the file cannot be written.
-    """
+    """Write a file atomically: after an interruption it is complete or unchanged."""
     with replacing(path) as file:
         file.write(content if isinstance(content, bytes) else content.encode())
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
-    """A new file beside another, which takes its name when all is written; links are followed, permissions kept.
+    """Temporary file that replaces another when complete; links are followed, permissions kept.
 
-    A pipe or a device has no content to protect, and is written to itself.
-
-    Args:
-        path: the file.
-
-    Raises:
-        IntegratorError: the file cannot be written.
+    A pipe or a device is written directly.
     """
     name = check_path(path, "path")
     temporary = None
@@ -107,16 +86,16 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         if os.path.isfile(target) and not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
         remove_unfinished(target)
-        with _beside(target) as file:
+        with _temporary_file(target) as file:
             temporary = file.name
             yield file
             file.flush()
             os.fsync(file.fileno())
             if os.path.isfile(target):
                 os.chmod(temporary, os.stat(target).st_mode & 0o7777)
-            if os.name != "nt":  # while it is locked, so that nobody takes it for unfinished
+            if os.name != "nt":  # while locked, so that `remove_unfinished` spares it
                 os.replace(temporary, target)
-        if os.name == "nt":  # there an open file keeps its name
+        if os.name == "nt":  # Windows cannot rename an open file
             os.replace(temporary, target)
     except IntegratorError:
         raise
@@ -130,47 +109,43 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
 
 
 def remove_unfinished(path: str) -> None:
-    """Remove what processes that were killed have left of a file they were writing.
-
-    Args:
-        path: the file.
-    """
+    """Remove temporary files of a file left by killed processes."""
     folder, start = _unfinished(path)
-    with suppress(OSError):  # a folder that may not be listed
+    with suppress(OSError):  # the folder is not readable
         for name in os.listdir(folder):
             if name.startswith(start) and name.endswith(".tmp"):
                 with suppress(OSError), open(os.path.join(folder, name), "r+b") as file:
-                    if lock(file):  # nobody is writing
+                    if lock(file):  # no process is writing it
                         os.unlink(file.name)
 
 
-def _beside(target: str) -> IO[bytes]:
-    """A new file beside a target, locked while it is open."""
+def _temporary_file(target: str) -> IO[bytes]:
+    """A new temporary file in the folder of the target, locked while open."""
     while True:
         file = open("".join([os.path.join(*_unfinished(target)), os.urandom(8).hex(), ".tmp"]), "xb")  # noqa: SIM115
         try:
             if lock(file) and os.path.exists(file.name):
                 return file
-        except OSError:  # a file system without locks, where nobody removes it
+        except OSError:  # a file system without locks, where `remove_unfinished` removes nothing
             return file
-        file.close()  # another process has taken it for unfinished before it was locked
+        file.close()  # another process removed it before it was locked
 
 
 def _unfinished(path: str) -> tuple[str, str]:
-    """The folder where a file is written, and how the names of files begin that will take its name."""
+    """The folder of a file, and the prefix of its temporary files."""
     folder, name = os.path.split(os.path.realpath(path))
     return folder, f".{zlib.crc32(os.fsencode(name)):08x}-"
 
 
 def lock(file: IO[bytes]) -> bool:
-    """Lock a file that is open for writing until it is closed or the process ends; False if another one has done so.
+    """Lock a file open for writing until it is closed or the process ends; False if another process holds the lock.
 
     Raises:
         OSError: The file system has no locks.
     """
     try:
         import fcntl
-    except ImportError:  # not a POSIX system, where files that are open cannot be removed
+    except ImportError:  # not POSIX: open files cannot be removed there
         return True
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -182,16 +157,95 @@ def lock(file: IO[bytes]) -> bool:
 def check_path(path: Any, argument: str) -> str:
     """A path as text.
 
-    Args:
-        path: what a user gives.
-        argument: what messages call it.
-
     Raises:
-        IntegratorError: it is none.
+        IntegratorError: it is not a path; the message calls it `argument`.
     """
     if not isinstance(path, str | os.PathLike):
-        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(path))}")
+        raise IntegratorError(f"{argument} must be a path, but was {shown(path)}")
     name = os.fspath(path)
     if not isinstance(name, str) or not name or "\0" in name:
-        raise IntegratorError(f"{argument} must be a path, but was {shorten(repr(name))}")
+        raise IntegratorError(f"{argument} must be a path, but was {shown(name)}")
     return name
+
+
+def parse_json(text: str) -> Any:
+    """The content of JSON text, decimals as `Decimal`; repeated keys, NaN and infinity are refused."""
+    import json
+
+    try:
+        return json.loads(
+            text, parse_int=_integer, parse_float=Decimal, parse_constant=_refuse, object_pairs_hook=_unique
+        )
+    except IntegratorError:
+        raise
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise IntegratorError(f"content must be JSON, but was not at {where}: {error.msg}") from None
+    except ValueError as error:
+        raise IntegratorError(f"content must be JSON of reasonable size, but was not: {error}") from None
+    except InvalidOperation:
+        raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def _integer(text: str) -> int:
+    if len(text) > MOST_DIGITS:
+        raise ValueError(f"an integer has {len(text)} digits")
+    return int(text)
+
+
+def _refuse(name: str) -> NoReturn:
+    raise IntegratorError(f"numbers must be finite, but one was {name}")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise IntegratorError(f"keys must be unique, but {shorten(key)!r} was repeated")
+        found[key] = value
+    return found
+
+
+def parse_toml(text: str) -> Any:
+    """The content of TOML text, decimals as `Decimal`."""
+    import tomllib
+
+    if re.search(rf"(?<!\w)[\d_]{{{MOST_DIGITS + 1}}}", text):
+        raise IntegratorError(f"numbers must have at most {MOST_DIGITS} digits in a row, but one has more")
+    tokens = re.finditer(TOKEN, text, re.DOTALL)
+    if any(token["key"] and len(re.findall(PART, token["key"])) > MOST_PARTS for token in tokens):
+        raise IntegratorError(f"content must have keys of at most {MOST_PARTS} parts, but one has more")
+    try:
+        return tomllib.loads(text, parse_float=Decimal)
+    except ValueError as error:
+        raise IntegratorError(f"content must be TOML, but was not: {error}") from None
+    except InvalidOperation:
+        raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
+
+
+def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
+    """Refuse data that is not a table or has unknown keys; the message suggests a similar known key."""
+    if not isinstance(data, dict):
+        raise IntegratorError(f"{argument} must be a table of keys and values, but was {shown(data)}")
+    for key in data:
+        if key not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(key, known, n=1, cutoff=0.5)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise IntegratorError(
+                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{hint}"
+            )
+
+
+def json_text(value: Any, indent: str = "") -> str:
+    """JSON with one key, or one row of a matrix, per line."""
+    import json
+
+    deeper = indent + "  "
+    if isinstance(value, Mapping):
+        lines = [f"{deeper}{json.dumps(k, ensure_ascii=False)}: {json_text(v, deeper)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n" + ",\n".join(deeper + json_text(row) for row in value) + f"\n{indent}]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

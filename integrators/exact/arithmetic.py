@@ -1,6 +1,6 @@
-"""Arithmetic on exact numbers and formulas, with limits: `Fraction`s while rational, else SymPy.
+"""Arithmetic on exact numbers and formulas of limited size: `Fraction`s if rational, else SymPy expressions.
 
-What cannot be done raises `ArithmeticError` with the predicate of a sentence, such as "divides by zero".
+Operations refuse their arguments by an `ArithmeticError` with the predicate of a sentence, such as "divides by zero".
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     Exact = Fraction | sympy.Expr
 
 MAX_DIGITS = 4000
-"""Integers stay below Python's own limit for conversion from and to text, which is 4300 digits."""
+"""Below Python's limit of 4300 digits for conversion to and from text."""
 MAX_BITS = MAX_DIGITS * 3322 // 1000
 MAX_ROOT = 100
 MAX_EXPONENT = 100
-"""Powers of formulas, which may have to be expanded, stay below; powers of rationals are limited by their digits."""
+"""Of powers of formulas, which may have to be expanded; powers of rationals are limited by their digits."""
 MAX_RADICAND_BITS = 400
-"""SymPy looks for factors of what is under a root, which takes its time from some hundreds of digits on."""
+"""SymPy factors radicands, which is slow beyond some hundreds of digits."""
 MAX_ARGUMENT = 10_000
 MAX_NESTING = 6
-"""Powers and functions within each other are limited: SymPy finds signs in exponential time."""
+"""Of nested powers and functions; SymPy determines signs in exponential time."""
 
 
 def bounded(value: Any) -> Any:
-    """The value, a SymPy rational as `Fraction`, if it is finite, real and of reasonable size."""
+    """The value, checked to be finite, real and of reasonable size; SymPy rationals become `Fraction`s."""
     if isinstance(value, Fraction):
         if _bits(value) > MAX_BITS:
             raise ArithmeticError(f"has a number of more than {MAX_DIGITS} digits")
@@ -53,7 +53,7 @@ def bounded(value: Any) -> Any:
 
 
 def _bits(value: Exact) -> int:
-    """The bits of the largest integer in a value."""
+    """The bit length of the largest integer in a value."""
     if isinstance(value, Fraction):
         return max(value.numerator.bit_length(), value.denominator.bit_length())
     import sympy
@@ -62,7 +62,7 @@ def _bits(value: Exact) -> int:
 
 
 def _nesting(value: sympy.Basic) -> int:
-    """How many powers and functions of formulas lie within each other."""
+    """The nesting depth of powers and functions of formulas."""
     inner = max(map(_nesting, value.args), default=0)
     applied = (value.is_Pow or value.is_Function) and bool(value.args[0].args)
     return inner + 1 if applied else inner
@@ -84,7 +84,7 @@ def add(terms: Sequence[Any]) -> Exact:
 
 
 def multiply(factors: Sequence[Any]) -> Exact:
-    """The product of one factor or more, formed at once: SymPy's form of a product depends on how it is grouped."""
+    """The product of one factor or more, in one operation: SymPy's form of a product depends on the grouping."""
     if len(factors) == 1:
         return factors[0]
     product = Fraction(1)
@@ -110,7 +110,7 @@ def invert(value: Exact) -> Exact:
 
 
 def power(base: Exact, exponent: Exact) -> Exact:
-    """The power base^exponent with a rational exponent; roots of negative numbers are refused."""
+    """The power base^exponent for a rational exponent, without roots of negative numbers."""
     if not isinstance(exponent, Fraction):
         raise ArithmeticError("has an exponent that is not rational")
     if exponent < 0:
@@ -162,13 +162,13 @@ def _sign(value: Exact) -> int:
 
 
 def _rational_root(value: Fraction, degree: int) -> Fraction | None:
-    """The root of a number that is not negative, if it is rational."""
+    """The root of a non-negative number; None if it is irrational."""
     numerator, denominator = _integer_root(value.numerator, degree), _integer_root(value.denominator, degree)
     return None if numerator is None or denominator is None else Fraction(numerator, denominator)
 
 
 def _integer_root(value: int, degree: int) -> int | None:
-    """The exact root of a natural number, if there is one, by Newton's iteration from above."""
+    """The root of a natural number by Newton's iteration from above; None if it is irrational."""
     if degree == 2:
         found = isqrt(value)
     else:
@@ -182,23 +182,23 @@ def _integer_root(value: int, degree: int) -> int | None:
 
 
 def transcendental_power(base: Any, exponent: Any) -> Exact:
-    """The power base^exponent with a formula as exponent."""
+    """The power base^exponent of a positive base, for a formula as exponent."""
     import sympy
 
     if _sign(base) <= 0:
         raise ArithmeticError("has a formula as exponent of a number that is not positive")
-    return bounded(sympy.sympify(base, strict=True) ** _moderate(exponent))
+    return bounded(sympy.sympify(base, strict=True) ** _limited_argument(exponent))
 
 
 def apply(name: str, argument: Exact) -> Exact:
-    """An elementary function of an argument."""
+    """The elementary function with this name, applied to an argument."""
     import sympy
 
-    return bounded(getattr(sympy, name)(_moderate(sympy.sympify(argument, strict=True))))
+    return bounded(getattr(sympy, name)(_limited_argument(sympy.sympify(argument, strict=True))))
 
 
-def _moderate(argument: Any) -> Any:
-    """The argument of a function, unless it is a number whose exponential is beyond all bounds."""
+def _limited_argument(argument: Any) -> Any:
+    """The argument of a function; a number is refused if its exponential would be too large."""
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
         raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")
     return argument

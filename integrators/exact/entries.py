@@ -1,4 +1,4 @@
-"""What a tableau entry may be: `Fraction` where rational, SymPy where exact but irrational, float."""
+"""Tableau entries: `Fraction` if rational, SymPy expression if exact but irrational, or float."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from math import fsum, inf, isfinite
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number
 
@@ -25,18 +25,18 @@ NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write t
 
 
 def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
-    """One entry of a tableau, kept exact.
+    """Read one entry of a tableau, exactly.
 
     Args:
-        value: a number of Python, NumPy or SymPy, a SymPy expression of roots and symbols, or a formula as text.
-        argument: what a message calls the entry.
-        names: symbols that a formula may use; the symbols of a SymPy expression need not be declared.
+        value: a Python, NumPy or SymPy number, a SymPy expression of roots and symbols, or a formula as text.
+        argument: the entry's name in messages.
+        names: symbols allowed in a formula; the symbols of a SymPy expression need not be declared.
 
     Returns:
-        A `Fraction` if the value is rational, a float if it is one, else a SymPy expression.
+        A `Fraction` if the value is rational, a float if it is a float, else a SymPy expression.
 
     Raises:
-        IntegratorError: the value is not finite and real, or not made of rationals, roots and declared symbols.
+        IntegratorError: the value is not finite and real, or does not consist of rationals, roots and declared symbols.
     """
     if isinstance(value, str | Decimal):
         return parse_number(str(value), names=names, argument=argument)
@@ -52,19 +52,19 @@ def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
         if not isfinite(number):
             raise IntegratorError(f"{argument} must be a finite number, but was {value}")
         if number != value:
-            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shorten(repr(value))}")
+            raise IntegratorError(f"{argument} must fit in a double or be text, but was {shown(value)}")
         return number
-    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shorten(repr(value))}")
+    raise IntegratorError(f"{argument} must be a real number or a formula, but was {shown(value)}")
 
 
 def is_sympy(value: object) -> bool:
-    """Whether a value is a SymPy object; SymPy is not imported to find out."""
+    """Whether a value is a SymPy object; does not import SymPy."""
     sympy = sys.modules.get("sympy")
     return sympy is not None and isinstance(value, sympy.Basic)
 
 
 def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
-    """A SymPy expression read through its text: one grammar decides what is allowed, and one form is stored."""
+    """Read a SymPy expression through its text, so that one grammar applies and one form is stored."""
     import sympy
 
     if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
@@ -84,7 +84,7 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
 
 
 def round_entry(value: Any) -> float:
-    """The double nearest to a number.
+    """The nearest double to a number.
 
     Raises:
         IntegratorError: The number is beyond the range of doubles.
@@ -120,7 +120,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
 
 
 def multiply_entries(x: Any, y: Any) -> Any:
-    """The product of two entries in one normal form, so that equal products are equal."""
+    """The product of two entries, in a normal form."""
     if not (is_sympy(x) or is_sympy(y)):
         return x * y
     if isinstance(x, float) or isinstance(y, float):
@@ -131,7 +131,7 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if x == 0 or y == 0:
         return Fraction(0)
     number, other = (x, y) if isinstance(x, Fraction) else (y, x)
-    if number == 1 and other.has(sympy.CRootOf):  # in its normal form already, and to expand roots takes long
+    if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
     product = sympy.expand(first * second)
@@ -144,14 +144,14 @@ def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
 
 
 def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
-    """Whether terms sum to zero: exactly, or within what inexact entries can show.
+    """Whether terms sum to zero: exactly, or within the error of inexact entries.
 
     Args:
         terms: numbers of one method, or products of two.
         precision: the relative error of the entries, 0 if they are exact.
 
     Returns:
-        The answer, or None for a formula that can neither be shown to vanish nor not to.
+        The answer; None if it cannot be decided for a formula.
 
     Example:
         >>> terms = [Fraction(1, 3), Fraction("-0.333")]
@@ -171,7 +171,7 @@ def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
 
 
 def _differs_from_zero(formula: Any) -> bool:
-    """Whether a formula is certainly not zero at one point; most are not, and a proof by SymPy takes its time."""
+    """Whether a formula is not zero at a sample point, a quick test before SymPy's slow proof."""
     import sympy
 
     symbols = sorted(formula.free_symbols, key=str)
@@ -180,18 +180,18 @@ def _differs_from_zero(formula: Any) -> bool:
 
 
 def certainly_differs(x: Entry, number: int, precision: Fraction | float) -> bool:
-    """Whether an entry is not a number; what roots or symbols leave undecided after 20 digits counts as equal."""
+    """Whether an entry differs from a number; formulas that agree with it to 20 digits count as equal."""
     return _differs_from_zero(x - number) if is_sympy(x) else cancels((x, -number), precision) is False
 
 
 def relative_error(domain: str, digits: int | None) -> Fraction | float:
-    """The relative error of entries: 0 if they are exact, else what so many digits, or doubles, leave open."""
+    """The relative error of entries: 0 if exact, else that of the published digits or of doubles."""
     published = Fraction(0) if digits is None else Fraction(10, 10**digits)
     return max(published, FLOAT_PRECISION) if domain == "float" else published
 
 
 def find_domain(values: Iterable[Entry]) -> str:
-    """The smallest of the domains QQ, algebraic, symbolic and float that holds all entries."""
+    """The smallest of the domains QQ, algebraic, symbolic and float that contains all entries."""
     values = list(values)
     formulas = [value for value in values if is_sympy(value)]
     if any(isinstance(value, float) for value in values):
@@ -202,10 +202,10 @@ def find_domain(values: Iterable[Entry]) -> str:
 
 
 def symbol_names(values: Iterable[Entry]) -> tuple[str, ...]:
-    """The names of the symbols in some entries, sorted."""
+    """The names of the symbols in the entries, sorted."""
     return tuple(sorted({str(symbol) for value in values if is_sympy(value) for symbol in value.free_symbols}))  # type: ignore[union-attr]
 
 
 def substitute(value: Entry, replacements: Mapping[Any, Any], argument: str) -> Entry:
-    """An entry with SymPy objects put in place of its symbols."""
+    """An entry with its symbols replaced by SymPy objects."""
     return read_entry(value.xreplace(replacements), argument) if is_sympy(value) else value  # type: ignore[union-attr]

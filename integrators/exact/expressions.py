@@ -1,4 +1,4 @@
-"""The one parser of formulas written by users. Text is read by a grammar of its own and never evaluated as code.
+"""Parser of formulas written by users; text is never evaluated as code.
 
     sum      = product {("+" | "-") product}
     product  = unary {("*" | "/") unary}
@@ -6,7 +6,7 @@
     power    = atom [("^" | "**") unary]
     atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")"
 
-Decimals are read exactly as the fractions they spell. Rational formulas give `Fraction`s and need no SymPy.
+Decimals are read exactly, as fractions. Rational formulas give `Fraction`s without SymPy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ ELEMENTARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
     *("exp", "log"),
 )
-"""The functions that `parse_expression` knows besides roots."""
+"""The functions of `parse_expression` besides roots."""
 
 ROOTS = ("sqrt", "cbrt", "root")
 NOT_FINITE = ("nan", "inf", "infinity", "oo", "zoo")
@@ -47,14 +47,14 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
 
     Args:
         text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)`` and ``root(x, n)``.
-        names: the symbols it may use.
-        argument: what a message calls it.
+        names: the allowed symbols.
+        argument: its name in messages.
 
     Returns:
         A `Fraction` if it is rational, else a SymPy expression in plain symbols (``sympy.Symbol(name)``).
 
     Raises:
-        IntegratorError: the text is no such formula, or a number in it is infinite, not real or too long.
+        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
 
     Example:
         >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
@@ -62,7 +62,7 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
     """
     names = check_names(names, f"symbols of {argument}")
     value = _Parser(text, names, (), argument).parse()
-    # SymPy's text of a formula can stand for another form of it, 1/(3*(x + 1)) for 1/(3*x + 3); a stable form is kept.
+    # Reading SymPy's text of a formula can give another form, 1/(3*x + 3) for 1/(3*(x + 1)): repeat until stable.
     while not isinstance(value, Fraction):
         form = _Parser(format_number(value), names, (), argument).parse()
         if form == value:
@@ -78,15 +78,15 @@ def parse_expression(
 
     Args:
         text: the formula.
-        names: the symbols it may use.
-        functions: the functions it may use, of `ELEMENTARY`.
-        argument: what a message calls it.
+        names: the allowed symbols.
+        functions: the allowed functions, of `ELEMENTARY`.
+        argument: its name in messages.
 
     Returns:
-        A SymPy expression in plain symbols; decimals have become fractions.
+        A SymPy expression in plain symbols, with fractions in place of decimals.
 
     Raises:
-        IntegratorError: the text is no such formula, or a number in it is infinite, not real or too long.
+        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
 
     Example:
         >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
@@ -99,13 +99,13 @@ def parse_expression(
 
 
 def format_number(value: Any) -> str:
-    """The text of a number or formula: `parse_number` reads it back to an equal value.
+    """The text of a number or formula, from which `parse_number` reads an equal value.
 
     Args:
         value: an integer, a `Fraction`, a float or a SymPy expression.
 
     Returns:
-        The text; a float's is the shortest that gives the same float.
+        The text; for a float, the shortest that gives the same float.
 
     Example:
         >>> format_number(Fraction(1, 2)), format_number(0.1)
@@ -115,7 +115,7 @@ def format_number(value: Any) -> str:
 
 
 def decimal_text(value: Fraction) -> str:
-    """The text of a fraction: a decimal if it is a finite one, else as `format_number`.
+    """The text of a fraction: a terminating decimal if possible, else as `format_number`.
 
     Example:
         >>> decimal_text(Fraction(-161, 1000)), decimal_text(Fraction(1, 66))
@@ -130,21 +130,15 @@ def decimal_text(value: Fraction) -> str:
 
 
 def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
-    """The names of symbols as a tuple, if a formula can use them.
-
-    Args:
-        names: letters, digits and ``_``, a letter or ``_`` first; not the names of functions.
-        argument: what a message calls them.
-
-    Returns:
-        The names.
+    """The names of symbols as a tuple.
 
     Raises:
-        IntegratorError: one is not such a name.
+        IntegratorError: one has other characters than letters, digits and ``_``, begins with a digit, or names a
+            function; the message calls them `argument`.
     """
-    checked = () if isinstance(names, str) else tuple(names)
     if isinstance(names, str):
         raise IntegratorError(f"{argument} must be a sequence of names, but was the text {shorten(names)!r}")
+    checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
         if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *NOT_FINITE):
@@ -155,11 +149,11 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
 
 
 class _Parser:
-    """One reading of one text: `parse` goes down the grammar above, one method per rule."""
+    """Recursive-descent parser of one text, with one method for each rule of the grammar above."""
 
     def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
         if not isinstance(text, str):
-            raise IntegratorError(f"{argument} must be a formula as text, but was {shorten(repr(text))}")
+            raise IntegratorError(f"{argument} must be a formula as text, but was {shown(text)}")
         self.text, self.names, self.functions, self.argument = text, names, functions, argument
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
@@ -168,7 +162,7 @@ class _Parser:
         self.tokens = self.tokenize(text.replace("−", "-").rstrip())
 
     def refuse(self, problem: str, position: int | None = None) -> NoReturn:
-        """Raise the one error of this module."""
+        """Raise an error that quotes the formula."""
         where = "" if position is None else f" at position {position + 1}"
         raise IntegratorError(f"{self.argument} must be a formula, but {shorten(self.text)!r} {problem}{where}")
 
@@ -217,7 +211,7 @@ class _Parser:
         self.place += 1
 
     def compute(self, position: int, operation: Callable[..., T], *arguments: Any) -> T:
-        """Do one operation; what arithmetic refuses is refused with the operation's position."""
+        """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
         try:
             return operation(*arguments)
         except ArithmeticError as error:
@@ -252,7 +246,7 @@ class _Parser:
         return self.compute(start, exact.multiply, factors if sign == 1 else [sign, *factors])
 
     def unary(self, sign: Fraction) -> tuple[Fraction, Exact]:
-        """The sign so far, changed by each minus, and what follows; a product takes its sign as one more factor."""
+        """The sign, multiplied by those read, and the operand; a product includes its sign as a factor."""
         while self.token in ("+", "-"):
             sign = -sign if self.token == "-" else sign
             self.place += 1
@@ -281,7 +275,7 @@ class _Parser:
         return self.arguments()[0]
 
     def arguments(self, count: int = 1) -> list[Exact]:
-        """So many sums between parentheses."""
+        """`count` sums in parentheses, separated by commas."""
         self.skip("(")
         values = [self.nested(self.sum)]
         while len(values) < count:

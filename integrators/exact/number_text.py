@@ -1,4 +1,4 @@
-"""Exact numbers as text in Python: the nearest double, or an expression that gives any precision."""
+"""Exact numbers as Python text: the nearest double, or an expression of any precision."""
 
 from __future__ import annotations
 
@@ -14,14 +14,11 @@ if TYPE_CHECKING:
     Coefficient: TypeAlias = Fraction | sympy.Expr
 
 SUM, PRODUCT, ATOM = range(3)
-"""How tightly the outermost operation of a text binds."""
+"""Precedence of the outermost operation of a text."""
 
 
 def literal(value: Coefficient) -> str:
-    """The double nearest to an exact number, as text.
-
-    Raises:
-        IntegratorError: The number is beyond the range of doubles, or cannot be told from zero.
+    """The nearest double to an exact number, as text.
 
     Example:
         >>> import sympy
@@ -37,17 +34,17 @@ def literal(value: Coefficient) -> str:
 
 
 def nearest_double(value: Any) -> float:
-    """The double nearest to an exact number; where two are, the even one.
+    """The nearest double to an exact number; ties are rounded to even.
 
-    Python rounds fractions so, SymPy does not. Irrational numbers are rounded to 40 digits first, which only a number
-    as close to the middle of two doubles would notice.
+    Python rounds fractions this way, SymPy does not. Irrational numbers are rounded to 40 digits first, which matters
+    only for numbers that agree with the midpoint of two doubles to 40 digits.
 
     Args:
-        value: A rational number of Python, or a real number of SymPy.
+        value: A rational Python number, or a real SymPy number.
 
     Raises:
-        ArithmeticError: It is beyond the range of doubles, or cannot be told from zero.
-        TypeError: It is no real number.
+        ArithmeticError: It is beyond the range of doubles, or cannot be distinguished from zero.
+        TypeError: It is not a real number.
 
     Example:
         >>> import sympy
@@ -65,13 +62,6 @@ def nearest_double(value: Any) -> float:
 def exact_text(value: Coefficient, number: str) -> str:
     """An exact number as an expression of integers, roots and functions.
 
-    Args:
-        value: The number.
-        number: The name of a function that makes p/q of integers p, q.
-
-    Raises:
-        IntegratorError: The number is not made of these.
-
     Example:
         >>> import sympy
         >>> exact_text(sympy.sqrt(3) / 6 + sympy.pi, "ratio")
@@ -81,7 +71,7 @@ def exact_text(value: Coefficient, number: str) -> str:
 
 
 def bound_text(value: Any, number: str) -> tuple[str, int]:
-    """The text of an exact number, and how tightly it binds."""
+    """The text of an exact number, and its precedence."""
     if isinstance(value, Fraction) or value.is_Rational:
         p, q = (value.numerator, value.denominator) if isinstance(value, Fraction) else (value.p, value.q)
         return (str(p), ATOM if p >= 0 else SUM) if q == 1 else (f"{number}({p}, {q})", ATOM)
@@ -106,6 +96,6 @@ def bound_text(value: Any, number: str) -> tuple[str, int]:
     )
 
 
-def within(part: tuple[str, int], binding: int) -> str:
-    """A text as an operand of an operation that binds so tightly."""
-    return part[0] if part[1] >= binding else f"({part[0]})"
+def within(part: tuple[str, int], precedence: int) -> str:
+    """A text as an operand of an operation of given precedence."""
+    return part[0] if part[1] >= precedence else f"({part[0]})"

@@ -1,6 +1,6 @@
-"""Polynomials and linear systems over the rationals: what node polynomials need, without any import that costs time.
+"""Polynomials and linear systems over the rationals, without slow imports.
 
-A polynomial is a tuple of `Fraction`s, the coefficient of x^k at place k, without trailing zeros; () is zero.
+A polynomial is a tuple of `Fraction`s, with the coefficient of x^k at index k and without trailing zeros; () is zero.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def divide(p: Polynomial, q: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """Quotient and remainder of p by q."""
+    """The quotient and remainder of p by q."""
     rest = list(p)
     quotient = [Fraction(0)] * max(0, len(p) - len(q) + 1)
     for k in range(len(quotient) - 1, -1, -1):
@@ -78,7 +78,7 @@ def remainder(p: Polynomial, modulus: Polynomial) -> Polynomial:
 
 
 def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
-    """The inverse of p modulo a polynomial that has no factor in common with it, by Euclid's algorithm.
+    """The inverse of p modulo a coprime polynomial, by Euclid's algorithm.
 
     Example:
         >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
@@ -117,7 +117,7 @@ def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fractio
 
     Args:
         matrix: a square matrix, by rows.
-        right: as many rows; a vector is a matrix with one column.
+        right: a matrix with as many rows; a vector is a matrix with one column.
 
     Returns:
         The solution, by rows.
@@ -151,15 +151,15 @@ def primitive(p: Polynomial) -> tuple[int, ...]:
 
 
 def count_real_roots(p: Polynomial) -> tuple[int, bool]:
-    """The number of distinct real roots of p, and whether all its roots (complex ones too) are simple.
+    """The number of distinct real roots of p, and whether all roots, including complex ones, are simple.
 
-    Both come out of one Sturm chain p, p', −(p mod p'), …, whose last member is their greatest common
-    divisor.
+    Both follow from the Sturm chain p, p', −(p mod p'), …, whose last member is the greatest common divisor of p
+    and p'.
     """
     chain = [p, derivative(p)]
     while chain[-1]:
         rest = remainder(chain[-2], chain[-1])
-        # A positive factor changes no sign and keeps the numbers short.
+        # Scaling by a positive factor changes no sign and keeps the numbers short.
         chain.append(scale(rest, -1 / abs(rest[-1])) if rest else ())
     chain.pop()
     at_plus = [q[-1] > 0 for q in chain]
@@ -171,7 +171,7 @@ def count_real_roots(p: Polynomial) -> tuple[int, bool]:
 def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     """The roots of a polynomial with simple real roots only, ascending.
 
-    Rational roots are exact; the others are within 10^-digits, proved by a change of sign.
+    Rational roots are exact; the others are within 10^-digits, verified by a change of sign.
 
     Args:
         p: a polynomial of degree 1 or more whose roots are all real and simple.
@@ -185,7 +185,7 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
         ['0', '1/3']
     """
     whole = primitive(p)
-    # A rational root has a denominator that divides `leading`; two such numbers differ by 1/leading² at least.
+    # The denominator of a rational root divides `leading`; two such numbers differ by at least 1/leading².
     leading = abs(whole[-1])
     digits = max(digits, 2 * len(str(leading)) + 2)
     precision = digits + 2 * len(p) + 10
@@ -213,9 +213,9 @@ def _sign(p: Sequence[int], x: Fraction) -> int:
 
 
 def _laguerre(p: Polynomial, precision: int) -> list[Decimal]:
-    """The real roots from left to right by Laguerre's method, each divided out before the next.
+    """The real roots, ascending, by Laguerre's method with deflation.
 
-    Started to the left of roots that are all real, the iteration ascends to the leftmost one, with order three.
+    If all roots are real, the iteration from the left converges monotonically to the leftmost one, with order three.
     """
     with localcontext(prec=precision, Emax=10**9, Emin=-(10**9)):
         coefficients = [Decimal(a.numerator) / Decimal(a.denominator) for a in p]
@@ -224,17 +224,17 @@ def _laguerre(p: Polynomial, precision: int) -> list[Decimal]:
         while len(coefficients) > 1:
             degree = len(coefficients) - 1
             for _ in range(50 * precision):
-                value, slope, bend = Decimal(0), Decimal(0), Decimal(0)
+                value, first, half_second = Decimal(0), Decimal(0), Decimal(0)
                 for a in reversed(coefficients):
-                    bend = bend * x + slope
-                    slope = slope * x + value
+                    half_second = half_second * x + first
+                    first = first * x + value
                     value = value * x + a
                 if not value:
                     break
-                g = slope / value
-                if g >= 0:  # rounding carried x past the root
+                g = first / value
+                if g >= 0:  # by rounding, x has passed the root
                     break
-                h = g * g - 2 * bend / value
+                h = g * g - 2 * half_second / value
                 spread = max(Decimal(0), (degree - 1) * (degree * h - g * g))
                 step = degree / (g - spread.sqrt())
                 if not x - step > x:

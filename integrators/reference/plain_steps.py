@@ -8,17 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shown
 from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Average, Derivative, Evaluation, Field, Flow, Program, operands
-from integrators.methods.tableaux.rational_programs import rational_program
+from integrators.methods.program.program import Average, Derivative, Evaluation, Field, Flow, Method, Program, operands
 from integrators.reference.plain_arithmetic import Arithmetic, size
 from integrators.reference.plain_fields import Fields
 from integrators.reference.plain_fields import block_parts as block_parts
 from integrators.reference.plain_flows import average, fixed_point, flow_increment, newton
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
     from integrators.reference.plain_arithmetic import Vector
     from integrators.reference.plain_fields import ByPart
 
@@ -105,7 +103,7 @@ def plain_steps(
         [[1.    0.5   0.25  0.125]]
     """
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 0:
-        raise IntegratorError(f"steps must be 0, 1, 2, …, but was {shorten(repr(steps))}")
+        raise IntegratorError(f"steps must be 0, 1, 2, …, but was {shown(steps)}")
     import numpy as np
 
     stepper = Stepper(method, field, y, h, derivative, flows, digits)
@@ -133,7 +131,9 @@ class Stepper:
         digits: int | None,
     ) -> None:
         self.arithmetic = arithmetic = Arithmetic(digits)
-        program = rational_program(method, arithmetic.decimals)
+        if not isinstance(method, Method):
+            raise IntegratorError(f"method must be a method, but was {shown(method)}")
+        program = method.rational_program(arithmetic.decimals)
         if program.parameters:
             raise IntegratorError(f"parameters must have values before a step, but {program.parameters[0]} had none")
         self.name = program.name

@@ -10,6 +10,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from foundation.machine_code import PACKAGE, package_version
+from integrators.core.arguments import MOST_STEPS
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading
 from integrators.core.text_files import remove_unfinished
@@ -17,7 +18,6 @@ from integrators.methods.program.program import program_text
 from integrators.methods.tableaux.files import dumps_method
 from integrators.runs.storage import Counts
 from integrators.runs.trajectory import write_arrays
-from integrators.steppers.run_input import MOST_STEPS
 from integrators.steppers.states import State
 
 if TYPE_CHECKING:

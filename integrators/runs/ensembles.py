@@ -14,6 +14,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from foundation.memory import refuse_beyond_memory
+from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.runs.checkpoints import description, identity
 from integrators.runs.ensemble_members import Block, Members, Settings, block_sizes, lost_block, run_block
@@ -22,7 +23,6 @@ from integrators.runs.ensemble_statistics import Gathering, Statistics
 from integrators.runs.executors import Workers
 from integrators.runs.integration import OutputSteps
 from integrators.runs.observers import observers
-from integrators.steppers.run_input import check_end, read_array, read_whole
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from integrators.core.arguments import check_end, check_progress, read_steps
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.text_files import check_path
 from integrators.runs.checkpoints import Checkpoint, description, identity
@@ -15,7 +16,6 @@ from integrators.runs.observers import observers
 from integrators.runs.storage import Contents, Counts, FolderRecording, Recording
 from integrators.runs.trajectory import PART
 from integrators.scenes.model.blocks import TIME
-from integrators.steppers.run_input import check_end, check_progress, read_steps
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 

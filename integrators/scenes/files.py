@@ -18,8 +18,7 @@ from typing import IO, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.formats import check_keys, parse_toml
-from integrators.core.text_files import atomic_write, read_text
+from integrators.core.text_files import atomic_write, check_keys, parse_toml, read_text
 from integrators.scenes.first_integrals import can_be_checked, defects
 from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.terms import Term

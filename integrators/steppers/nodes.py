@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
 from integrators.methods.program.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
-from integrators.methods.tableaux.rational_programs import rational_program
 from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ class Nodes:
     """
 
     def __init__(self, method: Method, structure: Structure):
-        program = rational_program(method, DECIMALS)
+        program = method.rational_program(DECIMALS)
         if program.parameters:
             raise IntegratorError(f"parameters must have values before a step, but {program.parameters[0]} had none")
         self.structure = structure

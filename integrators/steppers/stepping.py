@@ -11,7 +11,8 @@ from foundation.memory import refuse_beyond_memory
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.scene_source import compiled_scene
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import check_end, read_number, read_vector, read_whole
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import method as named
 from integrators.methods.program.program import Method
@@ -19,15 +20,6 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.averages import MOST_NODES
 from integrators.steppers.nodes import Nodes
-from integrators.steppers.run_input import (
-    check_end,
-    check_rows,
-    parts_key,
-    read_number,
-    read_vector,
-    read_whole,
-    rows_from,
-)
 from integrators.steppers.source import KERNELS, Text, stepper_text
 from integrators.steppers.states import State, StepError
 from integrators.steppers.structure import Structure, method_pieces
@@ -96,7 +88,7 @@ class Stepper:
         """
         import numpy as np
 
-        y = self.scene.y0 if y0 is None else read_vector(y0, self.scene.dimension)
+        y = self.scene.y0 if y0 is None else read_vector(y0, "y0", self.scene.dimension)
         step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
             raise IntegratorError(f"h must not be zero, but was {step:g}")
@@ -397,3 +389,42 @@ def _stepper(
     scene: Scene, name: str, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]
 ) -> Stepper:
     return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
+
+
+def parts_key(parts: Any) -> Any:
+    """The argument `parts` of `stepper` as a hashable key."""
+    if parts is None:
+        return None
+    if isinstance(parts, Mapping):
+        values = list(parts.values())
+        if all(isinstance(v, str) or (isinstance(v, Sequence) and all(isinstance(x, str) for x in v)) for v in values):
+            return tuple((name, v if isinstance(v, str) else tuple(v)) for name, v in parts.items())
+    raise IntegratorError(f"parts must map the method's parts to names of blocks or parts, but was {shown(parts)}")
+
+
+def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
+    """Refuse arrays too small or of the wrong kind for compiled code to write to."""
+    import numpy as np
+
+    for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
+        if array is None:
+            if count and argument.endswith("rows"):
+                raise IntegratorError(f"{argument} must be given with {name}_every, but was not")
+            continue
+        fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.ndim == dimensions
+        fits = fits and array.flags.c_contiguous and array.flags.writeable
+        if not fits or len(array) < count or (dimensions == 2 and width not in (None, array.shape[1])):
+            raise IntegratorError(
+                f"{argument} must be a contiguous array of doubles with {count} rows"
+                f"{f' of {width}' if dimensions == 2 and width else ''}, but was {shown(array)}"
+            )
+
+
+def rows_from(
+    every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """Arguments of `recorded`: store each `every`-th step after step n in arrays that begin after step `first`."""
+    import numpy as np
+
+    row = n // every - first // every if every else 0
+    return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]

@@ -1,4 +1,4 @@
-"""Antipodes: inverses of the identity under convolution, which turn the series of a map into that of its inverse."""
+"""Antipodes: inverses of the identity under convolution; they give the series of inverse maps."""
 
 from __future__ import annotations
 
@@ -26,9 +26,8 @@ _NONE = Forest()
 def antipode(x: Summand) -> FormalSum:
     """The antipode of the Connes–Kreimer Hopf algebra.
 
-    S(τ) = Σ (−1)^k τ₁ · … · τ_k over all sets of edges, where deleting the set leaves the k parts τ₁, …, τ_k. It
-    evaluates inverse maps: the value of S(τ) for a series a is that of a.inverse() at τ. A tree with n nodes has
-    2^(n−1) terms, equal ones counted.
+    S(τ) = Σ (−1)^k τ₁ · … · τ_k over all sets of edges whose deletion leaves the k parts τ₁, …, τ_k. The value of S(τ)
+    for a series a is that of a.inverse() at τ. A tree with n nodes has 2^(n−1) terms, counted with multiplicity.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -51,7 +50,7 @@ def antipode(x: Summand) -> FormalSum:
 
 @lru_cache(maxsize=KEPT)
 def _signed_partitions(tree: Tree) -> FormalSum:
-    """As `_partitions` in `trees.hopf.coproducts`, without the skeleton; each part comes with a sign."""
+    """As `_partitions` in `trees.hopf.coproducts`, without the skeleton, with a sign for each part."""
 
     def lift(subtree: Tree, partitions: Terms) -> Terms:
         lifted: dict[Any, Any] = {}
@@ -69,11 +68,10 @@ def _signed_partitions(tree: Tree) -> FormalSum:
 def substitution_antipode(x: Summand) -> FormalSum:
     """The antipode of the Hopf algebra of substitution, in which the single node of each colour is the unit ∅.
 
-    The bialgebra of `substitution_coproduct` has no antipode, since a single node is its own coproduct τ⊗τ; so
-    single nodes, of all colours alike, are set to ∅ as by Calaque, Ebrahimi-Fard and Manchon, and none occurs in the
-    result. It evaluates inverses for ★: the value of S(τ) for a field b with coefficient 1 of all single nodes is that
-    of the field c for which b ★ c and c ★ b are f. The work grows two- to threefold with each node, and trees of more
-    than 60 nodes are refused.
+    The bialgebra of `substitution_coproduct` has no antipode, since a single node has the coproduct τ⊗τ. Following
+    Calaque, Ebrahimi-Fard and Manchon, single nodes of all colours are identified with ∅, so none occurs in the result.
+    The value of S(τ) for a field b with coefficient 1 of all single nodes is that of its inverse c for ★, with
+    b ★ c = c ★ b = f. The work grows two- to threefold with each node; trees of more than 60 nodes are refused.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -96,12 +94,12 @@ def substitution_antipode(x: Summand) -> FormalSum:
 
 @lru_cache(maxsize=KEPT)
 def _substitution_inverse(tree: Tree) -> FormalSum:
-    """S(τ) = −Σ parts · S(skeleton), over all skeletons with fewer nodes than τ."""
+    """S(τ) = −Σ parts · S(skeleton) over all skeletons with fewer nodes than τ."""
     if tree.order > MOST_NODES:
         raise TreeError(f"x must have trees of at most {MOST_NODES} nodes, but has one of {tree.order}")
     if tree.order == 1:
         return FormalSum(_NONE)
-    contractions: dict[Tree, dict[Any, Any]] = {}  # of each skeleton: its parts without single nodes
+    contractions: dict[Tree, dict[Any, Any]] = {}  # the parts of each skeleton, without single nodes
     for (parts, skeleton), count in substitution_coproduct(tree).terms.items():
         if skeleton.order < tree.order:
             larger = Forest.from_sorted(tuple([part for part in parts if part.order > 1]))
@@ -115,8 +113,8 @@ def _substitution_inverse(tree: Tree) -> FormalSum:
 def grossman_larson_antipode(x: Summand) -> FormalSum:
     """The antipode of the Grossman–Larson Hopf algebra, dual to that of Connes and Kreimer.
 
-    S(τ₁ · … · τ_k) is (−1)^k times the sum of all forests that the k trees make when each is put down or attached to a
-    node of another one, in (n+1)^(k−1) ways for n nodes in all.
+    S(τ₁ · … · τ_k) is (−1)^k times the sum of all forests obtained by attaching some of the k trees to nodes of others,
+    in (n+1)^(k−1) ways for n nodes in total.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -139,14 +137,14 @@ def grossman_larson_antipode(x: Summand) -> FormalSum:
 
 @lru_cache(maxsize=KEPT)
 def _assemblies(forest: Forest) -> FormalSum:
-    """All forests that the trees make when each is put down or attached to a node of another one.
+    """The sum of all forests obtained by attaching some of the trees to nodes of others.
 
-    The first tree makes one tree with some of the others; the remaining ones are independent of it.
+    The first tree forms one tree with some of the others; the remaining ones are independent of it.
     """
     if not forest:
         return FormalSum(forest)
     ways = (forest.order + 1) ** (len(forest) - 1)
-    check_work(ways // prod(factorial(copies) for copies in Counter(forest).values()))  # at most so many are equal
+    check_work(ways // prod(factorial(copies) for copies in Counter(forest).values()))  # at most this many are equal
     first, rest = forest.trees[0], Forest.from_sorted(forest.trees[1:])
     total: dict[Any, Any] = {}
     for (joined, others), count in grossman_larson_coproduct(rest).terms.items():
@@ -156,7 +154,7 @@ def _assemblies(forest: Forest) -> FormalSum:
 
 @lru_cache(maxsize=KEPT)
 def _connected(forest: Forest) -> FormalSum:
-    """Those assemblies that are one tree: each of the trees in turn carries assemblies of all the others."""
+    """The assemblies that are one tree: each tree in turn, with assemblies of all others attached."""
     total: dict[Any, Any] = {}
     for root, copies in Counter(forest).items():
         at = forest.trees.index(root)

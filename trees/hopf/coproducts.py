@@ -1,6 +1,6 @@
-"""Coproducts of forests, and their counits: all ways to cut a tree in two, to contract its parts, to divide a forest.
+"""Coproducts of forests and their counits: admissible cuts, contractions of parts, divisions of forests.
 
-Each coproduct maps products of forests to products, and sums to sums; what it does to one tree defines it.
+Each coproduct is linear and multiplicative, hence defined by its values on trees.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _NONE = Forest()
 
 
 def coproduct(x: Summand) -> FormalSum:
-    """The Connes–Kreimer coproduct: all admissible cuts, what is cut off to the left, what keeps the root to the right.
+    """The Connes–Kreimer coproduct: all admissible cuts, with the branches left and the trunk with the root right.
 
-    Δ(τ) = τ⊗∅ + Σ branches⊗trunk, over all sets of edges of which no two lie on one path from the root; the empty set
-    gives ∅⊗τ. It evaluates compositions of maps: the value of Δ(τ), with a to the left and c to the right, is that of
-    compose(a, c), first a, then c. A tree with n nodes has at most 2^(n−1) + 1 terms, equal ones counted.
+    Δ(τ) = τ⊗∅ + Σ branches⊗trunk over all sets of edges without two on one path from the root; the empty set gives ∅⊗τ.
+    The value of Δ(τ) for a on the left and c on the right is that of the composition compose(a, c), first a, then c. A
+    tree with n nodes has at most 2^(n−1) + 1 terms, counted with multiplicity.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -80,12 +80,12 @@ def counit(x: Summand) -> Any:
 
 
 def substitution_coproduct(x: Summand) -> FormalSum:
-    """The coproduct of Calaque, Ebrahimi-Fard and Manchon: all partitions, their parts to the left, skeleton right.
+    """The coproduct of Calaque, Ebrahimi-Fard and Manchon: all partitions, with the parts left and the skeleton right.
 
-    Δ(τ) = Σ parts⊗skeleton over all sets of edges: deleting them leaves the parts, contracting all others leaves the
-    skeleton, in which the node of a part has the colour of the part's root. It evaluates substitutions: the value of
-    Δ(τ), with a field b to the left and a to the right, is that of substitute(b, a) = b ★ a. A tree with n nodes has
-    2^(n−1) terms, equal ones counted. Single nodes are kept, which makes this a bialgebra; see `substitution_antipode`.
+    Δ(τ) = Σ parts⊗skeleton over all sets of edges: deleting them leaves the parts, contracting all others the skeleton,
+    in which the node of a part has the colour of its root. The value of Δ(τ) for a field b on the left and a on the
+    right is that of substitute(b, a) = b ★ a. A tree with n nodes has 2^(n−1) terms, counted with multiplicity. Single
+    nodes are kept, so this is a bialgebra; see `substitution_antipode`.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -111,10 +111,10 @@ def substitution_coproduct(x: Summand) -> FormalSum:
 
 @lru_cache(maxsize=KEPT)
 def _partitions(tree: Tree) -> FormalSum:
-    """Of each subtree as triples: the root's part, the other parts, the skeleton; the first and last without root.
+    """Partitions as triples for each subtree: root part and skeleton, both without root, and the other parts between.
 
-    The edge to the parent is kept, and the root's part and the skeleton wait for the parent's, or it is deleted, and
-    both are complete; the first entry is ∅ then, as at the root of the whole tree.
+    If the edge to the parent is kept, root part and skeleton are joined to those of the parent. If it is deleted, both
+    are complete, and the first entry is ∅, as at the root of the tree.
     """
 
     def lift(subtree: Tree, partitions: Terms) -> Terms:
@@ -150,10 +150,10 @@ def substitution_counit(x: Summand) -> Any:
 
 
 def grossman_larson_coproduct(x: Summand) -> FormalSum:
-    """The coproduct of the Grossman–Larson algebra: all ways to divide a forest between left and right.
+    """The coproduct of the Grossman–Larson algebra: all divisions of a forest into left and right.
 
-    It respects both products of forests, the commutative one and `grossman_larson`. With trees taken as vector fields
-    and forests as differential operators, it is their product rule. k different trees have 2^k terms.
+    It is multiplicative for both products of forests, the commutative one and `grossman_larson`. For trees as vector
+    fields and forests as differential operators, it is the product rule. k different trees have 2^k terms.
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
@@ -175,7 +175,7 @@ def grossman_larson_coproduct(x: Summand) -> FormalSum:
 
 
 def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: int) -> FormalSum:
-    """The values of a map of sums of forests that respects products, from its values on trees."""
+    """The values of a linear multiplicative map of forests, from its values on trees."""
 
     def of_forest(forest: Forest) -> FormalSum:
         value: Any = {(_NONE,) * factors: 1}

@@ -21,10 +21,10 @@ EMPTY = "∅"
 
 @total_ordering
 class Forest:
-    """A forest: finitely many coloured rooted trees, in no order, each as often as it occurs.
+    """A forest: a finite multiset of coloured rooted trees.
 
-    Forests are the monomials in which coproducts and antipodes are written; the empty forest ∅ is their unit 1. They
-    are ordered by their number of nodes, then by their trees, which ascend.
+    Forests are the monomials in coproducts and antipodes; the empty forest ∅ is their unit 1. They are ordered by their
+    number of nodes, then by their trees in ascending order.
 
     Args:
         trees: The forest as text: trees separated by ``·``, powers allowed, ``∅`` or ``1`` for none. Or a tree, or any
@@ -32,7 +32,7 @@ class Forest:
         names: The names of the colours in the text, as for `Tree`.
 
     Raises:
-        TreeError: If the text is not a forest, or there are more than 10,000 nodes.
+        TreeError: If the text is not a forest, or has more than 10,000 nodes.
 
     Example:
         >>> forest = Forest("[τ]·τ^2")
@@ -71,7 +71,7 @@ class Forest:
 
     @staticmethod
     def from_sorted(trees: tuple[Tree, ...]) -> Forest:
-        """The forest of these trees, which the caller guarantees to ascend."""
+        """The forest of these trees, which must ascend (not checked)."""
         return Forest._make(trees, sum([tree.order for tree in trees]), sum([hash(tree) for tree in trees]))
 
     @staticmethod
@@ -91,12 +91,12 @@ class Forest:
 
     @property
     def order(self) -> int:
-        """The number of nodes of all trees together."""
+        """The total number of nodes."""
         return self._order
 
     @property
     def symmetry(self) -> int:
-        """The symmetries of all trees times m! for each tree that occurs m times: σ of the trees on a common root."""
+        """σ of the trees on a common root: the product of their σ, times m! for each tree of multiplicity m."""
         repeated = prod(factorial(len(list(equal))) for _, equal in groupby(self._trees))
         return repeated * prod(tree.symmetry for tree in self._trees)
 
@@ -116,16 +116,16 @@ class Forest:
     __rmul__ = __mul__
 
     def text(self, names: Iterable[str] | None = None) -> str:
-        """The forest as text, equal for equal forests; `Forest` reads it back.
+        """The forest as text, unique for each forest; `Forest` reads it back.
 
         Args:
-            names: One name per colour; None for the default names of as many colours as the forest has.
+            names: One name per colour; None for the default names.
 
         Returns:
             The trees, ascending, separated by ``·``; ``∅`` for the empty forest.
 
         Raises:
-            TreeError: If a name is unusable or a colour has none.
+            TreeError: If a name is invalid or a colour has none.
 
         Example:
             >>> Forest("q·p[q]").text(), Forest("q·p[q]").text(["fast", "slow"])
@@ -135,16 +135,16 @@ class Forest:
         return "·".join([tree.text(common) for tree in self._trees]) or EMPTY
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The forest in the mathematics mode of LaTeX.
+        r"""The forest in LaTeX.
 
         Args:
-            names: One name per colour; None for the default names of as many colours as the forest has.
+            names: One name per colour; None for the default names.
 
         Returns:
             The text.
 
         Raises:
-            TreeError: If a name is unusable or a colour has none.
+            TreeError: If a name is invalid or a colour has none.
 
         Example:
             >>> print(Forest("τ·[τ]").to_latex())
@@ -187,15 +187,12 @@ class Forest:
 
 @lru_cache(maxsize=2**14)
 def rooted(forest: Forest, color: int) -> Forest:
-    """B₊ as a forest of one tree.
-
-    Kept, because equal trees that are different objects are slow to compare.
-    """
+    """B₊ as a forest of one tree, cached because comparing equal trees is fast only for identical objects."""
     return Forest.from_sorted((Tree.from_sorted(color, forest._trees),))
 
 
 def common_names(trees: Iterable[Tree], names: Iterable[str] | None) -> tuple[str, ...]:
-    """The names by which all these trees are written: those given, or the default ones for their largest colour."""
+    """The names of colours for all these trees: those given, or the default names."""
     if names is not None:
         return check_names(names)
     return default_names(1 + max((color for tree in trees for color in tree.colors), default=0))
@@ -208,7 +205,7 @@ def _tree_latex(tree: Tree, names: Sequence[str]) -> str:
 
 
 def _read(text: str, names: Iterable[str] | None) -> list[Tree]:
-    """The trees of a text, in its order."""
+    """The trees of a text, in order."""
     if text.strip() in (EMPTY, "1"):
         return []
     common = None if names is None else check_names(names)
@@ -219,7 +216,7 @@ def _read(text: str, names: Iterable[str] | None) -> list[Tree]:
     order = 0
     for part in parts:
         base, _, exponent = part.rpartition("^")
-        copies = int(exponent) if base and is_number(exponent.strip()) else 0  # not for a power inside brackets
+        copies = int(exponent) if base and is_number(exponent.strip()) else 0  # powers in brackets are parts of trees
         tree = Tree(base if copies else part, names=common)
         order += tree.order * max(copies, 1)
         if order > MAX_ORDER:
@@ -229,7 +226,7 @@ def _read(text: str, names: Iterable[str] | None) -> list[Tree]:
 
 
 def _check_naming(text: str, parts: Iterable[str]) -> None:
-    """Refuse colours named in two ways: each tree alone could be read, but not as it is meant."""
+    """Refuse colours that are named in different ways in different trees."""
     named = []
     for part in parts:
         words = "".join([c if c.isalnum() or c == "_" else " " for c in part.replace("τ", " ")]).split()

@@ -1,7 +1,7 @@
-"""Products that graft: the pre-Lie product, the Grossman–Larson product, and the Lie bracket of trees.
+"""Grafting products: the pre-Lie product, the Grossman–Larson product, and the Lie bracket of trees.
 
-Everywhere the first operand is attached to the second, x ▷ y: F(x ▷ y) is the derivative of F(y) in the direction F(x),
-and the trees of the first operand are what the Connes–Kreimer coproduct cuts off, to the left.
+The first operand is always attached to the second, x ▷ y: F(x ▷ y) is the derivative of F(y) in the direction F(x), and
+the trees of the first operand are the branches on the left of the Connes–Kreimer coproduct.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 
 def graft(x: Summand, y: Summand) -> FormalSum:
-    """Grafting x ▷ y: the sum, over the nodes of y, of y with x attached to the node by a new edge.
+    """Grafting x ▷ y: the sum over the nodes of y of y with x attached to the node by a new edge.
 
     On trees this is the free pre-Lie product: (x ▷ y) ▷ z − x ▷ (y ▷ z) is symmetric in x and y. F(x ▷ y) is the
-    derivative of F(y) in the direction F(x). A forest x of k trees is attached tree by tree, in all n^k ways, to the n
-    nodes of y (the symmetric brace).
+    derivative of F(y) in the direction F(x). The k trees of a forest x are attached to the n nodes of y in all n^k ways
+    (symmetric brace).
 
     Args:
-        x: What is attached: a tree, a forest, a text for one, or a sum of forests; of any colours.
-        y: What it is attached to, likewise.
+        x: The attached operand: a tree, a forest, a text for one, or a sum of forests; of any colours.
+        y: The other operand, likewise.
 
     Returns:
         A sum of forests with as many trees as y.
@@ -51,15 +51,15 @@ def graft(x: Summand, y: Summand) -> FormalSum:
 
 
 def grossman_larson(x: Summand, y: Summand) -> FormalSum:
-    """The Grossman–Larson product x ∗ y: each tree of x is attached to a node of y or put beside y.
+    """The Grossman–Larson product x ∗ y: each tree of x is attached to a node of y or placed beside y.
 
-    With trees taken as vector fields and forests as differential operators, it is the composition of operators: y
-    first, then x. With ⟨φ, φ⟩ = σ(φ) it is dual to the Connes–Kreimer coproduct: the coefficient of z in x ∗ y times
+    For trees as vector fields and forests as differential operators, it is the composition of operators, first y, then
+    x. With ⟨φ, φ⟩ = σ(φ) it is dual to the Connes–Kreimer coproduct: the coefficient of z in x ∗ y times
     σ(z) is that of x⊗y in Δ(z) times σ(x) σ(y). For x of k trees and y of n nodes there are (n+1)^k ways.
 
     Args:
-        x: What is attached: a tree, a forest, a text for one, or a sum of forests; of any colours.
-        y: What it is attached to, likewise.
+        x: The attached operand: a tree, a forest, a text for one, or a sum of forests; of any colours.
+        y: The other operand, likewise.
 
     Returns:
         A sum of forests. The product is associative, and ∅ is its unit.
@@ -87,7 +87,7 @@ def tree_commutator(x: Summand, y: Summand) -> FormalSum:
 
     Args:
         x: A tree, a forest, a text for one, or a sum of forests; of any colours.
-        y: The other.
+        y: The other operand, likewise.
 
     Returns:
         A sum of forests; of trees if x and y are sums of trees.
@@ -109,29 +109,29 @@ def _bilinear(x: Summand, y: Summand, *, beside: bool) -> FormalSum:
     first, second = as_sum(x, "x"), as_sum(y, "y")
     check_work(len(first) * len(second))
     total: dict[Any, Any] = {}
-    for (scions,), a in first.terms.items():
-        for (stock,), b in second.terms.items():
-            add_terms(total, _attached(scions, stock, beside).terms, a * b)
+    for (attached,), a in first.terms.items():
+        for (base,), b in second.terms.items():
+            add_terms(total, _graftings(attached, base, beside).terms, a * b)
     return FormalSum.from_terms(total)
 
 
 @lru_cache(maxsize=KEPT)
-def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
-    """All ways to attach the trees of one forest to the nodes of another, or put them beside it.
+def _graftings(attached: Forest, base: Forest, beside: bool) -> FormalSum:
+    """The sum over all ways to attach the trees of one forest to the nodes of another, or place them beside it.
 
-    The value of a subtree of the stock is a sum over pairs: how many copies of each different scion it has received,
-    and the result. m copies received by two parts together have come to them in binom(m, k) ways.
+    The value of a subtree of the base is a sum over pairs of the numbers of copies attached of each different tree,
+    and the result. m copies are distributed to two parts in binom(m, k) ways.
     """
-    if stock.order == 1 and not beside:
-        return FormalSum(rooted(scions, stock.trees[0].color))
-    kinds = Counter(scions)
+    if base.order == 1 and not beside:
+        return FormalSum(rooted(attached, base.trees[0].color))
+    kinds = Counter(attached)
     wanted = tuple(kinds.values())
     none = (0,) * len(kinds)
     check_work(prod(copies + 1 for copies in wanted))
-    slot = {}
+    unit = {}
     for received in product(*(range(copies + 1) for copies in wanted)):
         trees = [tree for tree, copies in zip(kinds, received, strict=True) for _ in range(copies)]
-        slot[received, Forest.from_sorted(tuple(trees))] = 1
+        unit[received, Forest.from_sorted(tuple(trees))] = 1
 
     def multiply(left: Terms, right: Terms) -> Terms:
         total: dict[Any, Any] = {}
@@ -149,11 +149,11 @@ def _attached(scions: Forest, stock: Forest, beside: bool) -> FormalSum:
     def lift(subtree: Tree, terms: Terms) -> Terms:
         return {(received, rooted(forest, subtree.color)): ways for (received, forest), ways in terms.items()}
 
-    total: Terms = slot if beside else {(none, Forest()): 1}
+    total: Terms = unit if beside else {(none, Forest()): 1}
     work = 0
-    for tree in stock:
-        value = fold(tree, slot, lift, multiply)
-        work += work_of(total, value, stock.order)
+    for tree in base:
+        value = fold(tree, unit, lift, multiply)
+        work += work_of(total, value, base.order)
         check_work(work)
         total = multiply(total, value)
     return FormalSum.from_terms({(forest,): ways for (received, forest), ways in total.items() if received == wanted})

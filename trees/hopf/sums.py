@@ -1,4 +1,4 @@
-"""Formal sums of forests, and of tensor products of forests."""
+"""Formal sums of forests or of tensor products of forests, and their exact coefficients."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import chain
 from math import prod
+from numbers import Rational
 from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from trees.errors import TreeError
 from trees.hopf.forests import Forest, common_names
-from trees.hopf.scalars import exact_coefficient, latex_number, write_sum
 from trees.hopf.terms import add_terms, check_work, multiply_terms
 from trees.tree import Tree
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 class FormalSum:
-    """A linear combination of forests, or of tensor products of as many forests each, with exact coefficients.
+    """A linear combination of forests, or of tensor products of equally many forests, with exact coefficients.
 
-    A tree stands for the forest of it alone. Sums are immutable values. They are added, multiplied by numbers, and
-    multiplied with one another: forests as commutative monomials, tensor products factor by factor. Terms ascend, by
-    their first factor, then by the next.
+    A tree is identified with the forest of one tree. Sums are immutable values. They can be added, multiplied by
+    numbers, and multiplied by each other: forests as commutative monomials, tensor products factor by factor. Terms are
+    sorted by their factors.
 
     Args:
         terms: The coefficient of each basis element; or one element, with coefficient 1. An element is a tree, a
@@ -49,12 +49,12 @@ class FormalSum:
     """
 
     __slots__ = ("_terms",)
-    __array_ufunc__ = None  # or NumPy's integers would take a sum for a sequence
+    __array_ufunc__ = None  # so that NumPy integers do not treat a sum as a sequence
 
     _terms: dict[Factors, Any]
 
     def __new__(cls, terms: Mapping[Any, object] | FormalSum | Element | None = None) -> FormalSum:
-        """Check the terms and add up those of equal elements."""
+        """Check the terms and add those of equal elements."""
         if isinstance(terms, FormalSum):
             return terms
         if isinstance(terms, Tree | Forest | str | tuple):
@@ -69,7 +69,7 @@ class FormalSum:
 
     @staticmethod
     def from_terms(terms: Mapping[Factors, Any]) -> FormalSum:
-        """The sum of terms whose keys are tuples of equally many forests; coefficients are checked, zeros left out."""
+        """The sum of terms whose keys are tuples of equally many forests, without zero coefficients."""
         total = object.__new__(FormalSum)
         exact = ((factors, exact_coefficient(coefficient)) for factors, coefficient in terms.items())
         total._terms = {factors: coefficient for factors, coefficient in exact if coefficient != 0}
@@ -77,7 +77,7 @@ class FormalSum:
 
     @property
     def terms(self) -> Mapping[Factors, Any]:
-        """The coefficient of each tuple of tensor factors, in no order; `items` sorts them."""
+        """The coefficient of each tuple of tensor factors, unsorted."""
         return MappingProxyType(self._terms)
 
     @property
@@ -114,7 +114,7 @@ class FormalSum:
         return self._terms.get(_factors(element), 0)
 
     def __add__(self, other: FormalSum | Tree | Forest) -> FormalSum:
-        if type(other) is int and other == 0:  # where the built-in sum() starts
+        if type(other) is int and other == 0:  # the start of sum()
             return self
         if not isinstance(other, FormalSum | Tree | Forest):
             return NotImplemented
@@ -156,16 +156,16 @@ class FormalSum:
             )
 
     def tensor(self, other: Summand) -> FormalSum:
-        """The tensor product with another sum: each term of the first beside each of the second.
+        """The tensor product with another sum.
 
         Args:
-            other: The sum, forest, tree or tuple of forests to the right.
+            other: The right factor: a sum, forest, tree or tuple of forests.
 
         Returns:
-            A sum whose terms have the factors of both.
+            A sum of terms with the factors of both.
 
         Raises:
-            TreeError: If `other` is none of these, or there would be too many terms.
+            TreeError: If `other` is none of these, or there are too many terms.
 
         Example:
             >>> FormalSum("τ").tensor("[τ]").tensor("∅")
@@ -176,17 +176,17 @@ class FormalSum:
         return FormalSum.from_terms({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
 
     def map(self, rule: Callable[[Any], Any]) -> FormalSum:
-        """The linear extension of a rule for basis elements.
+        """The linear extension of a map of basis elements.
 
         Args:
-            rule: Gives a sum, forest, tree, or tuple of forests for each element: a `Forest`, or a tuple of forests
+            rule: Returns a sum, forest, tree, or tuple of forests for each element, a `Forest`, or a tuple of forests
                 in a sum of tensor products.
 
         Returns:
-            The sum of all rule(element), each times the element's coefficient.
+            The sum of coefficient · rule(element).
 
         Raises:
-            TreeError: If the rule gives anything else, or elements with different numbers of factors.
+            TreeError: If the rule returns anything else, or elements with different numbers of factors.
 
         Example:
             >>> FormalSum({("τ", "[τ]"): 2}).map(lambda pair: pair[0] * pair[1])
@@ -200,13 +200,13 @@ class FormalSum:
         return FormalSum.from_terms(total)
 
     def evaluate(self, *rules: Callable[[Tree], Any]) -> Any:
-        """The value of the sum where trees have values: Σ coefficient · Π rule(tree), a multiplicative functional.
+        """The value Σ coefficient · Π rule(tree) of a linear multiplicative functional.
 
         Args:
-            rules: One rule, tree → number, for each tensor factor. For a series, `series.__getitem__` is its rule.
+            rules: One rule, tree → number, for each tensor factor; that of a series is `series.__getitem__`.
 
         Returns:
-            The value; 0 for the empty sum. The empty forest has the value 1.
+            The value: 0 for the empty sum, 1 for the empty forest.
 
         Raises:
             TreeError: If there are not as many rules as factors.
@@ -223,16 +223,16 @@ class FormalSum:
         )
 
     def text(self, names: Iterable[str] | None = None) -> str:
-        """The sum as text, equal for equal sums with rational coefficients.
+        """The sum as text, unique for each sum with rational coefficients.
 
         Args:
-            names: One name per colour; None for the default names of as many colours as the sum has.
+            names: One name per colour; None for the default names.
 
         Returns:
             The terms, ascending: coefficients, forests with ``·`` between trees, ``⊗`` between tensor factors.
 
         Raises:
-            TreeError: If a name is unusable or a colour has none.
+            TreeError: If a name is invalid or a colour has none.
 
         Example:
             >>> FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
@@ -242,16 +242,16 @@ class FormalSum:
         return write_sum((c, "⊗".join([forest.text(common) for forest in factors])) for factors, c in self._sorted())
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The sum in the mathematics mode of LaTeX.
+        r"""The sum in LaTeX.
 
         Args:
-            names: One name per colour; None for the default names of as many colours as the sum has.
+            names: One name per colour; None for the default names.
 
         Returns:
             The text.
 
         Raises:
-            TreeError: If a name is unusable or a colour has none.
+            TreeError: If a name is invalid or a colour has none.
 
         Example:
             >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
@@ -275,7 +275,7 @@ class FormalSum:
     __repr__ = __str__
 
     def __hash__(self) -> int:
-        return hash(frozenset(self._terms))  # coefficients left out: equal SymPy expressions may be written differently
+        return hash(frozenset(self._terms))  # without coefficients: equal SymPy expressions can have different forms
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FormalSum):
@@ -287,7 +287,7 @@ class FormalSum:
 
 
 def as_sum(x: Any, name: str, *, tensors: bool = False) -> FormalSum:
-    """What a caller gave, as a formal sum of forests, or of tensor products where these are allowed."""
+    """An argument as a formal sum of forests, or of tensor products if allowed."""
     if isinstance(x, FormalSum | Tree | Forest | str) or (tensors and isinstance(x, tuple)):
         total = FormalSum(x)
         if tensors or total.factors <= 1:
@@ -310,7 +310,7 @@ def _factors(element: Any) -> Factors:
 
 
 def _element(factors: Factors) -> Any:
-    """The basis element as callers see it."""
+    """A basis element, a `Forest` if there is one factor."""
     (forest, *others) = factors
     return factors if others else forest
 
@@ -319,3 +319,61 @@ def _check_alike(argument: str, terms: Iterable[Factors]) -> None:
     shapes = sorted({len(factors) for factors in terms})
     if len(shapes) > 1:
         raise TreeError(f"{argument} must have equally many tensor factors, but had {shapes[0]} and {shapes[1]}")
+
+
+def exact_coefficient(value: Any) -> Any:
+    """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression.
+
+    Raises:
+        TreeError: If it is a float, or not a number.
+
+    Example:
+        >>> exact_coefficient(Fraction(4, 2)), exact_coefficient(Fraction(1, 2))
+        (2, Fraction(1, 2))
+    """
+    if type(value) is int:
+        return value
+    if isinstance(value, Rational) and not isinstance(value, bool):
+        numerator, denominator = int(value.numerator), int(value.denominator)
+        return numerator if denominator == 1 else Fraction(numerator, denominator)
+    if type(value).__module__.startswith("sympy."):
+        import sympy
+
+        usable = isinstance(value, sympy.Expr) and value.is_finite is not False and value.is_commutative is not False
+        if usable and not value.has(sympy.Float, sympy.nan):
+            expanded = sympy.expand(value)
+            if isinstance(expanded, sympy.Rational):
+                return exact_coefficient(Fraction(int(expanded.p), int(expanded.q)))
+            return 0 if expanded.equals(0) else expanded
+    raise TreeError(f"coefficient must be an int, a Fraction or an exact SymPy expression, but was {value!r:.60}")
+
+
+def latex_number(value: Any) -> str:
+    """An exact coefficient as LaTeX."""
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, Fraction):
+        return f"{'-' if value < 0 else ''}\\frac{{{abs(value.numerator)}}}{{{value.denominator}}}"
+    import sympy
+
+    return sympy.latex(value)
+
+
+def write_sum(terms: Iterable[tuple[Any, str]], number: Callable[[Any], str] = str) -> str:
+    """The text of a sum of terms, given by coefficients and texts.
+
+    Example:
+        >>> write_sum([(-1, "x"), (2, "y"), (Fraction(-1, 2), "z")]), write_sum([])
+        ('-x + 2 y - 1/2 z', '0')
+    """
+    parts = []
+    for coefficient, text in terms:
+        scale = number(coefficient)
+        if getattr(coefficient, "is_Add", False):
+            scale = f"({scale})"
+        parts.append("-" if scale.startswith("-") else "+")
+        scale = scale.removeprefix("-").lstrip()
+        parts.append(text if scale == "1" else f"{scale} {text}")
+    if not parts:
+        return "0"
+    return ("-" if parts[0] == "-" else "") + " ".join(parts[1:])

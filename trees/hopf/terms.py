@@ -1,7 +1,4 @@
-"""Sums as plain dictionaries, from tuples of factors to coefficients: what formal sums compute with.
-
-Terms that cancel may stay, with coefficient 0; the factors multiply, and the coefficients are numbers.
-"""
+"""Arithmetic of sums as dictionaries from tuples of factors to coefficients, which may be zero."""
 
 from __future__ import annotations
 
@@ -17,10 +14,10 @@ if TYPE_CHECKING:
     Terms: TypeAlias = Mapping[Any, Any]
 
 MOST_PRODUCTS = 2**20
-"""No operation multiplies more pairs of terms than this: some ten seconds of work, half a gigabyte for the result."""
+"""Limit of the pairs of terms multiplied in one operation: about ten seconds and half a gigabyte."""
 
 KEPT = 1024
-"""Results kept for each operation: those for every tree of one colour with up to nine nodes, and more."""
+"""Cached results of each operation, more than there are uncoloured trees with up to nine nodes."""
 
 
 def add_terms(total: dict[Any, Any], terms: Terms, scale: Any = 1) -> dict[Any, Any]:
@@ -31,7 +28,7 @@ def add_terms(total: dict[Any, Any], terms: Terms, scale: Any = 1) -> dict[Any, 
 
 
 def multiply_terms(left: Terms, right: Terms) -> dict[Any, Any]:
-    """The products of all terms with all terms, factor by factor."""
+    """The product of two sums, factor by factor."""
     check_work(len(left) * len(right))
     total: dict[Any, Any] = {}
     for f, a in left.items():
@@ -42,13 +39,13 @@ def multiply_terms(left: Terms, right: Terms) -> dict[Any, Any]:
 
 
 def check_work(products: int) -> None:
-    """Refuse work that would seem to hang."""
+    """Refuse operations that would take too long."""
     if products > MOST_PRODUCTS:
         raise TreeError(f"order must be smaller: this takes more than {MOST_PRODUCTS} products of terms")
 
 
 def work_of(left: Terms, right: Terms, nodes: int) -> int:
-    """The products of terms that a multiplication takes; large forests count for more, as they take longer."""
+    """The number of products of terms in a multiplication, weighted by the size of the forests."""
     return len(left) * len(right) * (1 + nodes // 50)
 
 
@@ -60,20 +57,19 @@ def fold(
 ) -> Terms:
     """The value of a tree: lift(tree, unit · the product of its children's values).
 
-    It goes up from the leaves without recursion, so that a tall tree does not run out of stack, and once for equal
-    subtrees.
+    It is computed from the leaves up, without recursion, and once for equal subtrees.
 
     Args:
         tree: The tree.
         unit: The value of no children.
-        lift: Gives the value of a subtree from the product of the values of its children.
+        lift: Returns the value of a subtree from the product of the values of its children.
         multiply: The product of two values.
 
     Returns:
         The value of the whole tree.
 
     Raises:
-        TreeError: If it would take too many products of terms.
+        TreeError: If there are too many products of terms.
     """
     values: dict[Tree, Terms] = {}
     work = 0

@@ -13,10 +13,10 @@ from bseries.advice.effects.variants import effect_variants
 from bseries.advice.measures import EFFECT_MEASURES, ENERGY, SOLUTION, check_measure, whole_steps
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from integrators.core.arguments import MOST_STEPS, check_progress, read_number
 from integrators.methods.catalogue.registry import method as named
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
-from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.advice.measures import duration
 from bseries.advice.prediction.calibration import seconds_per_step as calibrated
 from bseries.advice.prediction.expected_errors import ExpectedError, expected_errors
+from integrators.core.arguments import check_end, read_positive, read_steps
 from integrators.core.errors import IntegratorError
-from integrators.steppers.run_input import check_end, read_positive, read_steps
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:

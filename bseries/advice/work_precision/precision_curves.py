@@ -15,10 +15,10 @@ from bseries.advice.work_precision.dense_reference import affordable_span
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.run_errors import Judge
 from bseries.advice.work_precision.sweeps import Curve, Row, sweep, time_scale, timed_curves
+from integrators.core.arguments import MOST_STEPS, check_progress, read_number, read_positive
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.catalogue.registry import scene as built_in
 from integrators.scenes.scene import Scene
-from integrators.steppers.run_input import MOST_STEPS, check_progress, read_number, read_positive
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from bseries.advice.work_precision.extrapolation import best_outlook, factor
 from bseries.advice.work_precision.outlooks import Outlook
 from bseries.advice.work_precision.step_costs import SAMPLE, step_costs
 from bseries.advice.work_precision.sweeps import ROUNDING
+from integrators.core.arguments import read_number, read_positive
 from integrators.core.errors import IntegratorError
-from integrators.steppers.run_input import read_number, read_positive
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.run_errors import Judge, RunErrors

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.exact.entries import sum_entries
+from integrators.methods.program.evaluations import combination
 from integrators.methods.program.program_method import ProgramMethod
 from integrators.methods.tableaux.tableau_input import read_matrix, read_row
-from integrators.methods.tableaux.tableau_programs import combination
 
 if TYPE_CHECKING:
     from integrators.methods.program.evaluations import LinearForm

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.program.evaluations import combination
 from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import in_color_order, read_matrix, read_row
-from integrators.methods.tableaux.tableau_programs import combination
 
 if TYPE_CHECKING:
     from integrators.methods.program.evaluations import LinearForm

@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
+from integrators.methods.program.evaluations import combination
 from integrators.methods.program.program_method import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import check_triangular, read_matrix, read_row
-from integrators.methods.tableaux.tableau_programs import combination
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry

@@ -1,4 +1,4 @@
-"""Bounds on the children of nodes in trees: which elementary differentials can be other than zero."""
+"""Bounds on the children of nodes in trees, beyond which elementary differentials vanish."""
 
 from __future__ import annotations
 
@@ -7,29 +7,28 @@ from itertools import zip_longest
 from numbers import Real
 from typing import Any, TypeAlias
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shown
 
 ChildBounds: TypeAlias = tuple[tuple[int | None, ...], ...]
-"""For each part how often it can be differentiated along each part and, as an optional last entry, in all."""
-
+"""For each part the largest orders of its derivatives with respect to each part and, as optional last entry, in all."""
 
 INFINITE = float("inf")
 
 
 def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -> ChildBounds | None:
-    """Bounds in one form: a row for each part, with a last entry on all children where that bounds anything.
+    """Bounds in normal form: a row for each part, with a last entry for all children if it is a bound.
 
     Args:
-        bounds: None (no bound), one number (bounds all children of every node), or for each part a row with a bound
-            for each part and perhaps one on all. None and ``inf`` mean unbounded.
+        bounds: None (no bound), one number (for all children of every node), or for each part a row with a bound for
+            each part and optionally one for all children. None and ``inf`` mean unbounded.
         parts: the number of parts.
-        argument: what messages call the bounds.
+        argument: their name in messages.
 
     Returns:
         The rows; None if nothing is bounded.
 
     Raises:
-        IntegratorError: a bound is no whole number, 0 or more, or the rows are not as many or as long as they must be.
+        IntegratorError: a bound is not a whole number, 0 or more, or the rows have the wrong number or length.
 
     Example:
         >>> read_child_bounds([[1, 1, 1], [None, None, None]], 2)
@@ -42,14 +41,15 @@ def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -
     if len(rows) != parts or not all(_is_row(row, parts) for row in rows):
         raise IntegratorError(
             f"{argument} must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each a "
-            f"whole number, 0 or more, or None, but was {shorten(repr(bounds))}"
+            f"whole number, 0 or more, or None, but was {shown(bounds)}"
         )
-    read = tuple(_without_idle_total(tuple(map(_bound, row)), parts) for row in rows)
+    read = tuple(tuple(map(_bound, row)) for row in rows)
+    read = tuple(row[:parts] if row[parts:] == (None,) else row for row in read)
     return read if any(bound is not None for row in read for bound in row) else None
 
 
 def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> ChildBounds | None:
-    """The bounds of fields for which two methods are both meant."""
+    """The bounds that hold for the fields of both of two methods."""
     if first is None or second is None:
         return first or second
     rows = (zip_longest(a, b) for a, b in zip(first, second, strict=True))
@@ -77,7 +77,3 @@ def _is_bound(bound: Any) -> bool:
 
 def _bound(bound: Any) -> int | None:
     return None if bound in (None, INFINITE) else int(bound)
-
-
-def _without_idle_total(row: tuple[int | None, ...], parts: int) -> tuple[int | None, ...]:
-    return row[:parts] if row[parts:] == (None,) else row

@@ -1,11 +1,11 @@
-"""What a step may ask of the field: the four kinds of evaluation that programs are made of."""
+"""Linear forms, and the four kinds of evaluations of the field in a program."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.exact.expressions import format_number
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class Field(NamedTuple):
-    """k = h f^[part](at); `part` None means the sum of all parts."""
+    """k = h f^[part](at); the sum of all parts if `part` is None."""
 
     part: int | None
     at: LinearForm
 
 
 class Derivative(NamedTuple):
-    """k = h (f^[part])′(at) · along. With k itself in `along` it is a linear system, as in Rosenbrock methods."""
+    """k = h (f^[part])′(at) · along. A linear system if `along` contains k, as in Rosenbrock methods."""
 
     part: int | None
     at: LinearForm
@@ -32,7 +32,7 @@ class Derivative(NamedTuple):
 class Flow(NamedTuple):
     """k = z(1) − at, where z(0) = at and z′(θ) = time · h f^[part](z(θ)) + Σ_j θ^j forcing[j].
 
-    Without forcing, the exact flow of a part; with it, what exponential and multirate infinitesimal methods solve.
+    Without forcing, the exact flow of a part; with forcing, as in exponential and multirate infinitesimal methods.
     """
 
     part: int | None
@@ -42,7 +42,7 @@ class Flow(NamedTuple):
 
 
 class Average(NamedTuple):
-    """k = ∫₀¹ θ^power h f^[part](Σ_j θ^j path[j]) dθ: an average of the field along a polynomial path."""
+    """k = ∫₀¹ θ^power h f^[part](Σ_j θ^j path[j]) dθ, an average of the field along a polynomial path."""
 
     part: int | None
     path: tuple[LinearForm, ...]
@@ -53,7 +53,7 @@ Evaluation = Field | Derivative | Flow | Average
 
 
 def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
-    """All linear forms that an evaluation takes."""
+    """The linear forms in an evaluation."""
     if isinstance(evaluation, Average):
         yield from evaluation.path
         return
@@ -67,14 +67,14 @@ def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
 class LinearForm(ImmutableValue):
     """start · y₀ + Σ terms[e] · k_e: a point of a step (start = 1) or a vector (start = 0).
 
-    Forms are added, subtracted, and multiplied by numbers; `ProgramBuilder` gives the first ones.
+    Forms can be added, subtracted, and multiplied by numbers; `ProgramBuilder` creates the first ones.
 
     Args:
-        start: coefficient of the start value.
-        terms: coefficient of the evaluation with each number; zeros are dropped.
+        start: the coefficient of the start value.
+        terms: the coefficient of each evaluation, by number; zeros are dropped.
 
     Raises:
-        IntegratorError: a coefficient is no finite number or formula.
+        IntegratorError: a coefficient is not a finite number or formula.
 
     Example:
         >>> y = LinearForm(1)
@@ -97,9 +97,9 @@ class LinearForm(ImmutableValue):
 
     @classmethod
     def of_entries(cls, start: Entry, terms: Mapping[int, Entry], owner: object | None = None) -> LinearForm:
-        """The form with coefficients that are entries of a method already, and need not be read again.
+        """The form with these entries of a method as coefficients, which are not checked again.
 
-        Forms that a builder gives have an `owner`, so that nobody mixes those of two builders: their k₁ differ.
+        The forms of a builder have it as `owner`, so that forms of two builders cannot be mixed.
         """
         return cls.__new__(cls)._set(start, terms, owner)
 
@@ -113,18 +113,18 @@ class LinearForm(ImmutableValue):
         return self.start, *self.terms.values()
 
     def map(self, function: Callable[[Entry], Any]) -> LinearForm:
-        """The form with a function of every coefficient."""
+        """The form with a function applied to every coefficient."""
         return self.of_entries(function(self.start), {e: function(x) for e, x in self.terms.items()}, self.owner)
 
     def times(self, entry: Entry) -> LinearForm:
         """The form times an entry of a method."""
         return self.map(lambda x: multiply_entries(x, entry))
 
-    def renumbered(self, number: Callable[[int], LinearForm], start: LinearForm) -> LinearForm:
-        """The form with forms in place of y and of every k_e."""
+    def substituted(self, evaluation: Callable[[int], LinearForm], start: LinearForm) -> LinearForm:
+        """The form with `start` substituted for y and evaluation(e) for every k_e."""
         total = start.times(self.start) if self.start != 0 else LinearForm()
         for e, x in self.terms.items():
-            total = total + number(e).times(x)
+            total = total + evaluation(e).times(x)
         return total
 
     def __add__(self, other: object) -> LinearForm:
@@ -138,7 +138,7 @@ class LinearForm(ImmutableValue):
         return self.of_entries(sum_entries((self.start, other.start)), terms, self.owner or other.owner)
 
     def __radd__(self, other: object) -> LinearForm:
-        return self if other == 0 else NotImplemented  # where `sum` begins
+        return self if other == 0 else NotImplemented  # the start of `sum`
 
     def __neg__(self) -> LinearForm:
         return self * -1
@@ -157,10 +157,10 @@ class LinearForm(ImmutableValue):
             raise IntegratorError("number must not be zero to divide by")
         return self * (1 / divisor)
 
-    __array_ufunc__ = None  # a NumPy number times a form is a form
+    __array_ufunc__ = None  # so that a NumPy number times a form is a form
 
     def text(self, show: Callable[[Any], str] = format_number) -> str:
-        """The form as text, with numbers as `show` writes them."""
+        """The form as text, with numbers written by `show`."""
         parts = [(self.start, "y"), *((x, f"k{e + 1}") for e, x in self.terms.items())]
         return " + ".join(_term(x, name, show) for x, name in parts if x != 0).replace("+ -", "- ") or "0"
 
@@ -185,10 +185,15 @@ def _term(x: Entry, name: str, show: Callable[[Any], str]) -> str:
 
 
 def check_form(form: object, argument: str, *, start: int) -> LinearForm:
-    """A point (start = 1) or a vector (start = 0), or an error that names the argument."""
+    """Check that a form is a point (start = 1) or a vector (start = 0)."""
     kind = "a point, y plus evaluations," if start else "a vector, evaluations without y,"
     if not isinstance(form, LinearForm):
-        raise IntegratorError(f"{argument} must be {kind} but was {shorten(repr(form))}")
+        raise IntegratorError(f"{argument} must be {kind} but was {shown(form)}")
     if form.start != start:
         raise IntegratorError(f"{argument} must be {kind} but was {shorten(str(form))}")
     return form
+
+
+def combination(coefficients: Iterable[Entry], forms: Iterable[LinearForm]) -> LinearForm:
+    """Σ x_j k_j without the zero coefficients."""
+    return sum((k.times(x) for x, k in zip(coefficients, forms, strict=True) if x != 0), LinearForm())

@@ -1,20 +1,21 @@
-"""What a method is: anything with a program, that is with evaluations of the field and linear combinations of them.
+"""Methods as programs: evaluations of the field and linear combinations of them.
 
-Every one-step method made of stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds
-of evaluation are enough for all of them; each takes linear forms in y₀ and the k_e, of later evaluations too where
-stages are implicit. Three readers understand a program: the algebra of series, substitution (with another field in
-place of f), and the generator of steppers.
+Every one-step method with stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds of
+evaluations suffice; their arguments are linear forms in y₀ and the k_e, including later ones for implicit stages.
+Programs are used by the algebra of series, by substitution (with another field in place of f), and by the generator of
+steppers.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import check_digits, check_label, check_partition_names
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import check_digits, check_partition_names, read_labels, read_whole
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
 from integrators.exact.entries import round_entry
@@ -37,13 +38,13 @@ if TYPE_CHECKING:
 
 
 MAX_STAGES = 1000
-"""The largest number of stages of a tableau, and of unknown evaluations at a time."""
+"""The largest number of stages of a tableau, and of unknowns in one call."""
 
 
 class Method(ImmutableValue):
-    """A one-step method: coefficients of its kind, and a `program` that says how it steps.
+    """A one-step method: the coefficients of its kind, and its `program`.
 
-    A class of one's own needs a property `program` only; by default it answers everything else.
+    A subclass needs only the property `program`, from which all others are derived by default.
 
     Example:
         >>> class Heun(Method):
@@ -59,7 +60,7 @@ class Method(ImmutableValue):
 
     @cached_property
     def program(self) -> Program:
-        """The step as a program; each kind of method makes its own."""
+        """The step as a program, defined by each kind of method."""
         raise NotImplementedError
 
     @property
@@ -68,7 +69,7 @@ class Method(ImmutableValue):
 
     @cached_property
     def name(self) -> str:
-        """The name that messages call the method."""
+        """The name of the method in messages."""
         return self.program.name
 
     @cached_property
@@ -88,7 +89,7 @@ class Method(ImmutableValue):
 
     @cached_property
     def max_children(self) -> ChildBounds | None:
-        """How often each part can be differentiated along each part, and in all; None without bound."""
+        """Bounds on derivatives of each part with respect to each part, and in all; None if unbounded."""
         return self.program.max_children
 
     @property
@@ -98,7 +99,7 @@ class Method(ImmutableValue):
 
     @cached_property
     def domain(self) -> str:
-        """The smallest domain that holds the coefficients: QQ, decimal, algebraic, symbolic or float."""
+        """The smallest domain that contains the coefficients: QQ, decimal, algebraic, symbolic or float."""
         domain = self.program.domain
         return "decimal" if self.digits is not None and domain == "QQ" else domain
 
@@ -109,7 +110,7 @@ class Method(ImmutableValue):
 
     @cached_property
     def is_explicit(self) -> bool:
-        """Whether every stage needs earlier ones only."""
+        """Whether every stage depends only on earlier ones."""
         return self.program.is_explicit
 
     @cached_property
@@ -117,9 +118,27 @@ class Method(ImmutableValue):
         """One sentence for each contradiction in the coefficients, such as weights that do not sum to 1."""
         return self.program.issues
 
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational approximations of coefficients whose exact form is slow to compute.
+
+        Only tableaux on roots of polynomials (see `StageAlgebra`) have such coefficients.
+
+        Args:
+            decimals: the approximations are within 10^-decimals.
+
+        Returns:
+            The program.
+
+        Example:
+            >>> from integrators import method
+            >>> print(method("gauss2").rational_program(3).result)
+            y + 1/2*k1 + 1/2*k2
+        """
+        return self.program
+
 
 class Program(Method):
-    """A one-step method as a program; made by a `ProgramBuilder`, which explains its attributes.
+    """A one-step method as a program, created and explained by `ProgramBuilder`.
 
     Example:
         >>> builder = ProgramBuilder()
@@ -150,8 +169,7 @@ class Program(Method):
         digits: int | None = None,
         max_children: Any = None,
     ) -> None:
-        check_label(name, "name")
-        check_label(reference, "reference")
+        labels = read_labels(name, reference)
         check_digits(digits)
         check_form(result, "result", start=1)
         names = tuple(parts)
@@ -160,9 +178,8 @@ class Program(Method):
             auxiliary=tuple(part for part in names if part in auxiliary),
             evaluations=tuple(evaluations),
             result=result,
-            name="custom" if name is None else name,
-            reference=reference,
             digits=digits,
+            **labels,
             max_children=read_child_bounds(max_children, len(names)),
         )
         self._check_registers()
@@ -174,24 +191,24 @@ class Program(Method):
         for form in (*(form for e in self.evaluations for form in operands(e)), self.result):
             if any(e >= count for e in form.terms):
                 raise IntegratorError(f"evaluations must all be defined, but k{max(form.terms) + 1} is not")
-        unsettled = set(range(count))
-        while unsettled:
-            settled = {e for e in unsettled if not unsettled & self.same_order_registers(e)}
-            if not settled:
+        remaining = set(range(count))
+        while remaining:
+            ready = {e for e in remaining if not remaining & self.same_order_registers(e)}
+            if not ready:
                 raise IntegratorError(
-                    f"forcing must not depend on the flow that it drives, but that of k{min(unsettled) + 1} does"
+                    f"forcing must not depend on the flow that it drives, but that of k{min(remaining) + 1} does"
                 )
-            unsettled -= settled
+            remaining -= ready
 
     def same_order_registers(self, e: int) -> set[int]:
-        """The evaluations that evaluation e depends on without a factor of h."""
+        """The evaluations on which evaluation e depends without a factor of h."""
         evaluation = self.evaluations[e]
         forms = evaluation.forcing if isinstance(evaluation, Flow) else ()
         return {other for form in forms for other in form.terms}
 
     @property
     def _data(self) -> tuple[Any, ...]:
-        # The domain: 0.5 equals Fraction(1, 2), but a method in floats is no exact one.
+        # With the domain, since 0.5 equals Fraction(1, 2) but a method in floats is not exact.
         return self.domain, self.names, self.auxiliary, self.evaluations, self.result, self.digits, self.max_children
 
     @property
@@ -200,7 +217,7 @@ class Program(Method):
         return self
 
     def restricted(self, max_children: Any) -> Program:
-        """The same method for fields of a special form, on which the differentials of all other trees vanish.
+        """The same method for fields whose elementary differentials vanish for trees beyond bounds.
 
         Args:
             max_children: bounds on the children of nodes, as for `ProgramBuilder.program`.
@@ -209,7 +226,7 @@ class Program(Method):
             The program with these bounds in place of its own.
 
         Raises:
-            IntegratorError: `max_children` is no such bound.
+            IntegratorError: `max_children` is not such a bound.
 
         Example:
             Two steps of the Störmer–Verlet method for p' = g(q), q' = p:
@@ -218,16 +235,21 @@ class Program(Method):
             >>> repeat(method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
             ((0, None), (1, 0))
         """
-        return Program(
-            self.evaluations,
-            self.result,
-            parts=self.names,
-            auxiliary=self.auxiliary,
-            name=self.name,
-            reference=self.reference,
-            digits=self.digits,
-            max_children=max_children,
-        )
+        return self.changed(max_children=max_children)
+
+    def changed(self, **changes: Any) -> Program:
+        """The program with some arguments of its constructor changed."""
+        arguments = {
+            "evaluations": self.evaluations,
+            "result": self.result,
+            "parts": self.names,
+            "auxiliary": self.auxiliary,
+            "name": self.name,
+            "reference": self.reference,
+            "digits": self.digits,
+            "max_children": self.max_children,
+        }
+        return Program(**arguments | changes)
 
     @property
     def stages(self) -> int:
@@ -252,14 +274,14 @@ class Program(Method):
 
     @cached_property
     def weight_sums(self) -> tuple[Entry, ...]:
-        """For each part what a constant field would be multiplied with."""
+        """For each part the sum of its weights, the factor of a constant field."""
         return tuple(
             entries.sum_entries([x * self.total(e, part) for e, x in self.result.terms.items()])
             for part in range(len(self.names))
         )
 
     def total(self, e: int, part: int) -> Any:
-        """What k_e / h is for a field that is the constant 1 in one part, and zero in the others."""
+        """The value of k_e / h for a field that is 1 in one part and 0 in the others."""
         evaluation = self.evaluations[e]
         if isinstance(evaluation, Derivative):
             return 0
@@ -280,7 +302,7 @@ class Program(Method):
 
     @cached_property
     def domain(self) -> str:
-        """The smallest domain that holds the coefficients: QQ, algebraic, symbolic or float."""
+        """The smallest domain that contains the coefficients: QQ, algebraic, symbolic or float."""
         return entries.find_domain(self._entries)
 
     @cached_property
@@ -290,7 +312,7 @@ class Program(Method):
 
     @cached_property
     def is_explicit(self) -> bool:
-        """Whether every evaluation needs earlier ones only."""
+        """Whether every evaluation depends only on earlier ones."""
         return all(
             other < e
             for e, evaluation in enumerate(self.evaluations)
@@ -299,7 +321,6 @@ class Program(Method):
         )
 
     def __str__(self) -> str:
-
         return program_text(self)
 
     def __repr__(self) -> str:
@@ -309,18 +330,18 @@ class Program(Method):
 
 
 class ProgramBuilder:
-    """Records a method as it is written down.
+    """Builder of programs, evaluation by evaluation.
 
-    `y` is the start value; `field`, `derivative`, `flow` and `average` record an evaluation and give it as a
-    `LinearForm` to compute with; `program` ends the record. For implicit stages, `unknowns` gives evaluations before
-    they are defined, and `into` says which one is.
+    `y` is the start value; `field`, `derivative`, `flow` and `average` add an evaluation and return it as a
+    `LinearForm`; `program` returns the method. For implicit stages, `unknowns` returns evaluations yet to be defined,
+    which the argument `into` then defines.
 
     Args:
-        parts: names of the parts of the field f = Σ f^[part]; the blocks of a partitioned system are parts, too.
-        auxiliary: which of them are no parts of the field, such as the matrix of a W-method.
+        parts: names of the parts of the field f = Σ f^[part], such as the blocks of a partitioned system.
+        auxiliary: the parts that do not belong to the field, such as the matrix of a W-method.
 
     Raises:
-        IntegratorError: a name is unusable, or `auxiliary` names no part.
+        IntegratorError: a name is invalid, or one of `auxiliary` is not a part.
 
     Example:
         The implicit midpoint rule:
@@ -336,22 +357,21 @@ class ProgramBuilder:
     def __init__(self, parts: Sequence[str] = (), *, auxiliary: Sequence[str] = ()) -> None:
         for argument, names in (("parts", parts), ("auxiliary", auxiliary)):
             if isinstance(names, str) or not isinstance(names, Iterable):
-                raise IntegratorError(f"{argument} must be a sequence of names, but was {shorten(repr(names))}")
+                raise IntegratorError(f"{argument} must be a sequence of names, but was {shown(names)}")
         check_partition_names(parts)
         if len(set(parts)) < len(parts):
             raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
         for name in auxiliary:
             if name not in parts:
-                raise IntegratorError(f"auxiliary must name parts, but {shorten(repr(name))} is none")
+                raise IntegratorError(f"auxiliary must name parts, but {shown(name)} is none")
         self._parts = tuple(parts) or ("",)
         self._auxiliary = tuple(auxiliary)
         self._evaluations: list[Evaluation | None] = []
         self.y = LinearForm.of_entries(Fraction(1), {}, self)
 
     def unknowns(self, count: int) -> tuple[LinearForm, ...]:
-        """Evaluations to be defined later, up to 1,000 at a time."""
-        if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= MAX_STAGES:
-            raise IntegratorError(f"count must be from 0 to {MAX_STAGES}, but was {shorten(repr(count))}")
+        """Up to 1,000 evaluations to be defined later."""
+        count = read_whole(count, "count", f"from 0 to {MAX_STAGES}", 0, MAX_STAGES)
         first = len(self._evaluations)
         self._evaluations += [None] * count
         return tuple(map(self._register, range(first, first + count)))
@@ -360,14 +380,14 @@ class ProgramBuilder:
         return LinearForm.of_entries(Fraction(0), {e: Fraction(1)}, self)
 
     def _form(self, form: object, argument: str, *, start: int) -> LinearForm:
-        """A form of this builder, without its mark."""
+        """A form of this builder, without its owner."""
         checked = check_form(form, argument, start=start)
         if checked.owner not in (None, self):
             raise IntegratorError(f"{argument} must come from this builder, but {shorten(str(checked))} is another's")
         return LinearForm.of_entries(checked.start, checked.terms)
 
     def field(self, at: LinearForm, part: str | None = None, *, into: LinearForm | None = None) -> LinearForm:
-        """h f^[part](at); all parts if None."""
+        """h f^[part](at); the sum of all parts if `part` is None."""
         return self._record(Field(self._part(part), self._form(at, "at", start=1)), into)
 
     def derivative(
@@ -396,11 +416,8 @@ class ProgramBuilder:
     ) -> LinearForm:
         """∫₀¹ θ^power h f^[part](Σ θ^j path[j]) dθ."""
         if not isinstance(path, Sequence) or not path:
-            raise IntegratorError(
-                f"path must be a sequence that holds at least its start, but was {shorten(repr(path))}"
-            )
-        if isinstance(power, bool) or not isinstance(power, int) or power < 0:
-            raise IntegratorError(f"power must be 0, 1, 2, …, but was {shorten(repr(power))}")
+            raise IntegratorError(f"path must be a sequence that holds at least its start, but was {shown(path)}")
+        power = read_whole(power, "power", "0, 1, 2, …", 0, sys.maxsize)
         forms = tuple(self._form(form, f"path[{j}]", start=int(j == 0)) for j, form in enumerate(path))
         return self._record(Average(self._part(part), forms, power), into)
 
@@ -413,23 +430,23 @@ class ProgramBuilder:
         digits: int | None = None,
         max_children: Any = None,
     ) -> Program:
-        """The method whose step ends at a point.
+        """The method with a given end of the step.
 
         Args:
             result: the end of the step.
-            name: what messages call the method.
-            reference: where the method was published.
-            digits: for coefficients published as decimals, how many significant digits are correct.
-            max_children: for a method meant for fields of a special form, bounds on the children of nodes in trees
-                whose differentials do not vanish there: one number, or for each part a row that says how often it can
-                be differentiated along each part and perhaps, as a last entry, in all; None means without bound. The
-                series of the method then has no other trees.
+            name: the name of the method in messages.
+            reference: the publication of the method.
+            digits: for coefficients published as decimals, the number of correct significant digits.
+            max_children: for a method for fields of a special form, bounds on the children of nodes in trees whose
+                differentials do not vanish: one number, or for each part a row of bounds on its derivatives with
+                respect to each part and optionally, as a last entry, in all; None means unbounded. The series of the
+                method then contains no other trees.
 
         Returns:
             The program.
 
         Raises:
-            IntegratorError: an evaluation is not defined, `result` is no point, or an argument is not as it must be.
+            IntegratorError: an evaluation is not defined, `result` is not a point, or another argument is invalid.
 
         Example:
             Lawson's Euler method for y' = L y + N(y), L linear:
@@ -461,7 +478,7 @@ class ProgramBuilder:
             return None if len(self._parts) > 1 else 0
         if name not in self._parts:
             known = ", ".join(self._parts) if self._parts != ("",) else "None, as there is only one"
-            raise IntegratorError(f"part must be one of {known}, but was {shorten(repr(name))}")
+            raise IntegratorError(f"part must be one of {known}, but was {shown(name)}")
         return self._parts.index(name)
 
     def _record(self, evaluation: Evaluation, into: LinearForm | None) -> LinearForm:
@@ -477,7 +494,7 @@ class ProgramBuilder:
 
 
 DIGITS = 10
-"""Published decimals are shown with so many digits."""
+"""Of published decimals in the text of a program."""
 
 
 def program_text(program: Program) -> str:

@@ -1,4 +1,4 @@
-"""What the kinds of methods that are no tableaux have in common: coefficients, and the program made from them."""
+"""Base class of the methods other than tableaux, which are read through their programs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import check_digits, check_label
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import check_digits, read_labels
+from integrators.core.errors import IntegratorError, shown
 from integrators.methods.program.program import Method, Program, ProgramBuilder
 
 if TYPE_CHECKING:
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 class ProgramMethod(Method):
-    """A method given by coefficients of its kind, and read through its `program`.
+    """A method given by the coefficients of its kind.
 
-    A kind sets its coefficients with `_set` and says in `_lower` how a step is made of evaluations.
+    A kind sets its coefficients by `_set` and records the evaluations of a step in `_lower`.
     """
 
     def _set(
@@ -30,20 +30,18 @@ class ProgramMethod(Method):
         reference: str | None,
         digits: int | None = None,
     ) -> None:
-        check_label(name, "name")
-        check_label(reference, "reference")
+        labels = read_labels(name, reference)
         check_digits(digits)
         self.__dict__.update(
             coefficients,
             names=tuple(parts) or ("",),
-            name="custom" if name is None else name,
-            reference=reference,
             digits=digits,
+            **labels,
             _coefficients=tuple(coefficients.values()),
         )
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
-        """Record the evaluations of a step; the result is its end."""
+        """Record the evaluations of a step and return its end."""
         raise NotImplementedError
 
     @property
@@ -52,12 +50,12 @@ class ProgramMethod(Method):
 
     @property
     def _auxiliary(self) -> tuple[str, ...]:
-        """Those of the parts that are no parts of the field."""
+        """The parts that do not belong to the field."""
         return ()
 
     @cached_property
     def max_children(self) -> ChildBounds | None:
-        """How often each part can be differentiated along each part, and in all; None without bound."""
+        """Bounds on derivatives of each part with respect to each part, and in all; None if unbounded."""
         return None
 
     @cached_property
@@ -78,21 +76,10 @@ class ProgramMethod(Method):
 
 
 def read_parts(parts: Any, *, count: int | None = None) -> tuple[str, ...]:
-    """The names of the parts of a field, checked.
-
-    Args:
-        parts: a sequence of different names.
-        count: how many there must be; None: two or more.
-
-    Returns:
-        The names.
-
-    Raises:
-        IntegratorError: `parts` is no such sequence.
-    """
+    """The names of the parts of a field, checked: `count` different names, or two or more if None."""
     if isinstance(parts, str) or not isinstance(parts, Sequence):
-        raise IntegratorError(f"parts must be a sequence of names, but was {shorten(repr(parts))}")
+        raise IntegratorError(f"parts must be a sequence of names, but was {shown(parts)}")
     if len(parts) != count if count is not None else len(parts) < 2:
         raise IntegratorError(f"parts must be {count or 'two or more'} names, but were {len(parts)}")
-    ProgramBuilder(parts)  # refuses names that formulas and trees could not tell apart
+    ProgramBuilder(parts)  # checks the names
     return tuple(parts)

@@ -1,4 +1,4 @@
-"""Programs out of programs: steps of another length, one method after another, the adjoint."""
+"""Transformations of programs: scaling of the step, composition, adjoint, rounding to decimals."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
 
 def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], LinearForm]:
-    """The evaluations and the end of a step of factor · h.
+    """The evaluations and the end of a step of length factor · h.
 
-    What was h f(·) is now factor · h f(·), so every such k stands for factor · k. A flow is the increment itself, over
-    factor times the time.
+    Every k = h f(·) is replaced by factor · k; the time of a flow is multiplied by the factor.
     """
     own = [Fraction(1) if isinstance(evaluation, Flow) else factor for evaluation in program.evaluations]
 
@@ -35,7 +34,7 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
 
 
 def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm]) -> Evaluation:
-    """The evaluation with a function of every linear form."""
+    """The evaluation with a function applied to every linear form."""
     match evaluation:
         case Field(part, at):
             return Field(part, function(at))
@@ -50,22 +49,11 @@ def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm])
 def appended(
     program: Program, factor: Entry, *, first: int, start: LinearForm, parts: Sequence[int]
 ) -> tuple[list[Evaluation], LinearForm]:
-    """A step of factor · h that begins at `start`, as evaluations number `first` and on, and its end.
-
-    Args:
-        program: the method.
-        factor: the fraction of the step.
-        first: the number of the first of its evaluations.
-        start: the point at which the step begins.
-        parts: for each part of the program its number among the parts wanted.
-
-    Returns:
-        The evaluations and the end of the step.
-    """
+    """A step of length factor · h from `start`: its evaluations, numbered from `first`, and its end."""
     evaluations, end = scaled(program, factor)
 
     def renumber(form: LinearForm) -> LinearForm:
-        return form.renumbered(lambda e: LinearForm(0, {first + e: 1}), start)
+        return form.substituted(lambda e: LinearForm(0, {first + e: 1}), start)
 
     def place(evaluation: Evaluation) -> Evaluation:
         moved: Any = mapped(evaluation, renumber)
@@ -75,21 +63,21 @@ def appended(
 
 
 def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]:
-    """The adjoint Φ*_h = Φ_(−h)⁻¹: the step of −h that begins at y1 ends at y0.
+    """The adjoint Φ*_h = Φ_(−h)⁻¹: a step of −h from y1 ends at y0.
 
-    With y0 = y1 + (end − start) the point y1 becomes y − (end − start), and everything else is as it was.
+    The start of the reversed step is replaced by y − (end − start).
     """
     evaluations, end = scaled(program, Fraction(-1))
     start = LinearForm(1) - (end - LinearForm(1))
 
     def restart(form: LinearForm) -> LinearForm:
-        return form.renumbered(lambda e: LinearForm(0, {e: 1}), start)
+        return form.substituted(lambda e: LinearForm(0, {e: 1}), start)
 
     return tuple(mapped(evaluation, restart) for evaluation in evaluations), start
 
 
 def as_decimals(program: Program, digits: int) -> Program:
-    """The program with floats as the decimals that they stand for, of which so many digits are correct."""
+    """The program with floats as exact numbers, of which `digits` digits are correct."""
 
     def change(evaluation: Evaluation) -> Evaluation:
         changed = mapped(evaluation, exact)
@@ -98,13 +86,4 @@ def as_decimals(program: Program, digits: int) -> Program:
     def exact(form: LinearForm) -> LinearForm:
         return form.map(lambda x: Fraction(round_entry(x)))
 
-    return Program(
-        [change(evaluation) for evaluation in program.evaluations],
-        exact(program.result),
-        parts=program.names,
-        auxiliary=program.auxiliary,
-        name=program.name,
-        reference=program.reference,
-        digits=digits,
-        max_children=program.max_children,
-    )
+    return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)

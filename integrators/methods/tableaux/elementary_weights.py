@@ -1,8 +1,8 @@
-"""The stage vectors of elementary weights, order by order, as arrays: what order conditions of weights are made of.
+"""Order conditions of weights, order by order, as arrays of stage vectors.
 
-A rooted tree with children τ₁, …, τₘ stands for the stage vector Φ = ∏ A Φ(τⱼ) and the number e = ∏ e(τⱼ)/|τⱼ|, and
-weights b have order p if b·Φ = e/k for all trees with k ≤ p nodes (HNW I, Theorem II.2.13). Trees as objects are not
-needed for that: a forest is a product of what belongs to its trees, the largest last.
+A rooted tree with children τ₁, …, τₘ has the stage vector Φ = ∏ A Φ(τⱼ) and the number e = ∏ e(τⱼ)/|τⱼ|. Weights b
+have order p if b·Φ = e/k for all trees with k ≤ p nodes (HNW I, Theorem II.2.13). The vectors of forests are products
+of those of their trees, the largest last, so trees as objects are not needed.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 MAX_ORDER = 13
-"""There are 12,486 trees with so many nodes; higher orders count as this one."""
+"""There are 12,486 trees with this number of nodes; higher orders are not distinguished."""
 ROUNDING = 1e-9
-"""In doubles conditions that hold are off by 2e-14 at most for all of the catalogue, the first that fail by 1e-2."""
+"""In doubles, residuals over the catalogue are below 2e-14 for satisfied conditions, above 1e-2 for failed ones."""
 
 
 class Conditions(NamedTuple):
-    """The order conditions of one order k: weights satisfy them if ``vectors @ weights == values``.
+    """The order conditions ``vectors @ weights == values`` of one order k.
 
     Attributes:
         vectors: one stage vector for each tree with k nodes.
-        values: what the weights must make of it, 1/γ.
+        values: 1/γ of each tree.
     """
 
     vectors: Array
@@ -35,10 +35,10 @@ class Conditions(NamedTuple):
 
 
 def weight_conditions(A: Array) -> Iterator[Conditions]:
-    """The order conditions of a stage matrix for orders 1, 2, 3, …, without end.
+    """The order conditions of a stage matrix for orders 1, 2, 3, ….
 
     Args:
-        A: a square array of doubles, or of `Fraction`s as objects, which are kept exact.
+        A: a square array of doubles, or of `Fraction`s as objects for exact conditions.
 
     Example:
         >>> import numpy as np
@@ -49,7 +49,7 @@ def weight_conditions(A: Array) -> Iterator[Conditions]:
     import numpy as np
 
     one = A[0, 0] * 0 + 1
-    # Rows are Φ followed by e; forests[k] are those with k nodes, in the order of the index of their largest tree.
+    # Rows are Φ followed by e; forests[k] are those with k nodes, ordered by the index of their largest tree.
     forests = [np.full((1, len(A) + 1), one)]
     largest = [np.array([-1])]
     trees: list[tuple[int, Array]] = []
@@ -65,7 +65,7 @@ def weight_conditions(A: Array) -> Iterator[Conditions]:
 
 
 def order_of_weights(A: Array, weights: Array) -> int:
-    """The largest order, at most `MAX_ORDER`, whose conditions hold: exactly, or for doubles up to rounding.
+    """The order of the weights, at most `MAX_ORDER`; in doubles up to rounding.
 
     Example:
         >>> import numpy as np
@@ -76,15 +76,12 @@ def order_of_weights(A: Array, weights: Array) -> int:
 
 
 def order_of_difference(A: Array, difference: Array) -> int:
-    """The largest order, at most `MAX_ORDER`, to which two rows of weights with this difference agree.
-
-    Their results differ by O(h^(k+1)) if that order is k.
-    """
+    """The largest k ≤ `MAX_ORDER` for which the results of two rows of weights differ by O(h^(k+1))."""
     return _orders_without_residual(A, difference, 0)
 
 
 def _orders_without_residual(A: Array, weights: Array, factor: int) -> int:
-    """For how many orders weights·Φ = factor/γ holds for all trees."""
+    """The largest order up to which weights·Φ = factor/γ for all trees."""
     tolerance = 0 if A.dtype == object else ROUNDING
     for k, (vectors, values) in enumerate(islice(weight_conditions(A), MAX_ORDER)):
         size = abs(vectors) @ abs(weights) + factor * values

@@ -1,11 +1,11 @@
-"""Tableau files in JSON and TOML: what is written is read back as an equal method, and a failed write leaves nothing.
+"""Tableau files in JSON and TOML; a method written is read back as an equal one.
 
     {"name": "heun2", "A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"], "c": [0, 1]}
 
-Further keys: ``embedded`` (a row of weights or several), ``parameters`` (symbols that formulas use), ``digits``
-(correct digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact
-decimals). In place of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or
-``partitions`` (name to tableau).
+Further keys: ``embedded`` (one or several rows of weights), ``parameters`` (symbols in formulas), ``digits`` (correct
+digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals).
+Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or ``partitions``
+(name to tableau).
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
-from integrators.core.formats import FORMATS, check_keys, json_text, parse_json, parse_toml
-from integrators.core.text_files import atomic_write as atomic_write
-from integrators.core.text_files import read_text
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import FORMATS, atomic_write, check_keys, json_text, parse_json, parse_toml, read_text
 from integrators.exact.entries import read_entry
 from integrators.exact.expressions import decimal_text, format_number
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
@@ -34,7 +32,7 @@ LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
 LARGEST_NUMBER = 2**53
-"""Larger integers are written as text, since many readers of JSON turn numbers into doubles."""
+"""Larger integers are written as text, since many JSON readers convert numbers to doubles."""
 
 
 def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
@@ -42,13 +40,13 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
 
     Args:
         source: a path, or an open file of text or bytes.
-        format: ``"json"`` or ``"toml"``; by default what the suffix says, without one what the text looks like.
+        format: ``"json"`` or ``"toml"``; by default inferred from the suffix or the content.
 
     Returns:
         The method; a `TableauWarning` is emitted for each of its issues.
 
     Raises:
-        IntegratorError: the file cannot be read, is no JSON or TOML, or holds no tableau.
+        IntegratorError: the file cannot be read, is not JSON or TOML, or contains no tableau.
 
     Example:
         >>> import io
@@ -68,15 +66,15 @@ def loads_method(text: str, format: str, *, source: str = "text") -> Method:
     """Read a method from text.
 
     Args:
-        text: a tableau file's content.
+        text: the content of a tableau file.
         format: ``"json"`` or ``"toml"``.
-        source: what a message calls the text.
+        source: the name of the text in messages.
 
     Returns:
         The method; a `TableauWarning` is emitted for each of its issues.
 
     Raises:
-        IntegratorError: the text is no JSON or TOML, or holds no tableau.
+        IntegratorError: the text is not JSON or TOML, or contains no tableau.
 
     Example:
         >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
@@ -102,8 +100,8 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
 
     Args:
         method: the method.
-        path: the file; it is replaced at once when everything is written, or left as it was.
-        format: ``"json"`` or ``"toml"``; by default what the suffix says.
+        path: the file, which is replaced atomically.
+        format: ``"json"`` or ``"toml"``; by default inferred from the suffix.
 
     Raises:
         IntegratorError: the format is unknown or the file cannot be written.
@@ -172,7 +170,7 @@ def _read_method(data: Any) -> Method:
     check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
     partitions = data["partitions"]
     if not isinstance(partitions, dict):
-        raise IntegratorError(f"partitions must map names to tableaux, but was {shorten(repr(partitions))}")
+        raise IntegratorError(f"partitions must map names to tableaux, but was {shown(partitions)}")
     parameters = items(data.get("parameters", ()), "parameters")
     parts = {name: _prefixed(name, _read_tableau, part, parameters) for name, part in partitions.items()}
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
@@ -195,7 +193,7 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
         if key not in data:
             raise IntegratorError(f"content must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
     if data.get("domain", "float") != "float":
-        raise IntegratorError(f"domain must be float or left out, but was {shorten(repr(data['domain']))}")
+        raise IntegratorError(f"domain must be float or left out, but was {shown(data['domain'])}")
     rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
     if "domain" in data:
         rows = {key: _as_floats(value) for key, value in rows.items()}
@@ -210,10 +208,10 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
 
 
 def _as_floats(value: Any) -> Any:
-    """The numbers in nested lists as doubles; everything else as it is, to be judged by `RungeKutta`."""
+    """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]
-    # An integer beyond the largest double becomes infinite by way of text, and is refused as such.
+    # Through text, an integer beyond the largest double becomes infinite and is refused as such.
     return float(str(value)) if isinstance(value, int | Decimal) and not isinstance(value, bool) else value
 
 
@@ -229,12 +227,12 @@ def _read_algebra(data: Any) -> StageAlgebra:
 
 
 def _write_method(method: Method) -> dict[str, Any]:
-    """The method as the dictionary of a file, without what is absent."""
+    """The method as the dictionary of a file, without absent entries."""
     if isinstance(method, PartitionedRungeKutta):
         partitions = dict(zip(method.names, map(_write_method, method.partitions), strict=True))
         return {**_labels(method), "partitions": partitions}
     if not isinstance(method, RungeKutta):
-        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shorten(repr(method))}")
+        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
     algebra = method.algebra
     if algebra is not None:
         polynomial, b = _numbers(algebra.polynomial), _numbers(algebra.b)
@@ -251,7 +249,7 @@ def _write_method(method: Method) -> dict[str, Any]:
         data["domain"] = "float"
     write = decimal_text if method.domain == "decimal" else format_number
     data |= {"A": [_numbers(row, write) for row in method.A], "b": _numbers(method.b, write)}
-    # A formula for a row sum can be longer than one may be written; it comes back as it was by summing again.
+    # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
     if method.domain not in ("algebraic", "symbolic") or method.c != method.row_sums:
         data["c"] = _numbers(method.c, write)
     if method.embedded:
@@ -265,7 +263,7 @@ def _labels(method: Method) -> dict[str, Any]:
 
 
 def _numbers(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
-    """Doubles as they are, small integers as numbers, everything else as text."""
+    """Doubles unchanged, small integers as numbers, everything else as text."""
     return [
         value
         if isinstance(value, float)

@@ -7,38 +7,37 @@ from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import check_label, check_partition_names
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import check_partition_names, read_labels
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.methods.program.program import Method
-from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit
+from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
 from integrators.methods.tableaux.tableau_input import in_color_order
-from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from integrators.methods.program.program import Program
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
-"""The domains of entries, each containing those before."""
+"""The domains of entries, ascending."""
 
 
 class PartitionedRungeKutta(Method):
-    """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, all with the same stages.
+    """A partitioned Runge–Kutta method: one tableau for each part (colour) of the field, with common stages.
 
-    With y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). So these are also the
-    additive Runge–Kutta methods with any number of parts, such as implicit–explicit ones; see
-    `GeneralizedAdditiveRungeKutta` for parts that have stages of their own.
+    For y split into blocks, or f into a sum, the stages are Y_i = y + h Σ_ν Σ_j a^ν_ij f^ν(Y_j). This includes additive
+    Runge–Kutta methods with any number of parts, such as implicit–explicit ones; for parts with their own stages see
+    `GeneralizedAdditiveRungeKutta`.
 
     Args:
-        partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and perhaps c. Their order
-            is that of the colours 0, 1, …, but p always comes before q; names start with a letter, and t and τ are
+        partitions: at least two named tableaux, each a `RungeKutta` or a mapping with A, b and optionally c. Their
+            order is that of the colours 0, 1, …, but p always precedes q; names start with a letter, and t and τ are
             reserved.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        reference: where the method was published.
-        warn: whether to emit a `TableauWarning` for each of `issues`; a part that is a `RungeKutta` has warned itself.
+        parameters: the symbols allowed in formulas.
+        name: the name of the method in messages.
+        reference: the publication of the method.
+        warn: whether to emit a `TableauWarning` for each of `issues`, except those of parts that are `RungeKutta`s.
 
     Raises:
-        IntegratorError: fewer than two parts, a bad name, different numbers of stages, or a part that is no tableau.
+        IntegratorError: fewer than two parts, an invalid name, different numbers of stages, or an invalid tableau.
 
     Example:
         The Störmer–Verlet method, kick–drift–kick:
@@ -65,9 +64,7 @@ class PartitionedRungeKutta(Method):
         warn: bool = True,
     ) -> None:
         if not isinstance(partitions, Mapping) or len(partitions) < 2:
-            raise IntegratorError(
-                f"partitions must map two or more names to tableaux, but was {shorten(repr(partitions))}"
-            )
+            raise IntegratorError(f"partitions must map two or more names to tableaux, but was {shown(partitions)}")
         check_partition_names(partitions)
         names = in_color_order(partitions)
         parts = tuple(_read_part(key, partitions[key], parameters) for key in names)
@@ -80,11 +77,7 @@ class PartitionedRungeKutta(Method):
         if len({part.domain for part in parts} & {"float", "symbolic"}) == 2:
             domains = ", ".join(f"{key} is {part.domain}" for key, part in zip(names, parts, strict=True))
             raise IntegratorError(f"partitions must not mix floats and symbols, but {shorten(domains)}")
-        check_label(name, "name")
-        check_label(reference, "reference")
-        self.__dict__.update(
-            names=names, partitions=parts, name="custom" if name is None else name, reference=reference
-        )
+        self.__dict__.update(names=names, partitions=parts, **read_labels(name, reference))
         if warn:
             emit(issue for key, issue in self._part_issues if not isinstance(partitions[key], RungeKutta))
 
@@ -111,27 +104,27 @@ class PartitionedRungeKutta(Method):
 
     @property
     def algebra(self) -> None:
-        """None: the parts may have one each."""
+        """None: only the parts may have algebras."""
         return None
 
     @property
     def embedded(self) -> tuple[()]:
-        """The embedded weights: none."""
+        """No embedded weights."""
         return ()
 
     @cached_property
     def max_children(self) -> None:
-        """None: a tableau is meant for all fields."""
+        """None: tableaux apply to all fields."""
         return None
 
     @cached_property
     def digits(self) -> int | None:
-        """The smallest number of correct digits of a part, None if all are exact."""
+        """The smallest number of correct digits of the parts; None if all are exact."""
         return min((part.digits for part in self.partitions if part.digits is not None), default=None)
 
     @cached_property
     def domain(self) -> str:
-        """The smallest domain that holds the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
+        """The smallest domain that contains the entries of all parts: QQ, decimal, algebraic, symbolic or float."""
         return max((part.domain for part in self.partitions), key=DOMAINS.index)
 
     @cached_property
@@ -146,19 +139,19 @@ class PartitionedRungeKutta(Method):
 
     @cached_property
     def issues(self) -> tuple[str, ...]:
-        """The issues of the parts, each with the name of its part."""
+        """The issues of the parts, with their names."""
         return tuple(issue for _, issue in self._part_issues)
 
     @cached_property
     def is_explicit(self) -> bool:
-        """Whether every part is explicit, so that nothing needs solving whatever the fields depend on."""
+        """Whether every part is explicit, so the method is explicit for all fields."""
         return all(part.is_explicit for part in self.partitions)
 
     @cached_property
     def is_explicit_if_separable(self) -> bool:
-        """Whether the stages can be computed in some order when no block's field depends on the block itself.
+        """Whether the method is explicit if no block's field depends on the block itself.
 
-        So it is for the Störmer–Verlet method and symplectic Euler methods on H(p, q) = T(p) + U(q).
+        Examples are the Störmer–Verlet and symplectic Euler methods for H(p, q) = T(p) + U(q).
         """
         return _is_acyclic([part.sure_sparsity for part in self.partitions]) and _is_acyclic(
             [part.sparsity for part in self.partitions]
@@ -168,24 +161,30 @@ class PartitionedRungeKutta(Method):
     def is_symplectic(self) -> bool:
         """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for every two parts (HLW, Theorem VI.4.6).
 
-        With two parts p and q the method is then symplectic for every Hamiltonian; a separable one does not need
-        b_i = b̂_i.
+        With two parts p and q the method is then symplectic for every Hamiltonian; for separable ones b_i = b̂_i is
+        not necessary.
         """
         return all(first.is_symplectic_with(second) for first, second in combinations(self.partitions, 2))
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether one reversal of the stages shows that every part is its own adjoint (HLW, V.2)."""
+        """Whether every part is its own adjoint under a common reversal of the stages (HLW, V.2)."""
         return are_symmetric(self.partitions)
 
     @cached_property
     def program(self) -> Program:
         """The stages and the step as a program, with one evaluation for each part and stage."""
         labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program([(part.A, part.b) for part in self.partitions], self.names, **labels)
+        return tableau_program(self.partitions, self.names, **labels)
+
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational numbers within 10^-decimals of entries that come from stage algebras."""
+        if all(part.algebra is None for part in self.partitions):
+            return self.program
+        return self._map(lambda part: part.approximated(decimals)).program
 
     def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
-        """The method with values in place of symbols, as `RungeKutta.substitute`."""
+        """The method with values substituted for symbols, as `RungeKutta.substitute`."""
         check_known(values, self.parameters)
         return self._map(lambda part: part.substitute({k: v for k, v in values.items() if k in part.parameters}))
 
@@ -199,9 +198,9 @@ class PartitionedRungeKutta(Method):
 
 
 def _is_acyclic(sparsities: Sequence[Sequence[Sequence[bool]]]) -> bool:
-    """Whether stages can be computed in some order if the field of a part depends on the other parts only.
+    """Whether stages can be computed in some order if the field of each part depends only on the other parts.
 
-    Stage i of part ν needs, for each a^ν_ij ≠ 0, the field of ν at stage j, hence stage j of all other parts.
+    For each a^ν_ij ≠ 0, stage i of part ν depends on the field of ν at stage j, hence on stage j of all other parts.
     """
     parts = range(len(sparsities))
     needs = {
@@ -223,7 +222,7 @@ def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:
         return part
     if not isinstance(part, Mapping) or not {"A", "b"} <= part.keys() <= {"A", "b", "c"}:
         raise IntegratorError(
-            f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shorten(repr(part))}"
+            f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shown(part)}"
         )
     try:
         return RungeKutta(**part, parameters=parameters, name=name, warn=False)

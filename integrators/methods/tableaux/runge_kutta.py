@@ -1,4 +1,4 @@
-"""Runge–Kutta methods as frozen, validated, exact data."""
+"""Runge–Kutta methods as exact, immutable Butcher tableaux."""
 
 from __future__ import annotations
 
@@ -8,48 +8,46 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
-from integrators.core.arguments import check_label
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import read_labels
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import entries
 from integrators.exact.expressions import format_number
-from integrators.methods.program.program import Method
+from integrators.methods.program.evaluations import combination
+from integrators.methods.program.program import Method, ProgramBuilder
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 from integrators.methods.tableaux.tableau_input import read_tableau
-from integrators.methods.tableaux.tableau_programs import tableau_program
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
     from integrators.methods.program.program import Program
-    from integrators.methods.tableaux.stage_algebra import StageAlgebra
-
-    Row = tuple[Entry, ...]
+    from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
 
 
 class TableauWarning(UserWarning):
-    """A tableau is usable but contradicts itself: a row sum is not its node, or the weights do not sum to 1."""
+    """Inconsistency of a tableau: a row sum differs from its node, or the weights do not sum to 1."""
 
 
 class RungeKutta(Method):
     """A Runge–Kutta method: its Butcher tableau, exact and immutable.
 
     Entries may be integers, fractions, decimals (``decimal.Decimal`` or text, taken exactly), formulas as text such as
-    ``"1/2 - sqrt(3)/6"``, SymPy expressions, or floats. Rational entries become `Fraction`; what is exact but
-    irrational stays a SymPy expression; one float makes every entry a float. Symbols are plain ``sympy.Symbol``s,
-    without assumptions. Two methods are equal if their entries, domain and digits are; names do not count.
+    ``"1/2 - sqrt(3)/6"``, SymPy expressions, or floats. Rational entries become `Fraction`s, irrational ones remain
+    SymPy expressions; a single float makes all entries floats. Symbols are plain ``sympy.Symbol``s without
+    assumptions. Methods with equal entries, domain and digits are equal, whatever their names.
 
     Args:
         A: the stage matrix, a square array by rows.
         b: the weights.
-        c: the nodes; the row sums of A if not given.
-        embedded: a second row of weights for error estimates, or a sequence of several; kept as a tuple of rows.
-        parameters: the symbols that formulas in text may use.
-        name: what messages call the method.
-        digits: for a tableau published as decimals, how many significant digits are correct; None if entries are exact.
-        reference: where the method was published.
+        c: the nodes; by default the row sums of A.
+        embedded: a second row of weights for error estimates, or a sequence of rows; stored as a tuple of rows.
+        parameters: the symbols allowed in formulas.
+        name: the name of the method in messages.
+        digits: the number of correct significant digits of a tableau published as decimals; None if it is exact.
+        reference: the publication of the method.
         warn: whether to emit a `TableauWarning` for each of `issues`.
 
     Raises:
-        IntegratorError: sizes do not fit, or an entry is not a finite real number or formula.
+        IntegratorError: sizes do not match, or an entry is not a finite real number or formula.
 
     Example:
         >>> midpoint = RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="explicit-midpoint")
@@ -66,7 +64,7 @@ class RungeKutta(Method):
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.1.
     """
 
-    embedded: tuple[Row, ...]
+    embedded: Matrix
     algebra: StageAlgebra | None
 
     def __init__(
@@ -85,39 +83,32 @@ class RungeKutta(Method):
         matrix, weights, nodes, extra = read_tableau(A, b, c, embedded, parameters, digits)
         nodes = tuple(map(entries.sum_entries, matrix)) if nodes is None else nodes
         self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)
-        self._label(name, reference)
+        self.__dict__.update(names=("",), **read_labels(name, reference))
         if warn:
             emit(self.issues)
 
     @classmethod
     def from_algebra(cls, algebra: StageAlgebra, *, name: str | None = None, reference: str | None = None) -> Self:
-        """The method that a stage algebra stands for; its tableau is computed, exactly, when asked for.
+        """The method of a stage algebra; its exact tableau is computed on demand.
 
-        Such a method equals another exactly if their algebras are equal. No warnings are emitted; see `issues`.
+        Such methods are equal if and only if their algebras are. No warnings are emitted; see `issues`.
 
         Args:
             algebra: node polynomial, stage matrix and weights as rational data.
-            name: what messages call the method.
-            reference: where the method was published.
+            name: the name of the method in messages.
+            reference: the publication of the method.
 
         Returns:
             The method.
 
         Raises:
-            IntegratorError: `algebra` is no `StageAlgebra`.
+            IntegratorError: `algebra` is not a `StageAlgebra`.
         """
-
         if not isinstance(algebra, StageAlgebra):
-            raise IntegratorError(f"algebra must be a StageAlgebra, but was {shorten(repr(algebra))}")
+            raise IntegratorError(f"algebra must be a StageAlgebra, but was {shown(algebra)}")
         method = cls.__new__(cls)
-        method.__dict__.update(embedded=(), digits=None, algebra=algebra)
-        method._label(name, reference)
+        method.__dict__.update(names=("",), embedded=(), digits=None, algebra=algebra, **read_labels(name, reference))
         return method
-
-    def _label(self, name: str | None, reference: str | None) -> None:
-        check_label(name, "name")
-        check_label(reference, "reference")
-        self.__dict__.update(names=("",), name="custom" if name is None else name, reference=reference)
 
     @property
     def _data(self) -> tuple[Any, ...]:
@@ -129,30 +120,28 @@ class RungeKutta(Method):
         return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
 
     def __str__(self) -> str:
-
         return tableau_text(self)
 
     def _repr_html_(self) -> str:
-
         return tableau_html(self)
 
     @cached_property
-    def _exact(self) -> tuple[tuple[Row, ...], Row, Row]:
+    def _exact(self) -> tuple[Matrix, EntryRow, EntryRow]:
         assert self.algebra is not None
         return self.algebra.tableau_exact()
 
     @cached_property
-    def A(self) -> tuple[Row, ...]:
+    def A(self) -> Matrix:
         """The stage matrix, by rows."""
         return self._exact[0]
 
     @cached_property
-    def b(self) -> Row:
+    def b(self) -> EntryRow:
         """The weights."""
         return self._exact[1]
 
     @cached_property
-    def c(self) -> Row:
+    def c(self) -> EntryRow:
         """The nodes."""
         return self._exact[2]
 
@@ -163,7 +152,7 @@ class RungeKutta(Method):
 
     @cached_property
     def max_children(self) -> None:
-        """None: a tableau is meant for all fields."""
+        """None: tableaux apply to all fields."""
         return None
 
     @property
@@ -177,7 +166,7 @@ class RungeKutta(Method):
 
     @cached_property
     def domain(self) -> str:
-        """The smallest domain that holds the entries: QQ, decimal, algebraic, symbolic or float."""
+        """The smallest domain that contains the entries: QQ, decimal, algebraic, symbolic or float."""
         if self.algebra is not None:
             return "QQ" if self.algebra.has_rational_nodes else "algebraic"
         domain = entries.find_domain(self._entries)
@@ -197,10 +186,24 @@ class RungeKutta(Method):
     def program(self) -> Program:
         """The stages and the step as a program."""
         labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program([(self.A, self.b)], self.names, **labels)
+        return tableau_program([self], self.names, **labels)
+
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational numbers within 10^-decimals of the entries if they come from a stage algebra."""
+        return self.approximated(decimals).program
+
+    def approximated(self, decimals: int) -> RungeKutta:
+        """The tableau, with rational numbers within 10^-decimals of the entries if they come from a stage algebra."""
+        if self.algebra is None:
+            return self
+        from mpmath.libmp import to_rational
+
+        A, b, c = self.algebra.tableau_decimal(decimals + 3)
+        rows = [[Fraction(*map(int, to_rational(x._mpf_))) for x in row] for row in (*A, b, c)]
+        return RungeKutta(rows[:-2], rows[-2], rows[-1], name=self.name, warn=False)
 
     @cached_property
-    def row_sums(self) -> Row:
+    def row_sums(self) -> EntryRow:
         """The sums of the rows of A."""
         if self.algebra is not None:
             return self.algebra.values(self.algebra.row_sums)
@@ -215,7 +218,7 @@ class RungeKutta(Method):
 
     @cached_property
     def issues(self) -> tuple[str, ...]:
-        """One sentence for each contradiction: a row sum that is not its node, weights that do not sum to 1."""
+        """One sentence for each inconsistency: a row sum that differs from its node, weights that do not sum to 1."""
         if self.algebra is not None:
             agree, consistent = self.algebra.rows_sum_to_nodes(), self.algebra.b[0] == 1
         else:
@@ -223,12 +226,12 @@ class RungeKutta(Method):
             agree = [entries.cancels((*row, -node), self.precision) for row, node in rows]
             consistent = entries.cancels((*self.b, -1), self.precision)
         found = [
-            f"row {i + 1} of A sums to {_shown(self.row_sums[i])}, but c[{i + 1}] is {_shown(self.c[i])}"
+            f"row {i + 1} of A sums to {_entry_text(self.row_sums[i])}, but c[{i + 1}] is {_entry_text(self.c[i])}"
             for i, agrees in enumerate(agree)
             if agrees is False
         ]
         if consistent is False:
-            found.append(f"weights b sum to {_shown(self.weight_sum)}, not 1: the method is inconsistent")
+            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent")
         return tuple(found)
 
     @cached_property
@@ -238,26 +241,26 @@ class RungeKutta(Method):
 
     @cached_property
     def sure_sparsity(self) -> tuple[tuple[bool, ...], ...]:
-        """Entries of A that are certainly not zero, found without exact roots."""
+        """Entries of A that are certainly not zero, found without computing exact roots."""
         if self.algebra is None:
             return self.sparsity
         return tuple(tuple(abs(v) > 1e-9 for v in row) for row in self.algebra.tableau_float()[0])
 
     @cached_property
     def is_explicit(self) -> bool:
-        """Whether A is strictly lower triangular: every stage is given by those before."""
+        """Whether A is strictly lower triangular."""
         return _is_lower(self.sure_sparsity, 0) and _is_lower(self.sparsity, 0)
 
     @cached_property
     def is_diagonally_implicit(self) -> bool:
-        """Whether A is lower triangular but not strictly: the stages are solved for one after another."""
+        """Whether A is lower triangular but not strictly, so the stages are solved successively."""
         return _is_lower(self.sure_sparsity, 1) and _is_lower(self.sparsity, 1) and not self.is_explicit
 
     @cached_property
     def is_symplectic(self) -> bool:
-        """Whether b_i a_ij + b_j a_ji = b_i b_j: all quadratic invariants are kept (HLW, Theorems IV.2.2 and VI.4.3).
+        """Whether b_i a_ij + b_j a_ji = b_i b_j, so quadratic invariants are preserved (HLW, Theorems IV.2.2, VI.4.3).
 
-        The condition is sufficient, and for irreducible methods necessary. It must hold for every value of the symbols.
+        The condition is sufficient, and necessary for irreducible methods. It must hold for all values of the symbols.
         """
         return self.is_symplectic_with(self)
 
@@ -265,7 +268,7 @@ class RungeKutta(Method):
         """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for all i and j (HLW, Theorems VI.4.3 and VI.4.6).
 
         Args:
-            other: the tableau of the other part, with as many stages.
+            other: the tableau of the other part, with the same number of stages.
 
         Returns:
             Whether the partitioned method of the two is symplectic.
@@ -283,24 +286,24 @@ class RungeKutta(Method):
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the method is its own adjoint by the tableau: a_σ(i)σ(j) + a_ij = b_j (HLW, Theorem V.2.3).
+        """Whether the method is its own adjoint: a_σ(i)σ(j) + a_ij = b_j (HLW, Theorem V.2.3).
 
-        σ reverses the stages, as they stand or in order of their row sums. The condition is sufficient, and for
-        irreducible methods necessary.
+        σ reverses the stages in the given order or sorted by row sums. The condition is sufficient, and necessary for
+        irreducible methods.
         """
         return are_symmetric([self])
 
     def substitute(self, values: Mapping[str, Any]) -> RungeKutta:
-        """The method with values in place of symbols.
+        """The method with values substituted for symbols.
 
         Args:
-            values: what to put for some or all of `parameters`: numbers, formulas as text, SymPy expressions.
+            values: numbers, formulas as text or SymPy expressions for some or all of `parameters`.
 
         Returns:
             A new method.
 
         Raises:
-            IntegratorError: a name is no parameter, or an entry becomes infinite.
+            IntegratorError: a name is not a parameter, or an entry becomes infinite.
 
         Example:
             >>> family = RungeKutta([["gamma"]], [1], parameters=["gamma"], name="theta")
@@ -322,7 +325,7 @@ class RungeKutta(Method):
         """The method with every entry rounded to the nearest double.
 
         Raises:
-            IntegratorError: the tableau has symbols without values.
+            IntegratorError: the tableau has symbols.
         """
         if self.parameters:
             raise IntegratorError(
@@ -333,9 +336,9 @@ class RungeKutta(Method):
         return self._mapped(lambda value, _: entries.round_entry(value), nodes=True)
 
     def _mapped(self, function: Callable[[Entry, str], Entry], *, nodes: bool) -> RungeKutta:
-        """The method with a function of every entry and its place; without `nodes` they are the new row sums."""
+        """The method with a function of every entry and its label; the nodes become row sums unless `nodes` is set."""
 
-        def row(values: Row, label: str) -> list[Entry]:
+        def row(values: EntryRow, label: str) -> list[Entry]:
             return [function(value, f"{label}[{j}]") for j, value in enumerate(values, 1)]
 
         return RungeKutta(
@@ -350,16 +353,44 @@ class RungeKutta(Method):
         )
 
 
+def tableau_program(tableaux: Sequence[RungeKutta], names: Sequence[str], **labels: Any) -> Program:
+    """The program of k^ν_i = h f^ν(y + Σ_μ Σ_j a^μ_ij k^μ_j), y1 = y + Σ_ν Σ_i b^ν_i k^ν_i.
+
+    Args:
+        tableaux: one tableau for each part, with equally many stages.
+        names: the names of the parts; unused if there is one part.
+        labels: name, reference and digits, as for `ProgramBuilder.program`.
+
+    Returns:
+        The program; stage by stage, and within a stage part by part.
+    """
+    count, stages = len(tableaux), tableaux[0].stages
+    parts = tuple(names) if count > 1 else ()
+    builder = ProgramBuilder(parts)
+    registers = builder.unknowns(count * stages)
+    increments = [registers[part::count] for part in range(count)]
+    for i in range(stages):
+        at = builder.y
+        for tableau, k in zip(tableaux, increments, strict=True):
+            at = at + combination(tableau.A[i], k)
+        for name, k in zip(parts or (None,), increments, strict=True):
+            builder.field(at, name, into=k[i])
+    result = builder.y
+    for tableau, k in zip(tableaux, increments, strict=True):
+        result = result + combination(tableau.b, k)
+    return builder.program(result, **labels)
+
+
 def _is_lower(sparsity: Sequence[Sequence[bool]], first: int) -> bool:
-    """Whether row i is zero from place i + first on."""
+    """Whether row i is zero from column i + first on."""
     return not any(any(row[i + first :]) for i, row in enumerate(sparsity))
 
 
 def are_symmetric(parts: Sequence[RungeKutta]) -> bool:
     """Whether all parts satisfy a_σ(i)σ(j) + a_ij = b_j for one reversal σ of the stages (HLW, Theorem V.2.3).
 
-    The reversal is that of the stages as they stand or, should they not be in order of their nodes, sorted by row sums.
-    That b_σ(j) = b_j follows. The roots of stage algebras are not computed if the nodes are symmetric.
+    The stages are reversed in the given order or sorted by row sums. That b_σ(j) = b_j follows. The roots of stage
+    algebras are not computed if the nodes are symmetric.
     """
     algebras = [part.algebra for part in parts if part.algebra is not None and part.algebra.has_symmetric_nodes]
     if len(algebras) == len(parts):
@@ -380,20 +411,20 @@ def _is_reversible(method: RungeKutta, order: Sequence[int]) -> bool:
     )
 
 
-def _shown(value: Entry) -> str:
+def _entry_text(value: Entry) -> str:
     return shorten(format_number(value))
 
 
 def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:
-    """Refuse values for what is no parameter."""
+    """Refuse values for names that are not parameters."""
     for name in values:
         if name not in parameters:
             known = ", ".join(parameters) or "of which there are none"
-            raise IntegratorError(f"values must be for the parameters {known}, but one was for {shorten(repr(name))}")
+            raise IntegratorError(f"values must be for the parameters {known}, but one was for {shown(name)}")
 
 
 def emit(issues: Iterable[str]) -> None:
-    """Warn of each issue, at the line that called the constructor."""
+    """Warn of each issue at the caller of the constructor."""
     for issue in issues:
         warnings.warn(issue, TableauWarning, stacklevel=3)
 
@@ -402,8 +433,8 @@ DIGITS = 10
 
 
 def tableau_text(method: RungeKutta) -> str:
-    """The nodes, a bar, the stage matrix; below a line the weights, and the embedded weights."""
-    rows = _cells(method)
+    """The tableau as text: nodes and stage matrix; below a line the weights and embedded weights."""
+    rows = _cell_texts(method)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         " │ ".join((row[0].ljust(widths[0]), "  ".join(map(str.ljust, row[1:], widths[1:])))).rstrip() for row in rows
@@ -413,31 +444,31 @@ def tableau_text(method: RungeKutta) -> str:
 
 
 def tableau_html(method: RungeKutta) -> str:
-    """The same as an HTML table."""
+    """The tableau as an HTML table."""
     rows = []
-    for i, cells in enumerate(_cells(method)):
+    for i, cells in enumerate(_cell_texts(method)):
         top = "border-top:1px solid;" if i == method.stages else ""
         first, *others = (f'<td style="{top}%stext-align:left">{cell}</td>' for cell in cells)
         rows.append("<tr>" + first % "border-right:1px solid;" + "".join(other % "" for other in others) + "</tr>")
     return f'<table style="border-collapse:collapse">{"".join(rows)}</table>'
 
 
-def _cells(method: RungeKutta) -> list[list[str]]:
-    """The tableau as text, node first; zeros on and above the diagonal of an explicit method are left out.
+def _cell_texts(method: RungeKutta) -> list[list[str]]:
+    """The entries as text, node first; explicit methods without zeros on and above the diagonal.
 
-    Published decimals, and roots of polynomials of degree above three, are shown with ten digits.
+    Published decimals, and roots of polynomials of degree above three, have ten digits.
     """
     rounds = method.digits is not None or (method.algebra is not None and method.stages > 3)
     shown = method.to_float() if rounds else method
     rows = [*zip(shown.c, shown.A, strict=True), *(("", row) for row in (shown.b, *shown.embedded))]
-    cells = [[_cell(value) for value in (first, *row)] for first, row in rows]
+    cells = [[_cell_text(value) for value in (first, *row)] for first, row in rows]
     if method.is_explicit:
         for i in range(method.stages):
             cells[i][i + 1 :] = [""] * (method.stages - i)
     return cells
 
 
-def _cell(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.{DIGITS}g}"
     return value if isinstance(value, str) else format_number(value)

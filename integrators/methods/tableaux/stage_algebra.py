@@ -1,8 +1,8 @@
-"""Methods whose nodes are the roots of a rational polynomial, held without their roots.
+"""Runge–Kutta methods on the roots of a rational polynomial, represented without the roots.
 
-Stage values g(c_1), …, g(c_s) are the polynomial g of degree < s that interpolates them, an element of Q[x]/(P) with P
-the node polynomial. The stage matrix becomes a rational matrix in the basis 1, x, …, x^(s−1), the weights a rational
-linear form, and every B-series coefficient is rational although the nodes are not.
+Stage values g(c_1), …, g(c_s) are represented by the interpolating polynomial g of degree < s, an element of Q[x]/(P)
+with the node polynomial P. The stage matrix becomes a rational matrix in the basis 1, x, …, x^(s−1), the weights a
+rational linear form, and every B-series coefficient is rational although the nodes are not.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numbers import Rational
 from operator import mul
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import MOST_DIGITS, items, read_whole
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
 from integrators.exact.polynomials import Matrix, Polynomial
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     Exact = Fraction | sympy.Expr
 
 
-MAX_DIGITS = 1000
 MAX_STAGES = 100
 
 
@@ -35,12 +34,12 @@ class StageAlgebra(ImmutableValue):
     """A Runge–Kutta method on the roots c_1 < … < c_s of a rational polynomial, as rational data.
 
     Args:
-        polynomial: the node polynomial, coefficients of 1, x, …, x^s ascending; monic, with s simple real roots.
+        polynomial: the coefficients of 1, x, …, x^s in the node polynomial, monic, with s simple real roots.
         A: s × s; A[k][l] is the coefficient of x^k in A x^l, where A g interpolates the values Σ_j a_ij g(c_j).
         b: s numbers; b[l] = Σ_i b_i c_i^l.
 
     Raises:
-        IntegratorError: the sizes differ, an entry is not rational, or a root is not real or not simple.
+        IntegratorError: sizes do not match, an entry is not rational, or a root is not real or not simple.
 
     Example:
         The implicit midpoint rule has the node 1/2, a_11 = 1/2 and b_1 = 1:
@@ -65,7 +64,7 @@ class StageAlgebra(ImmutableValue):
         if stages > MAX_STAGES:
             raise IntegratorError(f"polynomial must have degree {MAX_STAGES} at most, but has {stages}")
         if stages < 1 or nodes[-1] != 1:
-            raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _shown(nodes))
+            raise IntegratorError("polynomial must be monic of degree 1 or more, but was " + _polynomial_text(nodes))
         rows = tuple(_rationals(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1))
         if len(rows) != stages or any(len(row) != stages for row in rows):
             sizes = sorted({len(row) for row in rows})
@@ -78,9 +77,11 @@ class StageAlgebra(ImmutableValue):
             raise IntegratorError(f"b must have {stages} entries, one per root of polynomial, but had {len(weights)}")
         real, simple = polynomials.count_real_roots(nodes)
         if not simple:
-            raise IntegratorError("polynomial must have simple roots, but was " + _shown(nodes))
+            raise IntegratorError("polynomial must have simple roots, but was " + _polynomial_text(nodes))
         if real != stages:
-            raise IntegratorError(f"polynomial must have {stages} real roots, but has {real}: {_shown(nodes)}")
+            raise IntegratorError(
+                f"polynomial must have {stages} real roots, but has {real}: {_polynomial_text(nodes)}"
+            )
         self.__dict__.update(polynomial=nodes, A=rows, b=weights)
 
     @property
@@ -88,7 +89,7 @@ class StageAlgebra(ImmutableValue):
         return self.polynomial, self.A, self.b
 
     def __repr__(self) -> str:
-        return f"StageAlgebra({_shown(self.polynomial)})"
+        return f"StageAlgebra({_polynomial_text(self.polynomial)})"
 
     @property
     def stages(self) -> int:
@@ -108,7 +109,7 @@ class StageAlgebra(ImmutableValue):
         return sum((b * v for b, v in zip(self.b, g, strict=False)), Fraction(0))
 
     def moments(self, count: int) -> tuple[Fraction, ...]:
-        """The numbers Σ_i b_i c_i^k for k = 0, …, `count` − 1: the node polynomial makes them a linear recurrence."""
+        """The moments Σ_i b_i c_i^k for k < `count`, by the linear recurrence of the node polynomial."""
         found = list(self.b[:count])
         while len(found) < count:
             latest = found[-self.stages :]
@@ -128,12 +129,12 @@ class StageAlgebra(ImmutableValue):
         return tuple(value == 0 for value in self.values(gap))
 
     def is_symplectic_with(self, other: StageAlgebra) -> bool:
-        """As `RungeKutta.is_symplectic_with`, for an algebra with the same nodes; their roots are not computed.
+        """`RungeKutta.is_symplectic_with` for an algebra with the same nodes, without their roots.
 
-        It is decided for all stage values f and g at once, on the basis 1, x, …: b(f · Âg) + b(Af · g) = b(f) b(g).
+        The condition b(f · Âg) + b(Af · g) = b(f) b(g) for all stage values f and g is checked on the basis 1, x, ….
         """
         b, basis = self.b, range(self.stages)
-        moments = self.moments(2 * len(b) - 1)  # the matrix of b(f · g) has the entries b(x^(k+l))
+        moments = self.moments(2 * len(b) - 1)  # b(f · g) has the matrix b(x^(k+l))
         left, right = (
             [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
             for algebra in (other, self)
@@ -147,9 +148,9 @@ class StageAlgebra(ImmutableValue):
         return polynomials.scale(_reflect(self.polynomial), sign) == self.polynomial
 
     def is_symmetric(self) -> bool:
-        """Whether the method is its own adjoint, if its nodes are symmetric.
+        """Whether the method is its own adjoint, given symmetric nodes.
 
-        The reversal of symmetric nodes is x → 1 − x, so the condition reads ρAρ g + A g = b(g) on the basis.
+        With their reversal ρ: x → 1 − x the condition is ρAρ g + A g = b(g) on the basis.
         """
         return all(
             polynomials.add(_reflect(self.apply(_reflect(g))), self.apply(g)) == polynomials.trim([self.weigh(g)])
@@ -163,10 +164,10 @@ class StageAlgebra(ImmutableValue):
 
     @cached_property
     def _dual(self) -> tuple[Polynomial, ...]:
-        """The inverse Vandermonde matrix: polynomials D_l with Σ_j D_l(c_j) g(c_j) = the coefficient of x^l in g.
+        """The inverse Vandermonde matrix: polynomials D_l for which Σ_j D_l(c_j) g(c_j) is the coefficient of x^l in g.
 
-        Lagrange's basis polynomial is (P(x) − P(c_j)) / ((x − c_j) P'(c_j)). Divided out, its numerator has the
-        coefficients Σ_{m>l} p_m c_j^(m−l−1), and 1/P' is a polynomial modulo P.
+        The Lagrange polynomial (P(x) − P(c_j)) / ((x − c_j) P'(c_j)) has the coefficients
+        Σ_{m>l} p_m c_j^(m−l−1) / P'(c_j), and 1/P' is a polynomial modulo P.
         """
         p = self.polynomial
         inverse = polynomials.invert(polynomials.derivative(p), p)
@@ -174,7 +175,7 @@ class StageAlgebra(ImmutableValue):
 
     @cached_property
     def _entry_polynomials(self) -> tuple[tuple[Polynomial, ...], Polynomial]:
-        """Rational R and S with a_ij = Σ_k R[k](c_j) c_i^k and b_j = S(c_j)."""
+        """Rational polynomials R and S with a_ij = Σ_k R[k](c_j) c_i^k and b_j = S(c_j)."""
         return tuple(self._combine(row) for row in self.A), self._combine(self.b)
 
     def _combine(self, factors: Sequence[Fraction]) -> Polynomial:
@@ -187,10 +188,10 @@ class StageAlgebra(ImmutableValue):
         return polynomials.real_roots(self.polynomial, digits)
 
     def _approximate_tableau(self, digits: int) -> tuple[Matrix, tuple[Fraction, ...], tuple[Fraction, ...]]:
-        """A, b, c within 10^-digits, in integers: a fixed number of binary places, and one denominator."""
+        """A, b, c within 10^-digits, in fixed-point arithmetic with a common denominator."""
         rows, weights = self._entry_polynomials
         nodes = self._approximate_nodes(20)
-        # An error ε in the nodes, or of rounding, changes an entry by at most 4 s ε Σ|R| (1 + |c|)^(2s).
+        # An error ε in the nodes or of rounding changes an entry by at most 4 s ε Σ|R| (1 + |c|)^(2s).
         size = sum((abs(value) for row in (*rows, weights) for value in row), Fraction(1))
         size *= 4 * self.stages * (1 + max(map(abs, nodes))) ** (2 * self.stages)
         digits_inside = digits + len(str(int(size)))
@@ -212,27 +213,27 @@ class StageAlgebra(ImmutableValue):
         """The nodes c_1 < … < c_s to a number of decimals.
 
         Args:
-            digits: decimals wanted.
+            digits: the number of decimals.
 
         Returns:
             One mpmath number per node.
         """
-        return _decimals(self._approximate_nodes(_checked_digits(digits)), digits)
+        return _decimals(self._approximate_nodes(_read_digits(digits)), digits)
 
     def tableau_decimal(self, digits: int = 50) -> tuple[tuple[tuple[Any, ...], ...], Any, Any]:
         """The tableau (A, b, c) to a number of decimals.
 
         Args:
-            digits: decimals wanted.
+            digits: the number of decimals.
 
         Returns:
             The matrix by rows, the weights and the nodes as mpmath numbers.
         """
-        a, b, c = self._approximate_tableau(_checked_digits(digits) + 3)
+        a, b, c = self._approximate_tableau(_read_digits(digits) + 3)
         return tuple(_decimals(row, digits) for row in a), _decimals(b, digits), _decimals(c, digits)
 
     def tableau_float(self) -> tuple[tuple[tuple[float, ...], ...], tuple[float, ...], tuple[float, ...]]:
-        """The tableau (A, b, c) in double precision, each entry rounded from a value within 10^-40."""
+        """The tableau (A, b, c) in doubles, each rounded from a value within 10^-40."""
         a, b, c = self._approximate_tableau(40)
         return tuple(tuple(map(float, row)) for row in a), tuple(map(float, b)), tuple(map(float, c))
 
@@ -300,7 +301,7 @@ def _horner(coefficients: Sequence[int], point: int, places: int) -> int:
 
 
 def _entry(rows: Sequence[Polynomial], first: tuple[Exact, Polynomial], second: tuple[Exact, Polynomial]) -> Exact:
-    """The number Σ_k rows[k](y) x^k at the nodes x and y, reduced by their minimal polynomials beforehand."""
+    """The number Σ_k rows[k](y) x^k at the nodes x and y, after reduction by their minimal polynomials."""
     (x, minimal_x), (y, minimal_y) = first, second
     if x is y:
         total: Polynomial = ()
@@ -314,7 +315,7 @@ def _entry(rows: Sequence[Polynomial], first: tuple[Exact, Polynomial], second: 
 
 
 def _value(columns: Sequence[Polynomial], y: Exact, x: Exact) -> Exact:
-    """The number Σ_l columns[l](x) y^l, written out as a sum."""
+    """The number Σ_l columns[l](x) y^l, as an expanded sum."""
     terms = [(a, k, level) for level, column in enumerate(columns) for k, a in enumerate(column) if a]
     if (isinstance(x, Fraction) or not any(k for _, k, _ in terms)) and (
         isinstance(y, Fraction) or not any(level for _, _, level in terms)
@@ -332,7 +333,7 @@ def _value(columns: Sequence[Polynomial], y: Exact, x: Exact) -> Exact:
 
 
 def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
-    """The roots of an irreducible polynomial: in radicals where square roots do, else as ``CRootOf``."""
+    """The roots of an irreducible polynomial: in square roots if possible, else as ``CRootOf``."""
     import sympy
 
     degree = len(minimal) - 1
@@ -350,27 +351,23 @@ def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
 
 
 def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
-    """The values as `Fraction`s; only exact rationals are taken."""
+    """The values as `Fraction`s; anything but exact rationals is refused."""
     numbers = []
     for k, value in enumerate(items(values, argument)):
         if isinstance(value, bool) or not isinstance(value, Rational):
-            raise IntegratorError(
-                f"{argument} must hold integers and fractions, but entry {k + 1} was {shorten(repr(value))}"
-            )
+            raise IntegratorError(f"{argument} must hold integers and fractions, but entry {k + 1} was {shown(value)}")
         numbers.append(Fraction(int(value.numerator), int(value.denominator)))
     return tuple(numbers)
 
 
-def _shown(p: Polynomial) -> str:
+def _polynomial_text(p: Polynomial) -> str:
     """A polynomial as text, shortened."""
     text = " + ".join(f"{a}*x^{k}" if k else str(a) for k, a in enumerate(p) if a) or "0"
     return shorten(text)
 
 
-def _checked_digits(digits: int) -> int:
-    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
-        raise IntegratorError(f"digits must be an integer from 1 to {MAX_DIGITS}, but was {shorten(repr(digits))}")
-    return digits
+def _read_digits(digits: int) -> int:
+    return read_whole(digits, "digits", f"an integer from 1 to {MOST_DIGITS}", 1, MOST_DIGITS)
 
 
 def _decimals(values: Sequence[Fraction], digits: int) -> tuple[Any, ...]:

@@ -1,4 +1,4 @@
-"""From what a user gives to rows of exact entries: shapes, sizes, names and numbers are checked here."""
+"""Reading of tableaux and coefficient rows: checks of shapes, sizes, names and numbers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ from integrators.methods.program.program import MAX_STAGES
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
 
-    Row = tuple[Entry, ...]
-    from integrators.exact.entries import Entry
-
     EntryRow = tuple[Entry, ...]
     Matrix = tuple[EntryRow, ...]
 
 
 def read_tableau(
     A: Any, b: Any, c: Any, embedded: Any, parameters: Iterable[str], digits: int | None
-) -> tuple[tuple[Row, ...], Row, Row | None, tuple[Row, ...]]:
-    """The stage matrix, the weights, the nodes (None if not given) and the embedded weights, in one domain."""
+) -> tuple[tuple[EntryRow, ...], EntryRow, EntryRow | None, tuple[EntryRow, ...]]:
+    """The stage matrix, weights, nodes (None if not given) and embedded weights of a tableau, in one domain."""
     names = check_names(parameters, "parameters")
     raw = [items(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1)]
     _check_square(raw)
@@ -52,18 +49,15 @@ def _check_square(rows: Sequence[Sequence[Any]]) -> None:
     for i, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
             raise IntegratorError(
-                f"A must be square, but row {i} has {_entries(row)} and row 1 has {_entries(rows[0], noun='')}"
+                f"A must be square, but row {i} has {_entry_count(len(row))} and row 1 has {len(rows[0])}"
             )
     if len(rows[0]) != stages:
-        raise IntegratorError(f"A must be square, but has {stages} row{'s' * (stages > 1)} of {_entries(rows[0])}")
+        raise IntegratorError(
+            f"A must be square, but has {stages} row{'s' * (stages > 1)} of {_entry_count(len(rows[0]))}"
+        )
 
 
-def _entries(row: Sequence[Any], noun: str = "entries") -> str:
-    noun = "entry" if noun and len(row) == 1 else noun
-    return f"{len(row)} {noun}".strip()
-
-
-def _read_row(values: Any, argument: str, stages: int, names: Iterable[str]) -> Row:
+def _read_row(values: Any, argument: str, stages: int, names: Iterable[str]) -> EntryRow:
     row = items(values, argument)
     if len(row) != stages:
         raise IntegratorError(f"{argument} must have as many entries as A has rows, {stages}, but has {len(row)}")
@@ -71,14 +65,14 @@ def _read_row(values: Any, argument: str, stages: int, names: Iterable[str]) -> 
 
 
 def _embedded_rows(embedded: Any) -> list[Any]:
-    """One row of weights or several, as several."""
+    """A sequence of rows, given as one row or several."""
     rows = [] if embedded is None else items(embedded, "embedded")
     single = rows and (isinstance(rows[0], str) or not isinstance(rows[0], Iterable))
     return [rows] if single else rows
 
 
-def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
-    """The rows as they are if exact; one float makes all of them floats."""
+def _in_one_domain(rows: list[EntryRow], digits: int | None) -> list[EntryRow]:
+    """The rows; a single float makes all entries floats."""
     check_digits(digits)
     values = [value for row in rows for value in row]
     domain = find_domain(values)
@@ -92,7 +86,7 @@ def _in_one_domain(rows: list[Row], digits: int | None) -> list[Row]:
 
 
 def in_color_order(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of parts in the order of their colours: the blocks p and q in this order, other names as they come."""
+    """Names of parts in the order of their colours: p before q, other names in the given order."""
     given = tuple(names)
     return ("p", "q") if set(given) == {"p", "q"} else given
 
@@ -101,16 +95,13 @@ def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: in
     """A row of entries.
 
     Args:
-        values: a sequence or array of what `read_entry` takes.
-        argument: what a message calls the row.
-        names: symbols that formulas may use.
-        count: how many entries it must have; None: one or more.
-
-    Returns:
-        The entries.
+        values: a sequence or array of arguments of `read_entry`.
+        argument: the name of the row in messages.
+        names: symbols allowed in formulas.
+        count: the number of entries; None for one or more.
 
     Raises:
-        IntegratorError: `values` is no sequence, has another length, or holds what is no entry.
+        IntegratorError: `values` is not a sequence, has another length, or has an invalid entry.
     """
     row = items(values, argument)
     if count is not None and len(row) != count:
@@ -121,7 +112,7 @@ def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: in
 
 
 def read_matrix(values: Any, argument: str, names: Iterable[str] = (), *, rows: int, columns: int) -> Matrix:
-    """A matrix of entries, by rows, as `read_row`."""
+    """A matrix of entries, by rows, each read by `read_row`."""
     found = items(values, argument)
     if len(found) != rows:
         raise IntegratorError(f"{argument} must have {rows} row{'s' * (rows > 1)}, but has {len(found)}")
@@ -129,7 +120,7 @@ def read_matrix(values: Any, argument: str, names: Iterable[str] = (), *, rows: 
 
 
 def check_triangular(matrix: Matrix, argument: str, *, strictly: bool) -> None:
-    """Refuse entries above the diagonal, and `strictly` those on it."""
+    """Refuse nonzero entries above the diagonal, or on and above it if `strictly`."""
     for i, row in enumerate(matrix):
         for j in range(i + (not strictly), len(row)):
             if row[j] != 0:

@@ -1,4 +1,4 @@
-"""Options of built-in scenes: numbers of particles, temperatures, masses, positions."""
+"""Exact options of built-in scenes: counts, positive numbers, rows of numbers."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ LARGEST = 10**100
 
 
 def read_count(value: Any, argument: str, least: int, most: int) -> int:
-    """A whole number within limits.
-
-    Raises:
-        IntegratorError: It is none.
+    """A whole number within limits, given as a number or as text.
 
     Example:
         >>> read_count("9", "particles", 2, 1000)
@@ -31,10 +28,7 @@ def read_count(value: Any, argument: str, least: int, most: int) -> int:
 
 
 def read_positive(value: Any, argument: str, *, or_zero: bool = False) -> sympy.Expr:
-    """An exact positive number (or zero, if that will do) whose squares and products are doubles.
-
-    Raises:
-        IntegratorError: It is none.
+    """An exact positive number, or zero where allowed, whose squares and products are in the range of doubles.
 
     Example:
         >>> read_positive(0.1, "sigma")
@@ -49,11 +43,7 @@ def read_positive(value: Any, argument: str, *, or_zero: bool = False) -> sympy.
 
 
 def read_rows(value: Any, argument: str, count: int) -> list[tuple[sympy.Expr, ...]]:
-    """A row of exact numbers for each of `count` bodies.
-
-    Raises:
-        IntegratorError: The number of rows is another one, or an entry is no number.
-    """
+    """A row of exact numbers for each of `count` bodies."""
     rows = [items(row, f"row {k} of {argument}") for k, row in enumerate(items(value, argument), 1)]
     if len(rows) != count:
         raise IntegratorError(f"{argument} must have a row for each of the {count} bodies, but had {len(rows)} rows")

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
 from integrators import method as catalogue_method
-from integrators.core.text_files import MAX_BYTES, replacing
+from integrators.core.text_files import MAX_BYTES, atomic_write, replacing
 from integrators.methods.tableaux import files as module
-from integrators.methods.tableaux.files import atomic_write, dumps_method, loads_method, save_method
+from integrators.methods.tableaux.files import dumps_method, loads_method, save_method
 
 HEUN = RungeKutta([[0, 0], [1, 0]], ["1/2", "1/2"], name="heun2", reference="Heun 1900")
 GAUSS2 = RungeKutta([["1/4", "1/4 - sqrt(3)/6"], ["1/4 + sqrt(3)/6", "1/4"]], ["1/2", "1/2"])

@@ -13,7 +13,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from integrators import IntegratorError, RungeKutta, StageAlgebra
+from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra
 from integrators.exact import polynomials as poly
 
 
@@ -258,6 +258,19 @@ def test_close_roots_are_told_apart():
     found = poly.real_roots(near, 60)
     assert len(set(found)) == 4
     assert all(abs(abs(float(root)) - 2**0.5) < 1e-15 for root in found)
+
+
+@pytest.mark.parametrize("decimals", [5, 30])
+def test_rational_programs_are_near_the_tableau(decimals):
+    irrational, rational = RungeKutta.from_algebra(gauss(2)), RungeKutta([["1/4", 0], ["1/2", "1/4"]], ["1/2", "1/2"])
+    pair = PartitionedRungeKutta({"p": irrational, "q": rational}).rational_program(decimals)
+    for program, count in ((irrational.rational_program(decimals), 1), (pair, 2)):
+        assert program.domain == "QQ"
+        for i, row in enumerate(irrational.A):
+            terms = program.evaluations[count * i].at.terms
+            assert all(abs(sympy.N(terms[count * j] - a, 40)) < 10**-decimals for j, a in enumerate(row))
+    assert [pair.evaluations[e].at.terms.get(3, 0) for e in (0, 2)] == [0, Fraction(1, 4)]
+    assert rational.rational_program(decimals) is rational.program
 
 
 matrices = st.integers(1, 4).flatmap(
