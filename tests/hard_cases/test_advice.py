@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.prediction import perturbation_run as pilots
+from bseries.advice.prediction import perturbation_run as runs_module
 
 COMET = bs.scene("kepler", eccentricity="0.999")
 PENDULUM, RICCATI, STIFF = bs.scene("pendulum"), bs.scene("riccati"), bs.scene("van-der-pol")
@@ -42,7 +42,7 @@ def beside(distance):
 @pytest.fixture(autouse=True)
 def same_pilots(monkeypatch):
     """Pilots of the same length however busy the machine is."""
-    monkeypatch.setattr(pilots, "SECONDS", 1e9)
+    monkeypatch.setattr(runs_module, "SECONDS", 1e9)
 
 
 def predicted(scene, method, h, steps, **options):

@@ -1,4 +1,4 @@
-"""The diagram of work and precision: a panel for each measure, CPU time against the error."""
+"""Work–precision diagram: a panel for each error measure, with CPU time against the error."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from bseries.advice.work_precision.curves import Curve
     from bseries.advice.work_precision.precision_curves import WorkPrecision
-    from bseries.advice.work_precision.sweeps import Curve
 
 
 class Label(NamedTuple):
-    """A name, its colour, and the point where its curve ends."""
+    """A name, its colour, and the end of its curve."""
 
     text: str
     colour: str
@@ -25,13 +25,13 @@ class Label(NamedTuple):
 
 
 def label_ends(panel: Axes, labels: Sequence[Label], *, least: float = 0.036, size: float = 8) -> None:
-    """Write names on the right of a panel, with thin lines to the ends of their curves.
+    """Write names to the right of a panel, with thin lines to the ends of their curves.
 
     Args:
-        panel: The panel, with its curves and scales.
+        panel: The panel, with its curves and scales set.
         labels: The names.
-        least: The least distance of two of them, in heights of the panel.
-        size: The size of the letters, in points.
+        least: The least distance of two names, relative to the height of the panel.
+        size: The font size in points.
     """
     panel.autoscale_view()
     to_panel = panel.transData + panel.transAxes.inverted()
@@ -54,13 +54,13 @@ def label_ends(panel: Axes, labels: Sequence[Label], *, least: float = 0.036, si
                 "alpha": 0.6,
                 "shrinkA": 2,
                 "shrinkB": 2,
-                "relpos": (0, 0.5),  # from the left, so that no line crosses a name
+                "relpos": (0, 0.5),  # from the left edge of the name
             },
         )
 
 
 def spread(heights: Sequence[float], least: float) -> list[float]:
-    """Ascending heights moved apart to a least distance, each run of close ones about its mean.
+    """Ascending heights moved apart to a least distance, each group about its mean.
 
     Example:
         >>> [round(height, 2) for height in spread([0.1, 0.5, 0.5, 0.51], 0.1)]
@@ -87,7 +87,7 @@ COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
 WIDTH, HEIGHT = 15.0, 7.5
-"""Of a panel, in centimetres."""
+"""Size of a panel, in centimetres."""
 LABEL_SIZE, LABEL_DISTANCE = 7, 0.055
 LEGEND = "strong lines: the cheapest method for some error"
 AXES = {
@@ -96,13 +96,13 @@ AXES = {
     "modified-energy": "largest change of the modified energy, relative to it",
 }
 LOOKS = 50
-"""For so many errors the cheapest method is found."""
+"""Number of errors for which the cheapest method is found."""
 BEYOND = 10.0
-"""What the axis shows beyond the errors of interest, on both sides."""
+"""Factor by which the axis exceeds the errors of interest, on both sides."""
 
 
 def draw(found: WorkPrecision) -> Figure:
-    """Draw what was measured.
+    """Draw the measurements.
 
     Of a method the rows are shown that no other of it beats; methods that are the cheapest for some error are strong.
     """
@@ -136,7 +136,7 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
 
 
 def _cheapest(found: WorkPrecision, measure: str) -> set[str]:
-    """The methods that are the cheapest for some error of interest."""
+    """The methods that are cheapest for some error of interest."""
     loosest, finest = found.errors
     best = set[str]()
     for k in range(LOOKS + 1):
@@ -147,12 +147,12 @@ def _cheapest(found: WorkPrecision, measure: str) -> set[str]:
 
 
 def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tuple[float, float]]:
-    """The points of a curve that the axis shows."""
+    """The points of a curve within the limits."""
     return [(error, seconds) for error, seconds in curve.front(measure) if limits[1] <= error <= limits[0]]
 
 
 def _look(k: int, colour: str, strong: bool) -> dict[str, Any]:
-    """How the k-th curve looks."""
+    """The plot style of the k-th curve."""
     dash, marker = DASHES[k // len(COLOURS) % len(DASHES)], MARKERS[k % len(MARKERS)]
     look = {"color": colour, "linestyle": dash, "marker": marker}
     if strong:

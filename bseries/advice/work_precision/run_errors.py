@@ -1,4 +1,4 @@
-"""What a run gets wrong: its energy, its modified energy, and its solution, looked at many times on the way."""
+"""Measured errors of runs: of the solution, the energy and the modified energy, observed many times."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ if TYPE_CHECKING:
 
 UNSOLVED = "did not converge"
 LOOKS = 400
-"""How often the solution and the modified energy are looked at."""
+"""Number of observations of the solution and the modified energy."""
 ENERGY_LOOKS = 4000
 ORDERS = {2: 5, 4: 7, 6: 7}
-"""For methods of an order, that of the modified Hamiltonian: beyond, compiling takes longer than all runs."""
+"""The order of the modified Hamiltonian by that of the method; with more terms compilation would dominate."""
 MOST_ORDER = 7
 
 
 class RunErrors(NamedTuple):
-    """The errors of a run; None for what was not, or could not be, measured.
+    """The errors of a run; None for those not measured.
 
     Attributes:
-        solution: The largest distance from the reference solution, in parts of the largest size of the state.
-        energy: The largest |H − H(y₀)|, in parts of |H(y₀)| if that is not zero but for rounding.
-        modified_energy: The same of the truncated modified Hamiltonian.
-        modified_order: The number of its terms that was best.
-        courses: By the name of the measure, at equidistant times from 0 on and in the same parts: the distances from
-            the reference, and the changes of the energies.
-        seconds: CPU time of the run, looks included.
-        failure: Why the run did not come to its end; None if it did.
+        solution: The largest distance from the reference solution, relative to the largest norm of the state.
+        energy: The largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding.
+        modified_energy: The same for the truncated modified Hamiltonian.
+        modified_order: The number of its terms with the least change.
+        courses: By measure, at equidistant times from 0 on: the relative distances from the reference, and the
+            relative changes of the energies.
+        seconds: CPU time of the run with its observations.
+        failure: The reason why the run ended early; None if it did not.
     """
 
     solution: float | None = None
@@ -69,18 +69,23 @@ class RunErrors(NamedTuple):
         """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
         return None if self.failure else getattr(self, measure.replace("-", "_"))
 
+    @property
+    def is_unsolved(self) -> bool:
+        """Whether the run failed since stages could not be solved for."""
+        return self.failure is not None and UNSOLVED in self.failure
+
 
 class Judge:
-    """Runs methods on a scene from its start, over one span, and says how wrong they are.
+    """Measurement of errors: runs of methods on a scene from its start over one span.
 
     Args:
         scene: The scene.
-        span: How long runs are.
-        measures: What of `MEASURES` is measured.
+        span: The length of runs.
+        measures: The errors to measure, of `MEASURES`.
 
     Attributes:
-        reference: The reference solution; None if the solution is not measured or there is none.
-        problem: Why there is none.
+        reference: The reference solution; None if the solution is not measured or has no reference.
+        problem: The reason why there is none.
 
     Example:
         >>> import bseries as bs
@@ -105,7 +110,7 @@ class Judge:
 
     @property
     def available(self) -> tuple[str, ...]:
-        """The measures that can be had on this scene."""
+        """The errors that can be measured on this scene."""
         has = {"solution": self.reference is not None, "energy": self._has_energy, "modified-energy": self._has_energy}
         return tuple(measure for measure in self.measures if has[measure])
 
@@ -118,12 +123,12 @@ class Judge:
         return energy_size(self.scene, self.y0)
 
     def run(self, candidate: Candidate, steps: int) -> RunErrors:
-        """Run a method with so many steps."""
+        """Run a method with a number of steps and measure its errors."""
         h, began = self.span / steps, thread_time()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # what is not finite is said here
-                run = self._made(candidate, h, steps)
+                warnings.simplefilter("ignore", RuntimeWarning)  # reported as a failure instead
+                run = self._run(candidate, h, steps)
         except StepError as error:
             reason = UNSOLVED if UNSOLVED in str(error) else "did not end in finite numbers"
             return RunErrors(seconds=thread_time() - began, failure=f"step {error.step} of {steps} {reason}")
@@ -146,14 +151,14 @@ class Judge:
         return RunErrors(solution, energy, modified_energy, order, kept, seconds)
 
     def drifts(self, candidate: Candidate, steps: int) -> bool:
-        """Whether the energy may drift in runs of a method: unless the first modified terms are Hamiltonian.
+        """Whether the energy may drift in runs of a method, by the first terms of the modified equation.
 
-        Where these cannot be had it may. A modifying integrator drifts if its basic method does, as the modified
+        It may if these cannot be computed. A modifying integrator drifts if its basic method does, since the modified
         and the modifying equation have the same structure.
 
         Args:
             candidate: The method.
-            steps: The number of steps of a run, at whose states terms are looked at.
+            steps: The number of steps of a run whose states the terms are evaluated at.
         """
         import numpy as np
 
@@ -161,13 +166,13 @@ class Judge:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")  # terms that are not finite are not Hamiltonian
                 terms = modified_terms(candidate.method, self.scene)
-                y = self._made(candidate, self.span / steps, steps).y[: self.scene.dimension]
+                y = self._run(candidate, self.span / steps, steps).y[: self.scene.dimension]
                 return may_drift(terms, y)
         except (SeriesError, IntegratorError):
             return True
 
     def growth(self, times: float) -> float | None:
-        """How many times as large the solution gets in so many times the span; None if that cannot be told."""
+        """The factor by which the solution grows in a multiple of the span; None if unknown."""
         import numpy as np
 
         if self.reference is None:
@@ -176,7 +181,13 @@ class Judge:
         later, now = (size_of_states_after(y, factor) for factor in (times, 1.0))
         return later.value / now.value if later.disagreement <= EVEN else None
 
-    def _made(self, candidate: Candidate, h: float, steps: int) -> Trajectory:
+    def states(self, candidate: Candidate, steps: int) -> np.ndarray:
+        """The states (variables, n) of a run at equidistant times, without the time."""
+        work, every = self.work(candidate, steps), _every(steps, LOOKS)
+        run = integrate(work.scene, work.method, h=work.h, steps=steps, y0=work.y0, save_every=every, **work.options)
+        return without_time(self.scene, run.y[: self.scene.dimension, : 1 + steps // every])
+
+    def _run(self, candidate: Candidate, h: float, steps: int) -> Trajectory:
         return integrate(
             candidate.scene,
             candidate.method,
@@ -190,13 +201,13 @@ class Judge:
         )
 
     def work(self, candidate: Candidate, steps: int) -> Work:
-        """The steps of such a run, to be timed."""
+        """The steps of a run, for timing."""
         h = self.span / steps
         y0, options = candidate.start(self.y0, h), {"solver": candidate.solver}
         return Work(candidate.scene, candidate.method, h, y0, options, steps)
 
     def _distances(self, t: np.ndarray, y: np.ndarray, reference: DenseReference) -> np.ndarray:
-        """The errors of the solution."""
+        """Relative distances of the solution from the reference."""
         import numpy as np
 
         with np.errstate(over="ignore", invalid="ignore"):
@@ -204,7 +215,7 @@ class Judge:
             return relative_distances(states, exact, reference.size)
 
     def _modified(self, candidate: Candidate, y: np.ndarray, h: float) -> tuple[np.ndarray | None, int | None]:
-        """The changes of the modified energy, and the number of its terms that was best."""
+        """The changes of the modified energy with the best number of terms, and this number."""
         import numpy as np
 
         energy = self.modified_energy(candidate)
@@ -221,14 +232,14 @@ class Judge:
         return changes[best], best + 1
 
     def modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
-        """The modified Hamiltonian of a method, if it has one that is quick to compile."""
+        """The modified Hamiltonian of a method; None if it has none that compiles quickly."""
         if "modified-energy" not in self.available or candidate.is_modifying:
             return None
         return _modified_energy(candidate)
 
 
 def _every(steps: int, looks: int) -> int:
-    """How many steps there are from one look to the next."""
+    """The number of steps between observations."""
     return max(1, steps // looks)
 
 
@@ -242,8 +253,7 @@ def _modified_energy(candidate: Candidate) -> ModifiedHamiltonian | None:
 
 
 def _order(method: Method) -> int:
-    """The order as far as it matters; that of the catalogue if there is one, for decimals are slow to check."""
-
+    """The order of a method up to `MOST_ORDER`; that of the catalogue if it has one, as decimals are slow to check."""
     claims = {entry.name: entry.order for entry in catalogue() if isinstance(entry.order, int)}
     claim = claims.get(method.name)
     return claim if claim and named(method.name) == method else order_of(method, MOST_ORDER)
