@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
     """∫ U‴ U′² dq over a period of the potential U of a scene H = T(p) + U(q) with one degree of freedom.
 
-    With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′²,
-    so that with every forward turn the modified Hamiltonian of the symplectic method, and the energy, gain −h⁴α²/2
-    times this integral to leading order. Where it is not zero, energy drifts on rotating orbits.
+    With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′². In
+    every forward period the modified Hamiltonian of the symplectic method, and the energy, therefore gain −h⁴α²/2 times
+    this integral to leading order. If it is not zero, the energy drifts on rotating orbits.
 
     Args:
-        scene: The scene; parameters may be symbols (a period 2π/k is followed as if k were positive).
+        scene: The scene; parameters may be symbols (for a period 2π/k with k taken as positive).
 
     Returns:
         The integral, exact.
 
     Raises:
-        SeriesError: The scene is not of this kind, or no rule integrates the formula.
+        SeriesError: The scene is not of this kind, or the formula cannot be integrated.
 
     Example:
         >>> import bseries as bs
@@ -55,7 +55,7 @@ def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
 
 
 def _potential(scene: Scene) -> tuple[Any, sympy.Symbol]:
-    """U, and q."""
+    """U and q."""
     energy = scene.hamiltonian
     if energy is None or scene.poisson is not None or scene.dimension != 2:
         raise SeriesError(f"scene must be canonical with one degree of freedom, but {scene.name} is not")
