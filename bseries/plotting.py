@@ -22,11 +22,7 @@ FORMATS: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {
 
 
 def check_format(format_: str, argument: str) -> str:
-    """The name of a format, checked.
-
-    Raises:
-        SeriesError: The format is unknown.
-    """
+    """The name of a format, checked."""
     if format_.lower() not in FORMATS:
         raise SeriesError(f"{argument} must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
     return format_.lower()
@@ -38,19 +34,12 @@ def picture_format(path: str, argument: str = "output") -> str:
     Args:
         path: The path.
         argument: The name of the path in messages.
-
-    Raises:
-        SeriesError: The extension is unknown.
     """
     return check_format(os.path.splitext(path)[1].removeprefix("."), f"the ending of the {argument} {path!r:.60}")
 
 
 def check_place(path: str, argument: str) -> None:
-    """Check that a file can be written, before the computation.
-
-    Raises:
-        SeriesError: The path is a folder, or its folder does not exist.
-    """
+    """Check that a file can be written, before the computation."""
     if os.path.isdir(path) or not os.path.isdir(os.path.dirname(os.path.abspath(path))):
         raise SeriesError(f"{argument} must be a file in a folder that is there, but was {path!r:.60}")
 

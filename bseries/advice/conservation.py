@@ -71,10 +71,6 @@ PERIOD = 64
 def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
     """Whether conserved quantities may drift, by the first terms of the modified equation.
 
-    Args:
-        terms: The terms.
-        y: States (variables, n) that cover the orbit.
-
     Example:
         >>> import bseries as bs
         >>> from bseries.advice.modified_terms import modified_terms
@@ -96,11 +92,6 @@ def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
 
 def energy_rate_nearby(terms: ModifiedTerms, y: np.ndarray, h: float) -> float:
     """The rate of energy change near an orbit; on special orbits such as circles it may vanish by symmetry.
-
-    Args:
-        terms: The terms.
-        y: States (variables, n) along the orbit.
-        h: The step size.
 
     Returns:
         The largest rate at some states; 0 if the terms conserve the energy, or there is none.

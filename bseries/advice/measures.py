@@ -17,10 +17,6 @@ EFFECT_MEASURES = (SOLUTION, ENERGY)
 def check_measure(measure: Any, known: tuple[str, ...]) -> str:
     """The name of a measure, with - or _, checked.
 
-    Args:
-        measure: The name given.
-        known: The possible names.
-
     Raises:
         IntegratorError: The name is unknown.
 

@@ -55,10 +55,6 @@ class ModifiedTerms(NamedTuple):
         Since variables may differ in size by many powers of ten, each has its own shift; with the shifts in a diagonal
         matrix D the entries of D H D are comparable.
 
-        Args:
-            y: The states, (variables, n).
-            powers: The powers of h of these terms.
-
         Example:
             >>> import bseries as bs, numpy as np
             >>> states = np.random.default_rng(1).normal(size=(2, 100))
@@ -122,13 +118,13 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
         >>> [modified_terms(bs.method(name), bs.scene("kepler")).powers for name in ("rk4", "gauss2", "yoshida6")]
         [(4, 5, 6), (4, 6), (6, 8)]
     """
-    exact = _is_rational(method)
+    exact = getattr(method, "algebra", None) is not None or (method.domain == "QQ" and method.digits is None)
     plain = method if exact else in_floats(method)
     for order in ORDERS:
         field = modified_field(plain, scene, order, parts=parts)
         _check_consistent(field, method)
         powers = _powers(field, exact)
-        if powers or not _has_trees(field, order):
+        if powers or not len(field.trees.table.ids(order)):
             wanted = _enough(plain, powers[0]) if powers else order
             if wanted != order:
                 field = modified_field(plain, scene, wanted, parts=parts)
@@ -215,18 +211,8 @@ def _enough(method: Method, first: int) -> int:
     return max([order, *(found.order + 2 for found in breaks if order <= found.order < FARTHEST)])
 
 
-def _is_rational(method: Method) -> bool:
-    """Whether the series of a method has rational coefficients."""
-    return getattr(method, "algebra", None) is not None or (method.domain == "QQ" and method.digits is None)
-
-
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
     """The powers of h, from 1 on, with nonzero coefficients."""
     values, table = field.weights, field.trees.table
     least = 0.0 if exact else NOISE
     return tuple(n - 1 for n in range(2, field.order + 1) if any(abs(values[at]) > least for at in table.ids(n)))
-
-
-def _has_trees(field: SceneSeries, order: int) -> bool:
-    """Whether the scene has trees of an order."""
-    return len(field.trees.table.ids(order)) > 0

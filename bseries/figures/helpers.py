@@ -16,22 +16,14 @@ if TYPE_CHECKING:
 
 
 def check_number(value: Any, argument: str, least: float, most: float) -> float:
-    """A number within bounds, as a double.
-
-    Raises:
-        SeriesError: It is not.
-    """
+    """A number within bounds, as a double."""
     if not (_is_a(Real, value) and least <= value <= most):
         raise SeriesError(f"{argument} must be a number from {least:g} to {most:g}, but was {value!r:.60}")
     return float(value)
 
 
 def check_count(value: Any, argument: str, least: int, most: int) -> int:
-    """A whole number within bounds.
-
-    Raises:
-        SeriesError: It is not.
-    """
+    """A whole number within bounds."""
     if not (_is_a(Integral, value) and least <= value <= most):
         raise SeriesError(f"{argument} must be a whole number from {least} to {most}, but was {value!r:.60}")
     return int(value)

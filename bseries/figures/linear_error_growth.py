@@ -166,8 +166,8 @@ def _draw_curves(
 ) -> None:
     rows = logarithmic_indices(len(numbers.t), SHOWN)
     names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))
-    looks = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
-    for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, looks, strict=True):
+    styles = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
+    for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, styles, strict=True):
         exponent = growth_exponent(numbers.t, curve, FIT_FROM, SPAN, SHOWN)
         label = f"{name}: $t^{{{exponent:.2f}}}$"
         axes.loglog(numbers.t[rows], curve[rows], linestyle=dashes, color=colour, label=label)

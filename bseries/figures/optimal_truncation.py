@@ -156,8 +156,8 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
 
     left, middle, right = figure.subplots(1, 3)
     _draw_errors(left, numbers.pendulum)
-    looks = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
-    for found, (label, marker, colour) in zip(numbers, looks, strict=True):
+    styles = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
+    for found, (label, marker, colour) in zip(numbers, styles, strict=True):
         middle.semilogy(found.x, found.least, marker, color=colour, label=label)
         right.plot(found.x, found.expected, marker, color=colour, fillstyle="none", markersize=6, label="smallest term")
         right.plot(found.x, found.best, marker, color=colour, label="least error")

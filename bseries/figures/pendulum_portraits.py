@@ -141,10 +141,10 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
         axes.plot(*_seen(np.full(POINTS, p), q), **edge, alpha=alpha)
     for side in (-np.pi / 2, np.pi / 2):
         axes.plot(*_seen(np.array([-TOP, TOP]), np.full(2, side)), **edge)
-    for (p, q), look in zip(runs, _looks(), strict=False):
+    for (p, q), style in zip(runs, _styles(), strict=False):
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
-            axes.plot(*_seen(p[visible], q[visible]), **look, alpha=1 if is_front else BEHIND)
+            axes.plot(*_seen(p[visible], q[visible]), **style, alpha=1 if is_front else BEHIND)
     background = {"facecolor": WHITE, "edgecolor": "none", "pad": 1}
     axes.text(0, 0.5 - TOP, "$q = 0$ in front", fontsize=7, ha="center", va="top", bbox=background)
     axes.set(xticks=[], yticks=[-2, -1, 0, 1, 2])  # at the sides, where q = ±π/2, the height is p
@@ -164,13 +164,13 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder cut open."""
     for p, q in levels:
         axes.plot(q, p, color=GREY, linewidth=0.8)
-    for (p, q), look in zip(runs, _looks(), strict=False):
-        axes.plot(reduced_angle(q), p, **look)
+    for (p, q), style in zip(runs, _styles(), strict=False):
+        axes.plot(reduced_angle(q), p, **style)
     axes.set(xlabel="angle $q$", ylim=(-TOP, TOP))
     set_angle_axis(axes)
 
 
-def _looks() -> list[dict[str, Any]]:
+def _styles() -> list[dict[str, Any]]:
     """The plot styles of the runs."""
     common = {"linestyle": "none", "markersize": 2.2}
     return [

@@ -60,11 +60,7 @@ def figure_names() -> list[str]:
 
 
 def figure_file(name: str) -> FigureFile:
-    """The file of a figure.
-
-    Raises:
-        SeriesError: The name is unknown.
-    """
+    """The file of a figure."""
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
         return file
@@ -94,11 +90,7 @@ def _accepted(file: FigureFile) -> dict[str, Any]:
 
 
 def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
-    """The data of a figure.
-
-    Raises:
-        SeriesError: An option is unknown or has no such value.
-    """
+    """The data of a figure."""
     known = _accepted(file)
     for option in options:
         if option not in known:
@@ -108,11 +100,7 @@ def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
 
 
 def drawn(file: FigureFile, numbers: Any) -> Figure:
-    """The picture of a figure's data.
-
-    Raises:
-        IntegratorError: matplotlib is not installed.
-    """
+    """The picture of a figure's data."""
     optional_module("matplotlib", "figures")
     with print_style():
         figure = new_figure(file.SIZE, file.CAPTION)

@@ -83,9 +83,9 @@ def columns(numbers: Riccati) -> dict[str, np.ndarray]:
 def draw(numbers: Riccati, figure: Figure) -> None:
     """The curves, and the numerical solution as dots."""
     axes, h = figure.add_subplot(), numbers.h
-    looks = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}
+    styles = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}
     for terms, (t, y) in numbers.truncated.items():
-        colour, dashes = looks[terms]
+        colour, dashes = styles[terms]
         label = "1 term: exact solution" if terms == 1 else f"{terms} terms"
         axes.plot(t, y, color=colour, linestyle=dashes, label=label)
     axes.plot(numbers.t, numbers.y, "o", color=BLACK, label=f"explicit Euler, $h = {h:g}$", zorder=3)

@@ -107,5 +107,5 @@ def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservat
     is_short = len(x) < SHOWN // 2
     for k, (n, row) in enumerate(zip(numbers.terms, rows, strict=True)):
         label = f"$N = {n}$: $h^{{{numbers.exponents[k]:.2f}}}$"
-        look = {"color": colours[k % len(colours)], "linestyle": ("-", "--", "-.", ":")[k % 4]}
-        axes.loglog(x, row, marker="o" if is_short else None, label=label, **look)
+        style = {"color": colours[k % len(colours)], "linestyle": ("-", "--", "-.", ":")[k % 4]}
+        axes.loglog(x, row, marker="o" if is_short else None, label=label, **style)

@@ -110,8 +110,8 @@ def columns(numbers: Toda) -> dict[str, np.ndarray]:
 def draw(numbers: Toda, figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
     above, below = figure.subplots(2, sharex=True)
-    looks = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)
-    for (label, colour), errors in zip(looks, numbers, strict=True):
+    styles = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)
+    for (label, colour), errors in zip(styles, numbers, strict=True):
         for axes, error in ((above, errors.eigenvalues), (below, errors.solution)):
             exponent = growth_exponent(errors.t, error)
             text = f"{label}, $h = {errors.h:g}$, like $t^{{{exponent:.2f}}}$"

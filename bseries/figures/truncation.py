@@ -94,8 +94,8 @@ def draw(numbers: Truncation, figure: Figure) -> None:
     for (above, below), (method, label) in zip(panels.T, METHODS.items(), strict=True):
         _draw_curves(above, numbers, method)
         above.set_title(label)
-        for distance, look in zip(numbers.distances(method), _looks(numbers), strict=True):
-            below.semilogy(numbers.t[1:], distance[1:], **look)
+        for distance, style in zip(numbers.distances(method), _styles(numbers), strict=True):
+            below.semilogy(numbers.t[1:], distance[1:], **style)
         below.set(xlabel="time $t$", xlim=(0, SPAN))
     panels[0, 0].set_ylabel("$q$ (predators)")
     panels[1, 0].set_ylabel("distance from the steps")
@@ -103,18 +103,18 @@ def draw(numbers: Truncation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
-    for curve, look in zip(numbers.curves[method], _looks(numbers), strict=True):
-        axes.plot(*curve, **look)
+    for curve, style in zip(numbers.curves[method], _styles(numbers), strict=True):
+        axes.plot(*curve, **style)
     label = f"numerical solution, $h = {numbers.h:g}$"
     axes.plot(*numbers.steps[method], "o", color=BLACK, markersize=2.4, label=label)
     axes.set_xlabel("$p$ (prey)")
 
 
-def _looks(numbers: Truncation) -> list[dict[str, Any]]:
+def _styles(numbers: Truncation) -> list[dict[str, Any]]:
     """The plot styles of the curves, by the number of terms."""
     terms = len(next(iter(numbers.curves.values())))
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]
     colours = GREY, VERMILION, BLUE, GREEN, PURPLE, ORANGE
     dashes = "-", "-.", (0, (1, 1)), "--", (0, (6, 1)), (0, (4, 1, 1, 1, 1, 1))
-    looks = zip(labels, colours, dashes, strict=True)
-    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in looks][:terms]
+    styles = zip(labels, colours, dashes, strict=True)
+    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles][:terms]

@@ -24,18 +24,7 @@ NAMES = {"t": "times", "q": "positions", "p": "momenta", "v": "velocities", "U":
 
 
 def check_columns(columns: Columns, before: float | None, h: float, first: int, source: Source) -> None:
-    """Check that columns are finite and times advance by h.
-
-    Args:
-        columns: Consecutive states.
-        before: The time of the state before; None if there is none.
-        h: The step size.
-        first: The number of the first state.
-        source: Their source.
-
-    Raises:
-        SeriesError: They are not, or do not.
-    """
+    """Check that columns are finite and times advance by h."""
     import numpy as np
 
     for role, rows in columns.items():
@@ -56,17 +45,7 @@ def check_columns(columns: Columns, before: float | None, h: float, first: int, 
 
 
 def check_finite(array: np.ndarray, name: str, first: int, source: Source) -> None:
-    """Check that numbers are finite.
-
-    Args:
-        array: The numbers, a column for each state.
-        name: Their name in messages.
-        first: The number of the first state.
-        source: Their source.
-
-    Raises:
-        SeriesError: Some are not.
-    """
+    """Check that numbers are finite."""
     import numpy as np
 
     finite = np.isfinite(array)
@@ -93,9 +72,6 @@ def check_steps(
         off: Bounds of rounding errors, which are added.
         source: The source of the states.
         layout: The storage layout of momenta.
-
-    Raises:
-        SeriesError: They are not; the message says what they seem to be instead.
     """
     import numpy as np
 
@@ -122,16 +98,7 @@ def check_steps(
 
 
 def check_potential(states: States, off: Roundings, source: Source) -> None:
-    """Check that the potential changes by the work of the forces.
-
-    Args:
-        states: Consecutive states.
-        off: Bounds of rounding errors, which may hide the work.
-        source: The source of the states.
-
-    Raises:
-        SeriesError: It changes by much more or less, in another unit, or not at all.
-    """
+    """Check that the potential changes by the work of the forces."""
     import numpy as np
 
     work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)

@@ -41,9 +41,6 @@ def text_source(
         label: Its name in messages.
         columns: Patterns of headings by role, as in ``{"q": "x*,y*"}``.
         forces: The scene that supplies potentials and forces, if any.
-
-    Raises:
-        SeriesError: There is no heading, or a column is missing.
     """
     head, rest = _head(path, label)
     heading = head[0] if head else ""
@@ -210,10 +207,6 @@ def open_source(trajectory: Any, columns: Mapping[str, str] | None = None, force
         trajectory: A `Trajectory`, arrays by name, the path of a file, or an open text file.
         columns: Names, or patterns of names, by role.
         forces: The scene that supplies potentials and forces, if there is one.
-
-    Raises:
-        SeriesError: It cannot be read, or an entry is missing.
-        IntegratorError: The same, for files of this package.
     """
     from integrators import Trajectory, load_trajectory
 

@@ -98,12 +98,7 @@ SIZE = (17.0, 6.0)
 
 
 def check_picture(path: Any) -> str:
-    """Check the path of a picture before the computation, and return its format.
-
-    Raises:
-        SeriesError: The format is not PNG, SVG or PDF, or the folder does not exist.
-        IntegratorError: It is no path, or matplotlib is not installed.
-    """
+    """Check the path of a picture before the computation, and return its format."""
     name = check_path(path, "plot")
     kind = picture_format(name, "plot")
     check_place(name, "plot")
@@ -210,15 +205,9 @@ class ShadowReport:
     @property
     def best(self) -> OrderStatistics:
         """The lowest order whose scatter no higher order reduces much."""
-        for row, higher in zip(self.rows, self._least_above(), strict=True):
-            if row.scatter <= GAIN * higher:
-                return row
-        return self.rows[-1]
-
-    def _least_above(self) -> Iterator[float]:
-        """For each order the least scatter of this and all higher ones."""
         scatters = [row.scatter for row in self.rows]
-        return (min(scatters[k:]) for k in range(len(scatters)))
+        useful = (row for k, row in enumerate(self.rows) if row.scatter <= GAIN * min(scatters[k:]))
+        return next(useful, self.rows[-1])
 
     @property
     def limit(self) -> str:

@@ -57,9 +57,6 @@ def written(columns: Sequence[Sequence[str]]) -> list[Rounding]:
     If all numbers of a column have the same number of decimals ("%.8f"), the last decimal is rounded; if all have
     exponents ("%.8e"), the last digit of the longest. Others were written without trailing zeros ("%g"), with at most
     the same number of digits in each such column. Whole numbers are exact, unless such programs wrote them.
-
-    Args:
-        columns: The numbers of each column as text, from some lines.
     """
     kinds, digits = list(map(_kind, columns)), list(map(_digits, columns))
     most = max((count for count, kind in zip(digits, kinds, strict=True) if kind == "any"), default=MOST_DIGITS + 1)

@@ -91,9 +91,6 @@ def choose(
         chosen: Patterns by role, as in ``{"q": "x*"}``; other roles are found by `ALIASES`.
         label: The name of the data in messages.
         roles: The possible roles.
-
-    Raises:
-        SeriesError: A pattern fits nothing, or a role is unknown.
     """
     there, found = list(names), dict[str, list[str]]()
     for role, patterns in (chosen or {}).items():
@@ -111,11 +108,7 @@ def choose(
 
 
 def check_roles(roles: Iterable[str], label: str, *, with_forces: bool) -> None:
-    """Check that positions, momenta and forces are available.
-
-    Raises:
-        SeriesError: One is missing.
-    """
+    """Check that positions, momenta and forces are available."""
     there = set(roles)
     needs = [("q",), ("p", "v")] + ([] if with_forces else [("U",), ("F", "gradU")])
     for choices in needs:
@@ -135,9 +128,6 @@ def array_source(
         label: Their name in messages.
         columns: Names of arrays by role; others are found by `ALIASES`.
         forces: The scene that supplies potentials and forces, if any.
-
-    Raises:
-        SeriesError: An array is missing, or shapes do not agree.
     """
     import numpy as np
 
@@ -216,9 +206,6 @@ def inverse_masses(mass: Any, dimension: int) -> np.ndarray:
     Args:
         mass: A number, one for each particle, or one for each coordinate; None: 1.
         dimension: The number of coordinates.
-
-    Raises:
-        SeriesError: The number of masses does not divide that of coordinates, or one is not positive.
     """
     import numpy as np
 

@@ -103,11 +103,7 @@ class Reader:
         self.roundings = Roundings()
 
     def states(self, blocks: Iterator[Columns]) -> Iterator[States]:
-        """The states of all columns, block by block.
-
-        Raises:
-            SeriesError: Momenta and velocities, or forces and gradients, do not agree.
-        """
+        """The states of all columns, block by block."""
         return map(self._read, blocks)
 
     def _read(self, columns: Columns) -> States:

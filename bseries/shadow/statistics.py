@@ -108,9 +108,6 @@ def slope_error(means: np.ndarray) -> float:
     Blocks are merged until few are left, and the largest error is used: it grows as long as neighbouring blocks are
     correlated, then stays constant. Random walks are taken into account as well.
 
-    Args:
-        means: The means of consecutive blocks.
-
     References:
         Flyvbjerg, Petersen, J. Chem. Phys. 91 (1989) 461, doi:10.1063/1.457480 (blocks).
     """

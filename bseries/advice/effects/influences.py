@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 
-LOOKS = 1000
+COMPARISONS = 1000
 """Approximate number of times at which two runs are compared."""
 PIECES = 4
 """Substeps of the comparison run; for a method of order p it shows 1 − 4^(−p) of the error, at least 3/4."""
@@ -67,11 +67,7 @@ class EffectRuns:
         return {names, (), *((name,) for name in names), *(self.variants.without(name) for name in names)}
 
     def own_error(self) -> Influence:
-        """The error of the method with all effects, from a run with smaller steps.
-
-        Raises:
-            StepError: A step failed.
-        """
+        """The error of the method with all effects, from a run with smaller steps."""
         names = self.variants.names
         self._known[names] = self._states(names)
         return self._apart(names, self._known[names], names, self._states(names, pieces=PIECES))
@@ -96,7 +92,7 @@ class EffectRuns:
 
     def _states(self, names: Names, pieces: int = 1) -> np.ndarray:
         """The states at the times of comparison, (variables, times), with steps divided into pieces."""
-        scene, every = self.variants.build(names), -(-self.steps // LOOKS)  # rounded up
+        scene, every = self.variants.build(names), -(-self.steps // COMPARISONS)  # rounded up
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
         h, steps, save_every = self.h / pieces, self.steps * pieces, every * pieces
         try:

@@ -82,17 +82,6 @@ def effect_variants(
 ) -> EffectVariants:
     """The combinations of the effects of a scene.
 
-    Args:
-        scene: The scene, or the name of a built-in one; those whose effects are chosen when they are built have to be
-            given by name.
-        effects: The effects to examine; by default the active ones, or all if none is active.
-        parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
-        start: Start values of blocks.
-
-    Raises:
-        SeriesError: The scene has no effects.
-        IntegratorError: There is no such scene, effect, parameter or block.
-
     Example:
         >>> found = effect_variants("pendulum", ["drive", "damping"], {"gamma": "1/5"})
         >>> found.without("drive"), found.build(("damping",)).field

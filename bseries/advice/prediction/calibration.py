@@ -54,9 +54,6 @@ def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: 
         steps: The number of steps of the run.
         **options: All else that `integrate` is called with.
 
-    Raises:
-        IntegratorError: An argument does not fit; as a StepError, a step failed.
-
     Example:
         >>> import bseries as bs
         >>> 0 < seconds_per_step(bs.scene("pendulum"), "stormer-verlet", 10**6, h=0.1, save_every=None) < 1e-4

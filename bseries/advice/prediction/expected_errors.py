@@ -158,15 +158,7 @@ def _energy_of_orbit(scene: Scene, run: PerturbationRun) -> float:
 def expected_solution_error(
     scene: Scene, run: PerturbationRun, times: float, drifts: bool, energy: ExpectedError
 ) -> ExpectedError:
-    """The largest error of the solution, relative to the largest state of the whole run.
-
-    Args:
-        scene: The scene.
-        run: The perturbation run.
-        times: The length of the run to predict, as a multiple.
-        drifts: Whether conserved quantities may drift.
-        energy: The error of the energy.
-    """
+    """The largest error of the solution, relative to the largest state of the whole run."""
     import numpy as np
 
     if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
@@ -212,15 +204,7 @@ def _errors(scene: Scene, run: PerturbationRun, ranges: np.ndarray) -> np.ndarra
 
 
 def _grown(errors: np.ndarray, ranges: np.ndarray, drifts: bool, points: int, factor: float) -> tuple[float, float]:
-    """The size of grown errors, and the part of it that remains within the ranges of the variables.
-
-    Args:
-        errors: The errors.
-        ranges: The range of each variable, infinite if unbounded.
-        drifts: Whether conserved quantities may drift.
-        points: The number of points used.
-        factor: The multiple of their time.
-    """
+    """The size of grown errors, and the part of it that remains within the ranges of the variables."""
     import numpy as np
 
     each = np.array([[size_after(abs(row[:points]), factor, power(drifts))] for row in errors])

@@ -301,13 +301,7 @@ def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> fl
 
 
 def _time_scale(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
-    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method.
-
-    Args:
-        field: The modified equation of that method.
-        y: The points.
-        all_terms: Whether to include |f|/|f'f|, for starts where f is special.
-    """
+    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method."""
     import numpy as np
 
     f, once, twice = (norms(term) for term in field.terms(y))

@@ -35,14 +35,6 @@ def modifying_scene(method: Method, scene: Scene, order: int) -> Scene:
     So one compiled code serves every step size. The method applied to it with the step h has order N on the scene.
     What the scene calls its energy is observable under that name.
 
-    Args:
-        method: The basic method, without parts.
-        scene: The scene.
-        order: The order N.
-
-    Raises:
-        SeriesError: The method treats parts of the field differently, or the formulas are too long.
-
     Example:
         >>> import bseries as bs
         >>> modifying_scene(bs.method("implicit-midpoint"), bs.scene("riccati"), 3).field
@@ -168,12 +160,7 @@ def candidates(scene: Scene, methods: Methods = None) -> Candidates:
 
 
 def candidate(scene: Scene, given: Method | str) -> Candidate:
-    """A method, or the name of one, as a candidate for a scene.
-
-    Raises:
-        IntegratorError: The name is unknown, or the method does not fit.
-        SeriesError: It is a modifying integrator whose formulas would be too long.
-    """
+    """A method, or the name of one, as a candidate for a scene."""
     if not isinstance(given, str):
         found = Candidate(given.name, given, scene)
     elif (order := _modifying_order(given)) is None:

@@ -25,9 +25,6 @@ Point = TypeVar("Point", bound=tuple)
 def pareto_front(points: Iterable[Point]) -> list[Point]:
     """The points that no other one beats in both error and time, from the fastest to the most precise.
 
-    Args:
-        points: Tuples that begin with an error and its seconds.
-
     Example:
         >>> pareto_front([(1e-3, 1.0), (1e-2, 2.0), (1e-6, 4.0), (1e-5, 8.0)])
         [(0.001, 1.0), (1e-06, 4.0)]

@@ -69,7 +69,7 @@ def spread(heights: Sequence[float], least: float) -> list[float]:
     groups: list[list[float]] = []
     for height in heights:
         groups.append([height])
-        while len(groups) > 1 and _bottom(groups[-1], least) - _top(groups[-2], least) < least:
+        while len(groups) > 1 and _bottom(groups[-1], least) - _bottom(groups[-2], least) < least * len(groups[-2]):
             last = groups.pop()
             groups[-1] += last
     return [_bottom(group, least) + least * k for group in groups for k in range(len(group))]
@@ -77,10 +77,6 @@ def spread(heights: Sequence[float], least: float) -> list[float]:
 
 def _bottom(group: Sequence[float], least: float) -> float:
     return sum(group) / len(group) - least * (len(group) - 1) / 2
-
-
-def _top(group: Sequence[float], least: float) -> float:
-    return _bottom(group, least) + least * (len(group) - 1)
 
 
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
@@ -95,7 +91,7 @@ AXES = {
     "energy": "largest error of the energy, relative to it",
     "modified-energy": "largest change of the modified energy, relative to it",
 }
-LOOKS = 50
+SAMPLES = 50
 """Number of errors for which the cheapest method is found."""
 BEYOND = 10.0
 """Factor by which the axis exceeds the errors of interest, on both sides."""
@@ -130,7 +126,7 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
             continue
         strong = curve.candidate.name in best
         colour = COLOURS[k % len(COLOURS)]
-        panel.plot(*zip(*points, strict=True), **_look(k, colour, strong))
+        panel.plot(*zip(*points, strict=True), **_style(k, colour, strong))
         labels.append(Label(curve.candidate.name, colour, *points[-1]))
     label_ends(panel, labels, least=LABEL_DISTANCE, size=LABEL_SIZE)
 
@@ -139,8 +135,8 @@ def _cheapest(found: WorkPrecision, measure: str) -> set[str]:
     """The methods that are cheapest for some error of interest."""
     loosest, finest = found.errors
     best = set[str]()
-    for k in range(LOOKS + 1):
-        error = loosest * (finest / loosest) ** (k / LOOKS)
+    for k in range(SAMPLES + 1):
+        error = loosest * (finest / loosest) ** (k / SAMPLES)
         times = {curve.candidate.name: t for curve in found.curves if (t := curve.seconds(error, measure)) is not None}
         best |= {min(times, key=times.__getitem__)} if times else set()
     return best
@@ -151,10 +147,10 @@ def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tup
     return [(error, seconds) for error, seconds in curve.front(measure) if limits[1] <= error <= limits[0]]
 
 
-def _look(k: int, colour: str, strong: bool) -> dict[str, Any]:
+def _style(k: int, colour: str, strong: bool) -> dict[str, Any]:
     """The plot style of the k-th curve."""
     dash, marker = DASHES[k // len(COLOURS) % len(DASHES)], MARKERS[k % len(MARKERS)]
-    look = {"color": colour, "linestyle": dash, "marker": marker}
+    style = {"color": colour, "linestyle": dash, "marker": marker}
     if strong:
-        return {**look, "linewidth": 1.4, "markersize": 3.2}
-    return {**look, "linewidth": 0.6, "markersize": 2, "alpha": 0.55}
+        return {**style, "linewidth": 1.4, "markersize": 3.2}
+    return {**style, "linewidth": 0.6, "markersize": 2, "alpha": 0.55}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from bseries.advice.distances import largest_size
 from bseries.advice.growth import EVEN, is_unbounded
@@ -91,19 +91,32 @@ TRIALS, NEAR = 4, 2.0
 """Most step sizes tried for the growth factor, and the ratio to the wanted error at which the search stops."""
 
 
-def predicted_factor(
-    judge: Judge, curve: Curve, length: float, error: float, measure: str, predict: Predict
-) -> float | None:
-    """The error growth factor for a step size that leads to about the wanted error; as for `growth_factor`.
+class Goal(NamedTuple):
+    """An error tolerance for a run, and the sources of measured and predicted errors.
 
-    Args:
-        judge: The source of measured errors.
-        curve: The method and its rows.
-        length: The length of the longer run.
-        error: The error wanted at its end.
-        measure: The name of the error.
+    Attributes:
+        judge: Measures the errors of runs.
         predict: Predicts the errors of a run; `predict_run`.
+        length: The length of the run, at least that of the runs measured.
+        error: The tolerance.
+        measure: The name of the error.
     """
+
+    judge: Judge
+    predict: Predict
+    length: float
+    error: float
+    measure: str
+
+    @property
+    def times(self) -> float:
+        """The length, as a multiple of the time measured."""
+        return self.length / self.judge.span
+
+
+def predicted_factor(goal: Goal, curve: Curve) -> float | None:
+    """`growth_factor` for a step size that leads to about the tolerance."""
+    measure, error = goal.measure, goal.error
     rounded = curve.rounded(measure)
     errors = {row.steps: row.errors.error(measure) for row in curve.rows if row.steps not in rounded}
     known = {steps: size for steps, size in errors.items() if size}
@@ -114,9 +127,9 @@ def predicted_factor(
         return min(known, key=lambda n: abs(math.log(known[n] / size)))
 
     found: dict[int, float | None] = {}
-    steps = nearest(error * judge.span / length if measure == SOLUTION else error)  # for linear growth
+    steps = nearest(error * goal.judge.span / goal.length if measure == SOLUTION else error)  # for linear growth
     while steps not in found:
-        found[steps] = growth = growth_factor(judge, curve, steps, known[steps], length, measure, predict)
+        found[steps] = growth = growth_factor(goal, curve, steps, known[steps])
         if growth is None or not math.isfinite(growth) or len(found) == TRIALS:
             break
         ratio = known[steps] * growth / error
@@ -126,53 +139,37 @@ def predicted_factor(
     return found[steps]
 
 
-def growth_factor(
-    judge: Judge, curve: Curve, steps: int, known: float, length: float, measure: str, predict: Predict
-) -> float | None:
+def growth_factor(goal: Goal, curve: Curve, steps: int, known: float) -> float | None:
     """The ratio of the error at the end of a longer run, by the modified equation, to the error measured.
 
     Args:
-        judge: The source of measured errors.
+        goal: The longer run.
         curve: The method.
         steps: The number of steps of the shorter run.
         known: Its error.
-        length: The length of the longer run.
-        measure: The name of the error.
-        predict: Predicts the errors of a run; `predict_run`.
 
     Returns:
         The factor; infinite if it cannot be known, as in chaos; None if the modified equation gives no answer: for
         modifying integrators, methods of too high an order, and step sizes at which its terms do not decrease.
     """
-    candidate, h = curve.candidate, judge.span / steps
-    if candidate.is_modifying or measure == MODIFIED_ENERGY:
+    candidate, h = curve.candidate, goal.judge.span / steps
+    if candidate.is_modifying or goal.measure == MODIFIED_ENERGY:
         return None
     try:
-        found = predict(candidate.scene, candidate.method, h=h, steps=whole_steps(length, h), timed=False)
+        found = goal.predict(candidate.scene, candidate.method, h=h, steps=whole_steps(goal.length, h), timed=False)
     except (IntegratorError, SeriesError):
         return None
-    expected = found.solution if measure == SOLUTION else found.energy
+    expected = found.solution if goal.measure == SOLUTION else found.energy
     if expected.value is None:
         return math.inf if expected.is_due_to_orbit else None
     return expected.value / known if expected.value > 0 else None  # only rounding
 
 
-def best_extrapolation(
-    judge: Judge, curve: Curve, length: float, error: float, measure: str, predict: Predict
-) -> Extrapolation:
-    """Extrapolation by the modified equation if it gives an answer, else by error growth fits.
-
-    Args:
-        judge: The source of measured errors.
-        curve: The method and its rows.
-        length: The length of the longer run.
-        error: The error wanted at its end.
-        measure: The name of the error.
-        predict: Predicts the errors of a run; `predict_run`.
-    """
-    times = length / judge.span
-    found = predicted_factor(judge, curve, length, error, measure, predict) if times > 1 else None
-    return fitted_extrapolation(judge, curve, times) if found is None else Extrapolation(times, factor=found)
+def best_extrapolation(goal: Goal, curve: Curve) -> Extrapolation:
+    """Extrapolation by the modified equation if it gives an answer, else by error growth fits."""
+    times = goal.times
+    found = predicted_factor(goal, curve) if times > 1 else None
+    return fitted_extrapolation(goal.judge, curve, times) if found is None else Extrapolation(times, factor=found)
 
 
 def fitted_extrapolation(judge: Judge, curve: Curve, times: float) -> Extrapolation:

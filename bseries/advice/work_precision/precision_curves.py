@@ -225,11 +225,7 @@ def _compile(candidate: Candidate, scene: Scene) -> None:
 
 
 def check_errors(errors: Any) -> tuple[float, float]:
-    """The largest and the smallest error of interest.
-
-    Raises:
-        IntegratorError: They are not two decreasing numbers from 1 to 1e-15.
-    """
+    """The largest and the smallest error of interest."""
     try:
         loosest, finest = (read_number(error, "errors") for error in errors)
     except (TypeError, ValueError):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.measures import MEASURES, check_measure, whole_steps
 from bseries.advice.work_precision.curves import ROUNDING
-from bseries.advice.work_precision.extrapolation import best_extrapolation, growth_factor
+from bseries.advice.work_precision.extrapolation import Goal, best_extrapolation, growth_factor
 from bseries.advice.work_precision.step_costs import SAMPLE, step_costs
 from integrators.core.errors import IntegratorError
 from integrators.steppers.run_input import read_number, read_positive
@@ -86,17 +86,17 @@ def choose(
     length = judge.span if span is None else read_number(span, "span")
     if length < judge.span:
         raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
-    times = length / judge.span
-    extrapolated = _extrapolated(judge, curves, wanted, length, measure, predict)
+    goal = Goal(judge, predict, length, wanted, measure)
+    extrapolated = _extrapolated(goal, curves)
     able = [each for each in extrapolated if _bracket_of_rows(*each, wanted, measure)[0] is not None]
-    steps = [_checked_step(judge, *near, wanted, length, measure, predict) for near in _near(able, wanted, measure)]
+    steps = [_checked_step(goal, *near) for near in _near(able, wanted, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
-        raise _refusal(judge, [extrapolation for _, extrapolation in extrapolated], wanted, length, measure)
+        raise _refusal(goal, [extrapolation for _, extrapolation in extrapolated])
     seconds = _seconds(judge, list(met.values()))
     name = min(seconds, key=seconds.__getitem__)
     step = met[name]
-    h = judge.span / step.steps
+    h, times = judge.span / step.steps, goal.times
     return Recommendation(
         method=name,
         h=h,
@@ -111,56 +111,47 @@ def choose(
     )
 
 
-def _extrapolated(
-    judge: Judge, curves: Sequence[Curve], error: float, length: float, measure: str, predict: Predict
-) -> list[tuple[Curve, Extrapolation]]:
+def _extrapolated(goal: Goal, curves: Sequence[Curve]) -> list[tuple[Curve, Extrapolation]]:
     """The methods with extrapolations, without those that would be slower even if errors did not grow."""
+    error, measure = goal.error, goal.measure
     optimistic = ((curve.seconds(error, measure), curve) for curve in curves)
     chosen, least = [], math.inf
     for seconds, curve in sorted(((t, c) for t, c in optimistic if t is not None), key=lambda pair: pair[0]):
         if seconds <= NEAR * least:
-            extrapolation = best_extrapolation(judge, curve, length, error, measure, predict)
+            extrapolation = best_extrapolation(goal, curve)
             chosen.append((curve, extrapolation))
             if _bracket_of_rows(curve, extrapolation, error, measure)[0] is not None:  # and not by luck
                 least = min(least, curve.seconds(error, measure, extrapolation) or math.inf)
     return chosen
 
 
-def _checked_step(
-    judge: Judge,
-    curve: Curve,
-    extrapolation: Extrapolation,
-    error: float,
-    length: float,
-    measure: str,
-    predict: Predict,
-) -> Step | None:
+def _checked_step(goal: Goal, curve: Curve, extrapolation: Extrapolation) -> Step | None:
     """The largest step, with the growth factor of this step."""
+    judge, error, measure = goal.judge, goal.error, goal.measure
     step = largest_step(judge, curve, extrapolation, error, measure)
     for _ in range(CHECKS):
         if step is None or step.extrapolation.factor is None:
             break
         measured = step.error / step.extrapolation.factor
-        found = growth_factor(judge, curve, step.steps, measured, length, measure, predict)
+        found = growth_factor(goal, curve, step.steps, measured)
         if found is None or MET * error <= found * measured <= error:
             break
         step = largest_step(judge, curve, extrapolation._replace(factor=found), error, measure)
     return step
 
 
-def _refusal(
-    judge: Judge, extrapolations: list[Extrapolation], error: float, length: float, measure: str
-) -> IntegratorError:
+def _refusal(goal: Goal, extrapolations: list[Extrapolation]) -> IntegratorError:
     """The error for no recommendation: no method is precise enough, or the growth of errors is unknown."""
-    if length <= judge.span or not extrapolations:
+    error, name, span = goal.error, goal.judge.scene.name, goal.judge.span
+    if goal.length <= span or not extrapolations:
         return IntegratorError(
-            f"error must be one that a method reaches on {judge.scene.name} within its budget, but was {error:g}"
+            f"error must be one that a method reaches on {name} within its budget, but was {error:g}"
         )
-    is_possible = any(extrapolation.is_possible(measure) for extrapolation in extrapolations)
+    is_possible = any(extrapolation.is_possible(goal.measure) for extrapolation in extrapolations)
     reason = "" if is_possible else ", since the motion turned too seldom"
     return IntegratorError(
-        f"span must be one for which a method is known to reach {error:g} on {judge.scene.name}, but was {length:g}: "
-        f"how errors grow on from {judge.span:g} to {length:g} may be unknown{reason}"
+        f"span must be one for which a method is known to reach {error:g} on {name}, but was {goal.length:g}: "
+        f"how errors grow on from {span:g} to {goal.length:g} may be unknown{reason}"
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bseries.advice.conservation import may_drift
 from bseries.advice.distances import energy_size, relative_distances, without_time
 from bseries.advice.growth import EVEN, size_of_states_after
-from bseries.advice.measures import MEASURES
+from bseries.advice.measures import ENERGY, MEASURES, MODIFIED_ENERGY, SOLUTION
 from bseries.advice.modified_terms import modified_terms
 from bseries.advice.work_precision.dense_reference import DenseReference
 from bseries.advice.work_precision.step_costs import Work
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 UNSOLVED = "did not converge"
-LOOKS = 400
+OBSERVATIONS = 400
 """Number of observations of the solution and the modified energy."""
-ENERGY_LOOKS = 4000
+ENERGY_OBSERVATIONS = 4000
 ORDERS = {2: 5, 4: 7, 6: 7}
 """The order of the modified Hamiltonian by that of the method; with more terms compilation would dominate."""
 MOST_ORDER = 7
@@ -102,7 +102,7 @@ class Judge:
         self.y0 = scene.y0
         self.reference: DenseReference | None = None
         self.problem: str | None = None
-        if "solution" in measures:
+        if SOLUTION in measures:
             try:
                 self.reference = DenseReference(scene, self.y0, span)
             except IntegratorError as error:
@@ -111,12 +111,8 @@ class Judge:
     @property
     def available(self) -> tuple[str, ...]:
         """The errors that can be measured on this scene."""
-        has = {"solution": self.reference is not None, "energy": self._has_energy, "modified-energy": self._has_energy}
-        return tuple(measure for measure in self.measures if has[measure])
-
-    @cached_property
-    def _has_energy(self) -> bool:
-        return self.scene.is_hamiltonian
+        has_energy, has_solution = self.scene.is_hamiltonian, self.reference is not None
+        return tuple(m for m in self.measures if (has_solution if m == SOLUTION else has_energy))
 
     @cached_property
     def _energy_size(self) -> float:
@@ -137,16 +133,18 @@ class Judge:
         courses: dict[str, np.ndarray] = {}
         order = None
         if self.reference is not None:
-            courses["solution"] = self._distances(run.t, y, self.reference)
+            courses[SOLUTION] = self._distances(run.t, y, self.reference)
         if values is not None:
-            courses["energy"] = (values - values[0]) / self._energy_size
+            courses[ENERGY] = (values - values[0]) / self._energy_size
             modified, order = self._modified(candidate, y, h)
-            courses |= {} if modified is None else {"modified-energy": modified}
+            courses |= {} if modified is None else {MODIFIED_ENERGY: modified}
         largest = {measure: float(abs(course).max()) for measure, course in courses.items()}
         if not all(math.isfinite(error) for error in largest.values()):
             return RunErrors(seconds=seconds, failure="its errors were not finite")
-        looks = {"energy": ENERGY_LOOKS}
-        kept = {m: course[: 1 + steps // _every(steps, looks.get(m, LOOKS))] for m, course in courses.items()}
+        observations = {ENERGY: ENERGY_OBSERVATIONS}
+        kept = {
+            m: course[: 1 + steps // _every(steps, observations.get(m, OBSERVATIONS))] for m, course in courses.items()
+        }
         solution, energy, modified_energy = (largest.get(measure) for measure in MEASURES)
         return RunErrors(solution, energy, modified_energy, order, kept, seconds)
 
@@ -155,10 +153,6 @@ class Judge:
 
         It may if these cannot be computed. A modifying integrator drifts if its basic method does, since the modified
         and the modifying equation have the same structure.
-
-        Args:
-            candidate: The method.
-            steps: The number of steps of a run whose states the terms are evaluated at.
         """
         import numpy as np
 
@@ -177,13 +171,13 @@ class Judge:
 
         if self.reference is None:
             return None
-        y = without_time(self.scene, self.reference(np.linspace(0.0, self.span, LOOKS + 1)))
+        y = without_time(self.scene, self.reference(np.linspace(0.0, self.span, OBSERVATIONS + 1)))
         later, now = (size_of_states_after(y, factor) for factor in (times, 1.0))
         return later.value / now.value if later.disagreement <= EVEN else None
 
     def states(self, candidate: Candidate, steps: int) -> np.ndarray:
         """The states (variables, n) of a run at equidistant times, without the time."""
-        work, every = self.work(candidate, steps), _every(steps, LOOKS)
+        work, every = self.work(candidate, steps), _every(steps, OBSERVATIONS)
         run = integrate(work.scene, work.method, h=work.h, steps=steps, y0=work.y0, save_every=every, **work.options)
         return without_time(self.scene, run.y[: self.scene.dimension, : 1 + steps // every])
 
@@ -195,9 +189,9 @@ class Judge:
             steps=steps,
             y0=candidate.start(self.y0, h),
             solver=candidate.solver,
-            save_every=_every(steps, LOOKS),
-            observe="energy" if self._has_energy else None,
-            observe_every=_every(steps, ENERGY_LOOKS),
+            save_every=_every(steps, OBSERVATIONS),
+            observe="energy" if self.scene.is_hamiltonian else None,
+            observe_every=_every(steps, ENERGY_OBSERVATIONS),
         )
 
     def work(self, candidate: Candidate, steps: int) -> Work:
@@ -233,14 +227,14 @@ class Judge:
 
     def modified_energy(self, candidate: Candidate) -> ModifiedHamiltonian | None:
         """The modified Hamiltonian of a method; None if it has none that compiles quickly."""
-        if "modified-energy" not in self.available or candidate.is_modifying:
+        if MODIFIED_ENERGY not in self.available or candidate.is_modifying:
             return None
         return _modified_energy(candidate)
 
 
-def _every(steps: int, looks: int) -> int:
+def _every(steps: int, observations: int) -> int:
     """The number of steps between observations."""
-    return max(1, steps // looks)
+    return max(1, steps // observations)
 
 
 @lru_cache(maxsize=64)

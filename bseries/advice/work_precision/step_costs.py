@@ -49,13 +49,6 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str,
 
     Each sample begins at the start again, so that all do the same.
 
-    Args:
-        work: The steps to time.
-        sample: The duration of a sample in seconds.
-
-    Raises:
-        IntegratorError: A method does not fit its scene; as a StepError, a step failed.
-
     Example:
         >>> import bseries as bs
         >>> found = step_costs({"leapfrog": Work(bs.scene("pendulum"), "stormer-verlet", 0.1)})

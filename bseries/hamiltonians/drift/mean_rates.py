@@ -118,7 +118,8 @@ def energy_drift(
     report = report._replace(broken=broken)
     if scene.dimension == 2:
         if broken.is_closed and y0 is None:
-            return _on_all_orbits(report, broken)
+            elsewhere = f"nothing before h^{broken.order} on orbits that do not go round"
+            return report._replace(verdict=LINEAR, reason=f"the energy gains {_gains(broken)}, and {elsewhere}")
         return _on_one_orbit(report, chain([broken], later), order_of_method, y0)
     powers = range(broken.power, min(broken.power + order_of_method, r.field.order))
     return _along_trajectory(report, powers, method, y0, steps, parts)
@@ -156,12 +157,6 @@ def _state(scene: Scene, y0: Any) -> list[float]:
     if start.shape != (scene.dimension,) or not np.isfinite(start).all():
         raise SeriesError(f"y0 must be {scene.dimension} finite numbers, but was {y0!r:.60}")
     return start.tolist()
-
-
-def _on_all_orbits(report: DriftReport, broken: Violation) -> DriftReport:
-    """The verdict with one degree of freedom and a closed form: the gain per period is the same on all orbits."""
-    reason = f"the energy gains {_gains(broken)}, and nothing before h^{broken.order} on orbits that do not go round"
-    return report._replace(verdict=LINEAR, reason=reason)
 
 
 def _gains(broken: Violation) -> str:

@@ -98,11 +98,7 @@ class Perturbation:
             return self.ring.to_expression(self.ring.dot(products))
 
     def rates(self, y: np.ndarray, k: int) -> np.ndarray:
-        """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled.
-
-        Raises:
-            SeriesError: The scene is not canonical.
-        """
+        """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled."""
         pair = canonical_blocks(self.scene.blocks)
         if self.scene.poisson is not None or pair is None:
             raise SeriesError(f"scene must be canonical, but {self.scene.name} is not")

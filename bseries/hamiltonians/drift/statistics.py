@@ -76,9 +76,6 @@ def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
         rates: The rate at equidistant times, (n,).
         dt: The time between two values.
 
-    Raises:
-        SeriesError: There are too few values, or some are not finite.
-
     References:
         H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
     """

@@ -14,12 +14,11 @@ import sympy
 
 import bseries as bs
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.drift.forms import common_period, violations
+from bseries.hamiltonians.drift.forms import common_period, takahashi_imada_integral, violations
 from bseries.hamiltonians.drift.mean_rates import energy_drift
 from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.drift.perturbations import Perturbation
 from bseries.hamiltonians.drift.statistics import rate_statistics
-from bseries.hamiltonians.drift.takahashi_imada import takahashi_imada_integral
 from integrators.methods.kinds.takahashi_imada import TakahashiImada
 
 REFERENCE = Path(__file__).parents[2] / "reference"
