@@ -82,27 +82,27 @@ def may_drift(terms: ModifiedTerms, y: np.ndarray) -> bool:
     """
     import numpy as np
 
-    some = _some(y)
+    sample = _sample(y)
     with np.errstate(all="ignore"):  # comparisons with nan are false
-        there = _values(terms, some)
-        turns = _turns(terms, y, some, there)
-        is_hamiltonian = terms.is_hamiltonian(y, terms.powers) and not _gains(terms, some[:, 0], turns)
-        return not (is_hamiltonian or _is_reversible(terms, y, some, there, turns))
+        fields = _values(terms, sample)
+        rotating = _rotating_angles(terms, y, sample, fields)
+        is_hamiltonian = terms.is_hamiltonian(y, terms.powers) and not _gains(terms, sample[:, 0], rotating)
+        return not (is_hamiltonian or _is_reversible(terms, y, sample, fields, rotating))
 
 
 def energy_rate_nearby(terms: ModifiedTerms, y: np.ndarray, h: float) -> float:
     """The rate of energy change near an orbit; on special orbits such as circles it may vanish by symmetry.
 
     Returns:
-        The largest rate at some states; 0 if the terms conserve the energy, or there is none.
+        The largest rate at some states; 0 if the terms conserve the energy or the scene has none.
     """
     import numpy as np
 
     slopes = gradient(terms.field.scene)
     if slopes is None:
         return 0.0
-    some = _some(y)
-    aside = some + BESIDE * abs(y).max() * np.random.default_rng(1).uniform(-1, 1, some.shape)
+    sample = _sample(y)
+    aside = sample + BESIDE * abs(y).max() * np.random.default_rng(1).uniform(-1, 1, sample.shape)
     with np.errstate(all="ignore"):
         products = slopes(aside) * terms.values(aside) * np.float64(h) ** np.array(terms.powers)[:, None, None]
         rates = products.sum(axis=1)
@@ -110,12 +110,12 @@ def energy_rate_nearby(terms: ModifiedTerms, y: np.ndarray, h: float) -> float:
     return float(np.nan_to_num(abs(rates)).max())
 
 
-def _gains(terms: ModifiedTerms, y: np.ndarray, turns: np.ndarray) -> bool:
+def _gains(terms: ModifiedTerms, y: np.ndarray, rotating: np.ndarray) -> bool:
     """Whether a term has a nonzero mean over an angle, so that B^(−1) f_{k+1} is closed but not a differential."""
     import numpy as np
 
     inverse = numeric_inverse_structure(terms.field.scene)
-    for k in np.flatnonzero(turns):
+    for k in np.flatnonzero(rotating):
         around = np.repeat(y[:, None], PERIOD, axis=1)
         around[k] += np.linspace(0, 2 * math.pi, PERIOD, endpoint=False)
         forms = np.einsum("nj,kjn->kn", [inverse(x)[k] for x in around.T], terms.values(around)) if inverse else None
@@ -124,19 +124,21 @@ def _gains(terms: ModifiedTerms, y: np.ndarray, turns: np.ndarray) -> bool:
     return False
 
 
-def _is_reversible(terms: ModifiedTerms, y: np.ndarray, some: np.ndarray, there: np.ndarray, turns: np.ndarray) -> bool:
+def _is_reversible(
+    terms: ModifiedTerms, y: np.ndarray, sample: np.ndarray, fields: np.ndarray, rotating: np.ndarray
+) -> bool:
     """Whether scene and terms are reversible by a reflection that maps the orbit to itself."""
     if any(k % 2 for k in terms.powers):
         return False
     for sign, shift in zip(*_reflections(terms.field.scene), strict=True):
-        reflected = sign[:, None] * some + shift[:, None]
+        reflected = sign[:, None] * sample + shift[:, None]
         back = _values(terms, reflected)
-        if (abs(back + sign[:, None] * there) <= EQUAL * _sizes(there)).all() and _are_near(reflected, y, turns):
+        if (abs(back + sign[:, None] * fields) <= EQUAL * _sizes(fields)).all() and _are_near(reflected, y, rotating):
             return True
     return False
 
 
-def _some(y: np.ndarray) -> np.ndarray:
+def _sample(y: np.ndarray) -> np.ndarray:
     """States at equidistant times along an orbit."""
     import numpy as np
 
@@ -164,29 +166,29 @@ def _reflections(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return pairs[:, :, 0], pairs[:, :, 1]
 
 
-def _are_near(states: np.ndarray, y: np.ndarray, turns: np.ndarray) -> bool:
+def _are_near(states: np.ndarray, y: np.ndarray, rotating: np.ndarray) -> bool:
     """Whether states are near an orbit, angles modulo 2π."""
     import numpy as np
 
-    ranges = np.where(turns, 2 * math.pi, np.ptp(y, axis=1))
+    ranges = np.where(rotating, 2 * math.pi, np.ptp(y, axis=1))
     moves = ranges > 0
     for state in states.T:
         apart = y - state[:, None]
-        apart[turns] -= 2 * math.pi * np.rint(apart[turns] / (2 * math.pi))
+        apart[rotating] -= 2 * math.pi * np.rint(apart[rotating] / (2 * math.pi))
         if not np.linalg.norm(apart[moves] / ranges[moves, None], axis=0).min() < NEAR:
             return False
     return True
 
 
-def _turns(terms: ModifiedTerms, y: np.ndarray, some: np.ndarray, there: np.ndarray) -> np.ndarray:
+def _rotating_angles(terms: ModifiedTerms, y: np.ndarray, sample: np.ndarray, fields: np.ndarray) -> np.ndarray:
     """Which variables are rotating angles: unbounded, with fields that have the period 2π."""
     import numpy as np
 
     found = np.array([is_unbounded(row) for row in y])
     for k in np.flatnonzero(found):
-        shifted = some.copy()
+        shifted = sample.copy()
         shifted[k] += 2 * math.pi
-        found[k] = (abs(_values(terms, shifted) - there) <= EQUAL * _sizes(there)).all()
+        found[k] = (abs(_values(terms, shifted) - fields) <= EQUAL * _sizes(fields)).all()
     return found
 
 

@@ -99,7 +99,7 @@ class Reader:
     def __init__(self, masses: Masses, h: float, source: Source, layout: str, period: Any):
         self._masses, self._h, self._source, self._layout, self._period = masses, h, source, layout, period
         self._last: Any = None
-        self._turns: Any = 0.0
+        self._crossings: Any = 0.0
         self.roundings = Roundings()
 
     def states(self, blocks: Iterator[Columns]) -> Iterator[States]:
@@ -111,7 +111,7 @@ class Reader:
 
         masses, half = self._masses, 0.5 * self._h
         q = columns["q"] if self._period is None else self._unwrapped(columns["q"])
-        p, off_p = self._told(columns, "p", "v", "p = M v")
+        p, off_p = self._weighted_role(columns, "p", "v", "p = M v")
         weighted = masses.of_positions(q)
         off_q = masses.off_positions(self._source.off("q", columns["q"]))
         if self._layout == MIDDLE:
@@ -122,7 +122,7 @@ class Reader:
             g = masses.of_momenta(gradients)
             off_g = _steepness(weighted, g) * np.max(off_q)
         else:
-            g, off_g = self._told(columns, "gradU", "F", "gradU = -F")
+            g, off_g = self._weighted_role(columns, "gradU", "F", "gradU = -F")
             u = columns["U"]
         if self._layout != FULL:
             p += half * g if self._layout == AHEAD else -half * g
@@ -130,7 +130,7 @@ class Reader:
         self._note(states, off_q, off_p, off_g)
         return states
 
-    def _told(self, columns: Columns, one: str, other: str, law: str) -> tuple[np.ndarray, np.ndarray]:
+    def _weighted_role(self, columns: Columns, one: str, other: str, relation: str) -> tuple[np.ndarray, np.ndarray]:
         """Mass-weighted momenta or gradients from the available role, with their rounding bounds."""
         import numpy as np
 
@@ -146,7 +146,9 @@ class Reader:
             allowed = AGREES * np.max(np.abs(first)) + off + more
             if not np.all(np.abs(first - second) <= allowed[:, None]):
                 label = self._source.label
-                raise SeriesError(f"{label} must have {law}, but its {one} and {other} differ (columns chooses one)")
+                raise SeriesError(
+                    f"{label} must have {relation}, but its {one} and {other} differ (columns chooses one)"
+                )
         return found[0]
 
     def _note(self, states: States, off_q: np.ndarray, off_p: np.ndarray, off_g: Any) -> None:
@@ -169,9 +171,11 @@ class Reader:
         import numpy as np
 
         before = q[:1] if self._last is None else self._last
-        self._turns = self._turns + np.cumsum(np.round(np.diff(q, axis=0, prepend=before) / self._period), axis=0)
-        self._last, shifted = q[-1:].copy(), q - self._period * self._turns
-        self._turns = self._turns[-1:]
+        self._crossings = self._crossings + np.cumsum(
+            np.round(np.diff(q, axis=0, prepend=before) / self._period), axis=0
+        )
+        self._last, shifted = q[-1:].copy(), q - self._period * self._crossings
+        self._crossings = self._crossings[-1:]
         return shifted
 
 
