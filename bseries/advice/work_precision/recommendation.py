@@ -157,9 +157,9 @@ def _refusal(goal: Goal, extrapolations: list[Extrapolation]) -> IntegratorError
 
 def _near(curves: list[tuple[Curve, Extrapolation]], error: float, measure: str) -> list[tuple[Curve, Extrapolation]]:
     """The curves near the cheapest one, the cheapest first."""
-    seconds = ((curve.seconds(error, measure, extrapolation), curve, extrapolation) for curve, extrapolation in curves)
-    reached = sorted((entry for entry in seconds if entry[0] is not None), key=lambda entry: entry[0])
-    return [(curve, extrapolation) for t, curve, extrapolation in reached if t <= NEAR * reached[0][0]][:MOST_EXAMINED]
+    timed = ((curve.seconds(error, measure, extrapolation), (curve, extrapolation)) for curve, extrapolation in curves)
+    reached = sorted(((seconds, pair) for seconds, pair in timed if seconds is not None), key=lambda entry: entry[0])
+    return [pair for seconds, pair in reached if seconds <= NEAR * reached[0][0]][:MOST_EXAMINED]
 
 
 def largest_step(judge: Judge, curve: Curve, extrapolation: Extrapolation, error: float, measure: str) -> Step | None:
