@@ -10,7 +10,7 @@ from bseries.advice.timing import Timing
 from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.fields.scene_trees import trees_of_method
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.methods.catalogue.registry import method as named
 from integrators.steppers.run_input import read_number
 
