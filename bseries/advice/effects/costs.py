@@ -50,7 +50,7 @@ class CostRow(NamedTuple):
         return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
 
 
-class EffectCosts(Frozen, Sequence[CostRow]):
+class EffectCosts(ImmutableValue, Sequence[CostRow]):
     """The costs of the effects of a scene, measured by `effect_costs`: a sequence of rows.
 
     Attributes:
