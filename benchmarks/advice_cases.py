@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.measures import SOLUTION
+from bseries.advice.work_precision.curves import Curve
 from bseries.advice.work_precision.precision_curves import WorkPrecision
 from bseries.advice.work_precision.recommendation import bracket
 from bseries.advice.work_precision.run_errors import Judge
 from bseries.advice.work_precision.step_costs import step_costs
-from bseries.advice.work_precision.sweeps import Curve
 
 from .kinds import Figure, Measurement
 from .timing import run

@@ -168,9 +168,9 @@ from .hamiltonians.brackets.campbell_hausdorff import bch as bch
 from .hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian as bracket_hamiltonian
 from .hamiltonians.closed_forms import ClosedHamiltonian as ClosedHamiltonian
 from .hamiltonians.closed_forms import closed_hamiltonian as closed_hamiltonian
+from .hamiltonians.drift.forms import takahashi_imada_integral as takahashi_imada_integral
 from .hamiltonians.drift.mean_rates import energy_drift as energy_drift
 from .hamiltonians.drift.report import DriftReport as DriftReport
-from .hamiltonians.drift.takahashi_imada import takahashi_imada_integral as takahashi_imada_integral
 from .hamiltonians.generating_functions import GeneratingFunction as GeneratingFunction
 from .hamiltonians.generating_functions import exact_generating_function as exact_generating_function
 from .hamiltonians.generating_functions import generating_function as generating_function

@@ -1,4 +1,4 @@
-"""How figures look: sizes for print at their own width, colours that all can tell apart."""
+"""Plot style for print at full size, with colours that are distinct for all readers; picture files and tables."""
 
 from __future__ import annotations
 
@@ -18,45 +18,34 @@ if TYPE_CHECKING:
 
 
 FORMATS: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""The formats, and what would differ from one time to the next."""
+"""Formats, with the metadata to remove so that files are reproducible."""
 
 
 def check_format(format_: str, argument: str) -> str:
-    """The name of a format.
-
-    Raises:
-        SeriesError: There is no such format.
-    """
+    """The name of a format, checked."""
     if format_.lower() not in FORMATS:
         raise SeriesError(f"{argument} must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
     return format_.lower()
 
 
 def picture_format(path: str, argument: str = "output") -> str:
-    """The format that the ending of a path tells.
+    """The format by the extension of a path.
 
     Args:
         path: The path.
-        argument: What messages call it.
-
-    Raises:
-        SeriesError: It tells none.
+        argument: The name of the path in messages.
     """
     return check_format(os.path.splitext(path)[1].removeprefix("."), f"the ending of the {argument} {path!r:.60}")
 
 
 def check_place(path: str, argument: str) -> None:
-    """See to it that a file can be there before much is computed for it.
-
-    Raises:
-        SeriesError: It is a folder, or in none.
-    """
+    """Check that a file can be written, before the computation."""
     if os.path.isdir(path) or not os.path.isdir(os.path.dirname(os.path.abspath(path))):
         raise SeriesError(f"{argument} must be a file in a folder that is there, but was {path!r:.60}")
 
 
 def picture(figure: Figure, format_: str) -> bytes:
-    """A figure as a file of a format."""
+    """A figure as the contents of a file."""
     from io import BytesIO
 
     file = BytesIO()
@@ -66,26 +55,23 @@ def picture(figure: Figure, format_: str) -> bytes:
 
 
 def table(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """The rows of columns, with all digits of their numbers; shorter ones end in empty cells."""
+    """The rows of columns, with all digits of numbers; shorter columns are padded with empty cells."""
     return [
         list(row) for row in zip_longest(*(map(repr, column.tolist()) for column in columns.values()), fillvalue="")
     ]
 
 
 PIXELS = 96
-"""Pixels of a page to an inch, by the definition of CSS; files have more dots."""
+"""Pixels per inch of web pages, by CSS; files have more."""
 
 
 @cache
 def _print_figure() -> type[Figure]:
-    """The class of figures, made when the first figure is drawn: matplotlib takes half a second to load."""
+    """The class of figures, created on first use: matplotlib takes half a second to load."""
     from matplotlib.figure import Figure
 
     class PrintFigure(Figure):
-        """A figure of matplotlib; IPython asks for its picture, and notebooks show it with its caption."""
-
-        caption: str = ""
-        """What there is to see."""
+        """A matplotlib figure that notebooks show with its caption."""
 
         def _repr_png_(self) -> bytes:
             return picture(self, "png")
@@ -104,12 +90,12 @@ def _print_figure() -> type[Figure]:
 
 BLACK, WHITE, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = PALETTE
 GREY = "#999999"
-"""For what is behind: flows, levels, guides."""
+"""For backgrounds: flows, level curves, guides."""
 
 CENTIMETRE = 1 / 2.54
 """In inches, matplotlib's unit."""
 DOTS = 300
-"""Dots to an inch in print."""
+"""Dots per inch in print."""
 
 SETTINGS: dict[str, Any] = {
     "font.size": 8,
@@ -137,14 +123,14 @@ SETTINGS: dict[str, Any] = {
 
 
 def print_style() -> AbstractContextManager[None]:
-    """matplotlib's settings while figures are drawn and saved, whatever the user's own are."""
+    """matplotlib's settings for drawing and saving, independent of the user's."""
     from matplotlib import style
 
     return style.context(["default", SETTINGS])
 
 
 def new_figure(size: tuple[float, float], caption: str = "") -> Figure:
-    """An empty figure, its size in centimetres, with what notebooks write below it."""
+    """An empty figure with a size in centimetres, and its caption in notebooks."""
     figure: Any = _print_figure()(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
     figure.caption = caption
     return figure

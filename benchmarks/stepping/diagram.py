@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from bseries.advice.work_precision.curves import pareto_front
 from bseries.advice.work_precision.diagram import Label, label_ends
-from bseries.advice.work_precision.sweeps import pareto_front
 
 from .precision import OURS, Curve
 from .problems import Problem

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.advice.work_precision.sweeps import pareto_front, seconds_at
+from bseries.advice.work_precision.curves import pareto_front, seconds_at
 
 from .c_steps import METHODS, CFailure
 from .our_steps import LIKE_C, our_steps_like_c

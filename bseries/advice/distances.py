@@ -1,4 +1,4 @@
-"""How far solutions are apart and how much quantities change, as parts of their sizes."""
+"""Relative distances of solutions and relative changes of quantities."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 SHIFT, NOISE = 2.0**-20, 2.0**-46
-"""By what part variables are shifted for derivatives, and of which part of its terms an energy is only rounding."""
+"""Relative shift of variables for derivatives, and the relative size at which an energy is only rounding."""
 
 
 def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """The rows of states (variables, n) but that of the time, if it is a variable: it has no error, but a size."""
+    """The rows of states (variables, n) except that of the time, which has no error."""
     import numpy as np
 
     return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
 
 
 def norms(y: np.ndarray) -> np.ndarray:
-    """The Euclidean norms of states (variables, n), of any size: their squares neither overflow nor vanish.
+    """The Euclidean norms of states (variables, n), without overflow or underflow.
 
     Example:
         >>> import numpy as np
@@ -44,12 +44,12 @@ def largest_size(y: np.ndarray) -> float:
 
 
 def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None = None) -> np.ndarray:
-    """How far states (variables, n) without the time are from others, as parts of a size.
+    """Distances of states (variables, n) without the time from reference states, relative to a size.
 
     Args:
         y: The states.
-        reference: The others, at the same times.
-        size: The size; by default the largest one of the others.
+        reference: The reference states, at the same times.
+        size: The size; by default the largest norm of the reference.
 
     Example:
         >>> import numpy as np
@@ -67,7 +67,7 @@ def relative_distance(y: np.ndarray, reference: np.ndarray) -> float:
 
 
 def energy_size(scene: Scene, y0: np.ndarray) -> float:
-    """What changes of the energy are relative to: |H(y0)|, or 1 if that is no more than rounding makes of 0.
+    """The scale of relative energy changes: |H(y0)|, or 1 if that is zero up to rounding.
 
     H(y0) is rounding where |H| is far below Σ |∂H/∂y_i · y_i|, so that the last bits of y0 decide about it.
 
@@ -87,12 +87,12 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
 
 
 def relative_change(values: np.ndarray, size: float, reference: np.ndarray | None = None) -> float:
-    """The largest change of a quantity, or its largest distance from another, as a part of a size.
+    """The largest change of a quantity, or its largest distance from a reference, relative to a size.
 
     Args:
         values: The values, (n,).
         size: The size.
-        reference: The values of the other, at the same times; by default all are the first value.
+        reference: The reference values, at the same times; by default the first value.
 
     Example:
         >>> import numpy as np

@@ -1,10 +1,11 @@
-"""How errors grow: means over smooth windows of time, and the law that they follow.
+"""Extrapolation of errors in time: means over smooth windows, and the error growth fits that they give.
 
-Along regular motions, near integrable systems and away from resonances, an error is a sum of quasi-periodic functions
+For regular motion, near integrable systems and away from resonances, an error is a sum of quasi-periodic functions
 times powers of t: up to t for the solution of a method that has a modified Hamiltonian, or is symmetric on a reversible
-system; up to t² for others, whose energy and hence frequencies drift. Of chaotic motions none of this holds.
-Means over windows that fade smoothly at both ends see nothing of the oscillations, faster than any power of their
-length, and are polynomials of the time. So are those of variables that go on and on, as angles do, and like t at most.
+system; up to t² for others, whose energy and hence frequencies drift. For chaotic motion none of this holds.
+A mean with a smooth weight that vanishes at both ends of a window suppresses the oscillations faster than any power of
+the window's length, and leaves a polynomial in time. The same is true of variables that grow at most linearly, such as
+angles.
 
 References:
     HLW, sections X.3 and XI.3 (linear growth of errors of symplectic and symmetric methods); S. Das, Y. Saiki,
@@ -25,29 +26,29 @@ if TYPE_CHECKING:
 
 WINDOWS = 12
 WINDOW = 0.3
-"""The length of a window, as a part of the time."""
+"""Length of a window, relative to the time observed."""
 FADED = 0.5
-"""Errors whose mean square has fallen by this factor in the end do not grow on."""
+"""Errors whose mean square ends below this part of its maximum do not grow further."""
 NEGLIGIBLE = 1e-8
-"""Windows whose mean square is a smaller part of the largest tell nothing of a law: it would have to vanish there."""
+"""Windows whose mean square is a smaller part of the maximum are left out of the fit."""
 PARTS = 1.0, 0.8, 0.65, 0.5
-"""Parts of the time that must lead to the same expectations."""
+"""Parts of the time observed that must give the same estimate."""
 REGULAR = 1.5
-"""If parts lead to errors that differ by more than this factor, how they grow on is unknown."""
+"""Largest ratio of the estimates from these parts."""
 STEADY = 2.0
-"""The same for errors of energies that do not drift: a part may have missed the largest oscillation."""
+"""The same for energies without drift: the largest oscillation may be outside a part."""
 EVEN = 1.05
-"""The same for variables that go on: a few turns tell their pace, and what only seems to go on betrays itself."""
-GOES_ON = 1.5
-"""Variables whose range grows by more in the second half of the time have no bounds."""
+"""The same for unbounded variables: a few periods determine their mean velocity."""
+UNBOUNDED = 1.5
+"""A variable whose range grows by a larger factor in the second half of the time is unbounded."""
 
 
-class Extrapolated(NamedTuple):
-    """What is expected after a longer time than was seen.
+class Estimate(NamedTuple):
+    """Estimate for a time longer than the one observed.
 
     Attributes:
-        value: From all that was seen.
-        low: The least value from a part of it only.
+        value: From all data.
+        low: The least value from a part of the data.
         high: The largest one.
     """
 
@@ -57,57 +58,57 @@ class Extrapolated(NamedTuple):
 
     @property
     def disagreement(self) -> float:
-        """The largest over the smallest."""
+        """The ratio of the largest to the least value."""
         return disagreement(self.low, self.high)
 
 
 def disagreement(*values: float) -> float:
-    """The largest over the smallest of several values, 1 or more."""
+    """The ratio of the largest to the least value."""
     low, high = min(values), max(values)
     return 1.0 if low == high else high / low if low > 0 else math.inf
 
 
-def from_parts(predict: Callable[[int, float], float], points: int, times: float) -> Extrapolated:
-    """What is expected after so many times the time that was seen, from several parts of that.
+def from_parts(predict: Callable[[int, float], float], points: int, times: float) -> Estimate:
+    """Estimate after a multiple of the time observed, from several parts of the data.
 
     Args:
-        predict: Makes a value from so many points and a factor.
+        predict: Gives a value from the first n points and a factor.
         points: The number of points.
-        times: The factor; 1 asks for what was seen.
+        times: The multiple; 1 means the time observed.
     """
     return agreed(predict(*part) for part in parts_of(points, times))
 
 
 def parts_of(points: int, times: float) -> list[tuple[int, float]]:
-    """The parts of what was seen that are looked at, the whole first: the numbers of points, and the factors."""
+    """Numbers of points of the parts, the whole first, and the multiple of time for each."""
     if times <= 1:
         return [(points, 1.0)]
     return [(max(2, round(part * points)), times / part) for part in PARTS]
 
 
 def power(drifts: bool) -> int:
-    """The power of t that errors of the solution grow with at most in regular motion."""
+    """Largest power of t in the growth of solution errors for regular motion."""
     return 2 if drifts else 1
 
 
-def energy_after(changes: np.ndarray, times: float, *, drifts: bool) -> Extrapolated:
-    """The largest change of an energy after so many times the time that was seen, from several parts of it."""
+def energy_after(changes: np.ndarray, times: float, *, drifts: bool) -> Estimate:
+    """Estimate of the largest energy change after a multiple of the time observed."""
     return from_parts(lambda n, factor: change_after(changes[:n], factor, drifts=drifts), len(changes), times)
 
 
 def most_disagreement(drifts: bool) -> float:
-    """By what factor what parts tell of an energy may differ."""
+    """Largest accepted ratio of energy estimates from different parts."""
     return REGULAR if drifts else STEADY
 
 
-def agreed(values: Iterable[float]) -> Extrapolated:
-    """What is expected from the whole, and the least and the most from any part."""
+def agreed(values: Iterable[float]) -> Estimate:
+    """The first value, which is from all data, with the least and the largest one."""
     values = tuple(values)
-    return Extrapolated(values[0], min(values), max(values))
+    return Estimate(values[0], min(values), max(values))
 
 
 def window_means(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over smooth windows of values at equidistant times from 0 to 1, and the times of the windows.
+    """Centres of windows, and smooth means over them, of values at equidistant times from 0 to 1.
 
     Example:
         >>> import numpy as np
@@ -128,15 +129,15 @@ def window_means(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def size_after(errors: np.ndarray, times: float, power: int) -> float:
-    """The largest error after so many times the time that was seen.
+    """Largest error after a multiple of the time observed.
 
-    It grows like the polynomial that the means of its square over windows are, and like t at least: where few turns
-    were seen means are not free of oscillations yet, and such a polynomial may fall. Only errors that have faded stay.
+    A polynomial is fitted to the window means of the squared error. Growth is at least linear, since after few periods
+    the means still oscillate and the polynomial may decrease; only errors that have faded stay as they are.
 
     Args:
         errors: Sizes of errors at equidistant times from 0 on.
-        times: The factor, 1 or more.
-        power: The power of t that they grow with at most, 1 or 2.
+        times: The multiple, 1 or more.
+        power: The largest power of t in their growth, 1 or 2.
 
     Example:
         >>> import numpy as np
@@ -155,21 +156,21 @@ def size_after(errors: np.ndarray, times: float, power: int) -> float:
     centres, means = window_means(errors**2)
     if means[-1] < FADED * means.max():
         return largest
-    tells = means > NEGLIGIBLE * means.max()
-    centres, means = centres[tells], means[tells]
+    used = means > NEGLIGIBLE * means.max()
+    centres, means = centres[used], means[used]
     columns = centres[:, None] ** np.arange(2 * power + 1) / means[:, None]
-    law = np.linalg.lstsq(columns, np.ones(len(means)), rcond=None)[0]
-    seen, later = (np.polynomial.polynomial.polyval(x, law) for x in (np.linspace(0, 1, len(errors))[middle:], times))
+    fit = np.linalg.lstsq(columns, np.ones(len(means)), rcond=None)[0]
+    seen, later = (np.polynomial.polynomial.polyval(x, fit) for x in (np.linspace(0, 1, len(errors))[middle:], times))
     peak = float((errors[middle:] / np.sqrt(np.maximum(seen, means.min() / 2))).max())
     return largest * max(times, peak * max(float(later), 0.0) ** 0.5)
 
 
 def change_after(changes: np.ndarray, times: float, *, drifts: bool) -> float:
-    """The largest change after so many times the time that was seen: an oscillation, and a drift where there can be.
+    """Largest change after a multiple of the time observed: an oscillation plus, if there can be one, a drift.
 
     Args:
         changes: The changes at equidistant times from 0 on.
-        times: The factor, 1 or more.
+        times: The multiple, 1 or more.
         drifts: Whether there can be a drift.
 
     Example:
@@ -191,28 +192,28 @@ def change_after(changes: np.ndarray, times: float, *, drifts: bool) -> float:
     return float(max(abs(rest).max(), abs(rest + slope * times).max()))
 
 
-def goes_on(values: np.ndarray) -> bool:
-    """Whether a variable has no bounds, but moves on and on.
+def is_unbounded(values: np.ndarray) -> bool:
+    """Whether the range of a variable keeps growing.
 
     Example:
         >>> import numpy as np
         >>> t = np.linspace(0, 100, 2001)
-        >>> goes_on(np.cos(t)), goes_on(0.2 * t + np.cos(t))
+        >>> is_unbounded(np.cos(t)), is_unbounded(0.2 * t + np.cos(t))
         (False, True)
     """
     import numpy as np
 
-    return bool(np.ptp(values) > GOES_ON * np.ptp(values[: len(values) // 2 + 1]))
+    return bool(np.ptp(values) > UNBOUNDED * np.ptp(values[: len(values) // 2 + 1]))
 
 
-def size_of_states_after(y: np.ndarray, times: float) -> Extrapolated:
-    """The largest norm of states after so many times the time that was seen, from several parts of it.
+def size_of_states_after(y: np.ndarray, times: float) -> Estimate:
+    """Largest norm of states after a multiple of the time observed.
 
-    Variables with bounds stay as large as they were, others go on at the mean pace of the part.
+    Bounded variables keep their size; unbounded ones continue at their mean velocity.
 
     Args:
         y: States (variables, n) without the time, at equidistant times from 0 on.
-        times: The factor, 1 or more.
+        times: The multiple, 1 or more.
 
     Example:
         >>> import numpy as np
@@ -221,12 +222,12 @@ def size_of_states_after(y: np.ndarray, times: float) -> Extrapolated:
         '2000'
     """
     size, each = largest_size(y), abs(y).max(axis=1)
-    on = [k for k, row in enumerate(y) if goes_on(row)]
+    unbounded = [k for k, row in enumerate(y) if is_unbounded(row)]
     now = largest_size(each[:, None])
 
     def later(points: int, factor: float) -> float:
         sizes = each.copy()
-        sizes[on] = [change_after(y[k, :points], factor, drifts=True) for k in on]
+        sizes[unbounded] = [change_after(y[k, :points], factor, drifts=True) for k in unbounded]
         return size * (largest_size(sizes[:, None]) / now)
 
     return from_parts(later, y.shape[1], times)

@@ -1,4 +1,4 @@
-"""The errors that runs are judged by: their names, and the check of one that was given."""
+"""Error measures, durations, and numbers of steps."""
 
 from __future__ import annotations
 
@@ -9,20 +9,16 @@ from integrators.core.errors import IntegratorError, shorten
 
 SOLUTION, ENERGY, MODIFIED_ENERGY = "solution", "energy", "modified-energy"
 MEASURES = (SOLUTION, ENERGY, MODIFIED_ENERGY)
-"""Of runs of a method."""
+"""For runs of a method."""
 EFFECT_MEASURES = (SOLUTION, ENERGY)
-"""Of what effects change."""
+"""For the influence of effects."""
 
 
 def check_measure(measure: Any, known: tuple[str, ...]) -> str:
-    """The name of a measure, with - or _.
-
-    Args:
-        measure: What was given.
-        known: The names that there are.
+    """The name of a measure, with - or _, checked.
 
     Raises:
-        IntegratorError: There is none of this name.
+        IntegratorError: The name is unknown.
 
     Example:
         >>> check_measure("modified_energy", MEASURES)
@@ -37,11 +33,11 @@ def check_measure(measure: Any, known: tuple[str, ...]) -> str:
 
 UNITS = ((1e-9, "ns"), (1e-6, "µs"), (1e-3, "ms"), (1.0, "s"))
 ROUNDING = 1e-12
-"""A step more for a rounding error of span/h would be one too many."""
+"""Relative rounding error of span/h that does not count as a further step."""
 
 
 def duration(seconds: float, digits: int = 3) -> str:
-    """Seconds, in a unit that suits them.
+    """A duration as text, in a suitable unit.
 
     Example:
         >>> [duration(x) for x in (4.567e-5, 0.0123, 9.999, 61.2, 8000.0)]
@@ -55,7 +51,7 @@ def duration(seconds: float, digits: int = 3) -> str:
 
 
 def whole_steps(span: float, h: float) -> int:
-    """How many steps of size h cover a span: the last one may go beyond, but not for the sake of a rounding error.
+    """The number of steps of size h that cover a span.
 
     Example:
         >>> whole_steps(1.0, 0.1), whole_steps(1.0, -0.3), whole_steps(1e-9, 0.1)

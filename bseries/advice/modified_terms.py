@@ -1,11 +1,11 @@
-"""The first terms of the modified equation of a method on a scene, in floating-point numbers and quickly."""
+"""The first terms of the modified equation of a method on a scene, in floating-point arithmetic."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.growth import goes_on
+from bseries.advice.growth import is_unbounded
 from bseries.analysis.structure import symmetry, symplecticity
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import modified_field
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from integrators.methods.program.program import Method
 
 ORDERS = 4, 7, 9, 11, 13
-"""How many terms are looked at to find the first that is not zero."""
+"""Orders tried for the first nonzero term."""
 TERMS = 3
-"""How many powers of h are taken from the first on, at least: a symmetric method has two of them."""
+"""Least number of powers of h from the first on; a symmetric method has two of them nonzero."""
 FARTHEST = 9
-"""Up to so many nodes it is looked whether the structure that the first terms have is that of the method."""
+"""Largest order at which the structure of the method is checked."""
 POINTS, SHIFT, SYMMETRIC = 5, 2.0**-16, 1e-5
-"""At how many points derivatives are taken, by what differences relative to a state, and how symmetric they must be."""
+"""Number of points for derivatives, relative differences, and the tolerance for symmetry."""
 SPEEDS = 256
-"""At so many states it is seen how fast variables change."""
+"""Number of states for the speeds of variables."""
 NOISE = 1e-11
-"""Coefficients below that are zeros of methods that are given in decimals or floats."""
+"""Smaller coefficients of methods with decimals or floats are 0."""
 
 
 class ModifiedTerms(NamedTuple):
@@ -38,26 +38,22 @@ class ModifiedTerms(NamedTuple):
 
     Attributes:
         field: The truncated modified equation.
-        powers: The powers of h whose terms need not vanish; p is the first.
+        powers: The powers of h of these terms, starting with p.
     """
 
     field: SceneSeries
     powers: tuple[int, ...]
 
     def values(self, y: np.ndarray) -> np.ndarray:
-        """The terms at many points (variables, n), without powers of h: an array (powers, variables, n)."""
+        """The terms at many points (variables, n), without powers of h: (powers, variables, n)."""
         return self.field.terms(y)[list(self.powers)]
 
     def is_hamiltonian(self, y: np.ndarray, powers: Sequence[int]) -> bool:
-        """Whether terms are Hamiltonian on the scene, seen from their derivatives at some states of a solution.
+        """Whether terms are Hamiltonian on the scene, by their derivatives at some states of a solution.
 
-        They are if B^(−1) f_{k+1} is a gradient, B being the structure of the scene: its derivative H is symmetric.
-        Variables may differ in size by many powers of ten, hence each has a shift of its own; with these in a diagonal
-        matrix D it is D H D whose entries can be compared.
-
-        Args:
-            y: The states, (variables, n).
-            powers: Which terms.
+        They are if B^(−1) f_{k+1} is a gradient, B being the structure of the scene: if its derivative H is symmetric.
+        Since variables may differ in size by many powers of ten, each has its own shift; with the shifts in a diagonal
+        matrix D the entries of D H D are comparable.
 
         Example:
             >>> import bseries as bs, numpy as np
@@ -81,23 +77,21 @@ class ModifiedTerms(NamedTuple):
             hessians = shifts[:, None] * (forms[:, :, : len(point)] - forms[:, :, len(point) :])
             for k, hessian in zip(self.powers, hessians, strict=True):
                 differs, size = (abs(matrix).max() for matrix in (hessian - hessian.T, hessian))
-                if k in powers and not differs <= SYMMETRIC * size:  # nor where they are not finite
+                if k in powers and not differs <= SYMMETRIC * size:  # false for nan
                     return False
         return True
 
     def sizes(self, y: np.ndarray) -> np.ndarray:
-        """How large variables get along a solution; of those that stay 0, their block, or all.
+        """Sizes of variables along a solution (variables, n).
 
-        Those that go on, such as angles, get as large as time allows: it is how far they go while others change.
-
-        Args:
-            y: The states, (variables, n).
+        A variable that stays 0 has the size of its block, or of the whole state; an unbounded one, such as an angle,
+        the distance that it moves while others change.
         """
         import numpy as np
 
         some = y[:, np.linspace(0, y.shape[1] - 1, min(SPEEDS, y.shape[1])).astype(int)]
         sizes, speeds = np.abs(y).max(axis=1), np.abs(self.field.terms(some)[0]).max(axis=1)
-        on = np.array([goes_on(row) for row in y])
+        on = np.array([is_unbounded(row) for row in y])
         changing = ~on & (speeds > 0)
         pace = (sizes[changing] / speeds[changing]).min(initial=np.inf)
         sizes[on] = np.fmin(sizes[on], pace * speeds[on])
@@ -109,7 +103,7 @@ class ModifiedTerms(NamedTuple):
 
 
 def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedTerms:
-    """The first terms of a modified equation that do not vanish.
+    """The first nonzero terms of the modified equation.
 
     Args:
         method: The method.
@@ -117,21 +111,20 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
         parts: As for `modified_field`.
 
     Raises:
-        SeriesError: The method's parts are not clear, it does not follow y' = f(y) at all, or its order is too high for
-            terms to be had.
+        SeriesError: The assignment of parts is ambiguous, the method is not consistent, or its order is too high.
 
     Example:
         >>> import bseries as bs
         >>> [modified_terms(bs.method(name), bs.scene("kepler")).powers for name in ("rk4", "gauss2", "yoshida6")]
         [(4, 5, 6), (4, 6), (6, 8)]
     """
-    exact = _is_rational(method)
+    exact = getattr(method, "algebra", None) is not None or (method.domain == "QQ" and method.digits is None)
     plain = method if exact else in_floats(method)
     for order in ORDERS:
         field = modified_field(plain, scene, order, parts=parts)
         _check_consistent(field, method)
         powers = _powers(field, exact)
-        if powers or not _has_trees(field, order):
+        if powers or not len(field.trees.table.ids(order)):
             wanted = _enough(plain, powers[0]) if powers else order
             if wanted != order:
                 field = modified_field(plain, scene, wanted, parts=parts)
@@ -141,7 +134,7 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None) -> ModifiedT
 
 
 def numeric_inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None:
-    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None where there is none.
+    """B^(−1) of a Hamiltonian scene y' = B(y) ∇H(y), as a function of the state; None if there is none.
 
     Example:
         >>> import bseries as bs, numpy as np
@@ -172,7 +165,7 @@ def numeric_inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray
 
 
 def in_floats(method: Method) -> Program:
-    """A method with all its numbers rounded to doubles: series of decimals are slow, since their digits are counted."""
+    """A method with its numbers rounded to doubles: series of decimals are slow."""
     from integrators import Program
 
     program = method.program
@@ -200,12 +193,12 @@ def _check_consistent(field: SceneSeries, method: Method) -> None:
 
 
 def _enough(method: Method, first: int) -> int:
-    """The order up to which terms tell of what structure they are.
+    """The order up to which terms show the structure of a method.
 
-    A pseudo-symplectic method is symplectic in the first terms and not in a later one, and what it conserves drifts by
-    that one only; so it is taken, too, and one more that tells how good it is. So it is for methods that are symmetric
-    in the first terms only. Methods of several parts are not looked at: their trees are too
-    many, and those known are made from flows or from the steps of a method, which are symplectic as a whole or not.
+    A pseudo-symplectic method has Hamiltonian terms up to a later one, which causes the drift of conserved quantities:
+    that one is included, and one more to assess it; likewise for methods that are symmetric in the first terms only.
+    Methods of several parts are not checked: they have too many trees, and the known ones are made from flows or from
+    the steps of a method, which are symplectic as a whole or not.
 
     References:
         A. Aubry, P. Chartier, Pseudo-symplectic Runge–Kutta methods, BIT 38 (1998) 439–461, doi:10.1007/BF02510253.
@@ -213,23 +206,13 @@ def _enough(method: Method, first: int) -> int:
     order = first + TERMS
     if order >= FARTHEST or len(method.names) > 1:
         return order
-    checks = (symplecticity, "is_symplectic"), (symmetry, "is_symmetric")  # which tableaux may tell at once
+    checks = (symplecticity, "is_symplectic"), (symmetry, "is_symmetric")  # some tableaux know their structure
     breaks = [check(method, FARTHEST) for check, known in checks if not getattr(method, known, False)]
     return max([order, *(found.order + 2 for found in breaks if order <= found.order < FARTHEST)])
 
 
-def _is_rational(method: Method) -> bool:
-    """Whether the series of a method is computed in whole numbers."""
-    return getattr(method, "algebra", None) is not None or (method.domain == "QQ" and method.digits is None)
-
-
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
-    """The powers of h, from 1 on, with coefficients that are not zero."""
+    """The powers of h, from 1 on, with nonzero coefficients."""
     values, table = field.weights, field.trees.table
     least = 0.0 if exact else NOISE
     return tuple(n - 1 for n in range(2, field.order + 1) if any(abs(values[at]) > least for at in table.ids(n)))
-
-
-def _has_trees(field: SceneSeries, order: int) -> bool:
-    """Whether the scene has differentials of an order at all."""
-    return len(field.trees.table.ids(order)) > 0

@@ -1,4 +1,4 @@
-"""Times that can be trusted: medians over interleaved rounds, and more rounds while their spread is wide."""
+"""Timing: medians over interleaved rounds, with more rounds while their spread is wide."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def _processor() -> str:
 
 LEAST_ROUNDS, MOST_ROUNDS = 5, 15
 WIDE_SPREAD = 0.1
-"""Quartiles further apart than this part of the median ask for further rounds."""
+"""Distance of the quartiles, relative to the median, above which there are further rounds."""
 
 
 class Timing(NamedTuple):
-    """Seconds that something takes.
+    """A measured time.
 
     Attributes:
         seconds: The median of all rounds.
         low: The lower quartile.
         high: The upper quartile.
-        rounds: How many rounds there were.
+        rounds: The number of rounds.
     """
 
     seconds: float
@@ -58,11 +58,11 @@ class Timing(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """The distance of the quartiles, as a part of the median."""
+        """The distance of the quartiles, relative to the median."""
         return (self.high - self.low) / self.seconds if self.seconds else 0.0
 
     def scaled(self, factor: float) -> Timing:
-        """Seconds for so many times the work."""
+        """The time for a multiple of the work."""
         return Timing(self.seconds * factor, self.low * factor, self.high * factor, self.rounds)
 
 
@@ -79,14 +79,14 @@ def time_in_turn(
     most_rounds: int = MOST_ROUNDS,
     clock: Callable[[], float] = thread_time,
 ) -> dict[str, Timing]:
-    """Time every task once a round, so that a busy moment of the machine spoils one round and not one task.
+    """Time all tasks in interleaved rounds, so that a busy moment of the machine affects one round and not one task.
 
     After `least_rounds` only those whose spread is wide have further ones.
 
     Args:
-        tasks: What to time: functions without arguments, compiled and warm.
-        least_rounds: How many rounds there are at least.
-        most_rounds: How many there are at most.
+        tasks: Functions without arguments, compiled and warm.
+        least_rounds: The least number of rounds.
+        most_rounds: The largest number of rounds.
         clock: The clock; by default the CPU time of this thread.
 
     Example:

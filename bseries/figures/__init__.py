@@ -1,1 +1,1 @@
-"""The figures of the lecture, and some beyond it: a file each, found by `bseries.figures.registry`."""
+"""Figures of the lecture and beyond it: one file each, found by `bseries.figures.registry`."""

@@ -1,10 +1,11 @@
-"""Where chaos sets in: the implicit midpoint rule on the pendulum, for all starts and step sizes."""
+"""Onset of chaos: the implicit midpoint rule on the pendulum, for a range of starts and step sizes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
+from bseries.figures.helpers import fitted_factor
 from bseries.plotting import BLUE, VERMILION, WHITE
 
 if TYPE_CHECKING:
@@ -26,24 +27,24 @@ SIZE = (16.0, 8.0)
 METHOD = "implicit-midpoint"
 SPAN = 700.0
 NEARBY, APART = 1e-10, 0.01
-"""The relative distance of two starts, and the distance at the end beyond which they are chaotic."""
+"""Relative distance of two starts, and the distance at the end from which on they are chaotic."""
 STEP_SIZES = (0.4, 1.8, 36)
-"""The least, the largest, and how many."""
+"""The least, the largest, and their number."""
 BOTTOM = (1.5, 3.0, 46)
-"""Momenta at q = 0, in the same way. The separatrix of the exact flow is at 2."""
+"""Momenta at q = 0, in the same way; the separatrix of the exact flow is at 2."""
 SADDLE = (-4.0, 0.0, 49)
-"""Decimal logarithms of momenta at q = −π. The separatrix is at 0."""
+"""Decimal logarithms of momenta at q = −π; the separatrix is at p = 0."""
 
 
 class ChaosOnset(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step sizes.
         bottom: Momenta of starts at q = 0.
         saddle: Momenta of starts at q = −π.
         chaotic_bottom: Whether they are chaotic, (step sizes, momenta).
-        chaotic_saddle: The same.
+        chaotic_saddle: The same for the starts at q = −π.
     """
 
     h: np.ndarray
@@ -62,17 +63,16 @@ class ChaosOnset(NamedTuple):
 
     @property
     def coefficient(self) -> float:
-        """The c of the width c h^(−3/2) e^(−π²/2h)."""
-        import numpy as np
-
-        return float(np.exp(np.mean(np.log(self.width / layer_law(self.h)))))
+        """The factor c of the width c h^(−3/2) e^(−π²/2h)."""
+        return fitted_factor(self.width, asymptotic_width(self.h))
 
 
-def layer_law(h: np.ndarray) -> np.ndarray:
-    """How the width of the layer in p at the saddle point depends on h → 0, up to a factor.
+def asymptotic_width(h: np.ndarray) -> np.ndarray:
+    """The width of the layer in p at the saddle point as h → 0, up to a factor.
 
-    The solution on the separatrix has its singularities at t = ±iπ/2, so that stable and unstable curves make an angle
-    like h⁻³ e^(−π²/h) where they meet, at q = 0. So wide is the layer in energy, which is p²/2 at the saddle point.
+    The solution on the separatrix has its singularities at t = ±iπ/2, so that stable and unstable curves intersect at
+    q = 0 under an angle proportional to h⁻³ e^(−π²/h). This is the width of the layer in energy, which is p²/2 at the
+    saddle point.
 
     References:
         V. F. Lazutkin, Splitting of separatrices for the Chirikov standard map, J. Math. Sci. 128 (2005) 2687–2705
@@ -94,7 +94,7 @@ def numbers() -> ChaosOnset:
 
 
 def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN) -> np.ndarray:
-    """For each start whether an orbit that begins nearby ends elsewhere."""
+    """Whether each start and a neighbouring one lead to distant ends."""
     import numpy as np
 
     steps, p = round(span / h), starts[:, 0]
@@ -114,7 +114,7 @@ def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN) -> np.ndarray:
 
 
 def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
-    """A line for each step size and start: 1 if it is chaotic; and the widths by step size."""
+    """Whether the orbits are chaotic (1 or 0), by step size and start; and the widths by step size."""
     import numpy as np
 
     table = {"h": numbers.h, "width": numbers.width}
@@ -128,7 +128,7 @@ def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: ChaosOnset, figure: Figure) -> None:
-    """To the left starts from the point at rest on, to the right those near the saddle point."""
+    """Left the starts at q = 0, right those near the saddle point."""
     import numpy as np
 
     left, right = figure.subplots(1, 2)
@@ -138,9 +138,9 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
     left.set(ylabel="momentum $p$ at $q = 0$", title="(a) starts at $q = 0$", ylim=BOTTOM[:2])
     _draw_map(right, numbers.h, numbers.saddle, numbers.chaotic_saddle)
     label = rf"fitted: ${numbers.coefficient:.0f}\,h^{{-3/2}}\,e^{{-\pi^2/2h}}$"
-    right.plot(numbers.h, numbers.coefficient * layer_law(numbers.h), "--", color=VERMILION, label=label)
+    right.plot(numbers.h, numbers.coefficient * asymptotic_width(numbers.h), "--", color=VERMILION, label=label)
     right.set(ylabel=r"momentum $p$ at $q = -\pi$", title=r"(b) starts above the saddle point, $q = -\pi$")
-    right.set(yscale="log", ylim=(10 ** SADDLE[0], 10 ** (SADDLE[1] + 1)))  # with room for the legend
+    right.set(yscale="log", ylim=(10 ** SADDLE[0], 10 ** (SADDLE[1] + 1)))  # leaves room for the legend
     for axes in (left, right):
         axes.set(xlabel="step size $h$", xlim=STEP_SIZES[:2])
         axes.legend(loc="upper left")

@@ -1,11 +1,11 @@
-"""Figure 5: the error of the energy on the pendulum, with explicit and with symplectic Euler."""
+"""Figure 5: energy error on the pendulum with explicit and with symplectic Euler."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_number
+from bseries.figures.helpers import check_number
 from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
@@ -25,23 +25,23 @@ SIZE = (12.0, 10.0)
 
 START = (2.5, 0.0)
 SPAN, CLOSER = 200.0, 20.0
-"""How long the runs are, and how much of them the lower picture shows."""
+"""Length of the runs, and of the part shown in the lower panel."""
 POINTS = 400
-"""Points of the orbit in averages: periodic functions are summed up to rounding errors."""
+"""Points of the orbit in averages of periodic functions."""
 MOST_DRAWN = 4000
-"""More points of a curve would only make files large."""
+"""Most points of a curve in the picture."""
 
 
 class EnergyError(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step size.
         t: The times of the steps.
         explicit: The error of the energy with explicit Euler.
         symplectic: The same with symplectic Euler.
-        slope: The mean drift of explicit Euler that its modified equation predicts.
-        bound: The bound for symplectic Euler, to first order.
+        slope: The mean drift of explicit Euler predicted by its modified equation.
+        bound: The first-order bound for symplectic Euler.
     """
 
     h: float
@@ -53,7 +53,7 @@ class EnergyError(NamedTuple):
 
 
 def numbers(*, h: float = 0.005) -> EnergyError:
-    """Both runs up to t = 200, from (p, q) = (2.5, 0), where the pendulum turns over."""
+    """Both runs up to t = 200 from (p, q) = (2.5, 0), where the pendulum rotates."""
     import numpy as np
 
     h = check_number(h, "h", 0.0005, 0.05)
@@ -70,7 +70,7 @@ def numbers(*, h: float = 0.005) -> EnergyError:
 
 
 def _orbit(energy: float) -> np.ndarray:
-    """Points (p, q) of a turn of the pendulum, at equal angles."""
+    """Points (p, q) of a period of the rotating pendulum, at equidistant angles."""
     import numpy as np
 
     q = np.linspace(0, 2 * np.pi, POINTS, endpoint=False)
@@ -78,14 +78,14 @@ def _orbit(energy: float) -> np.ndarray:
 
 
 def _mean_drift(scene: Scene, orbit: np.ndarray) -> float:
-    """The average over time of ∇H·f₂, where f₂ belongs to explicit Euler; dt is proportional to dq/p."""
+    """The time average of ∇H·f₂ for explicit Euler, with dt proportional to dq/p."""
     f, f2 = bs.modified_field(bs.method("explicit-euler"), scene, 2).terms(orbit)
     drift = f[1] * f2[0] - f[0] * f2[1]  # ∇H = (q', −p')
     return float((drift / orbit[0]).sum() / (1 / orbit[0]).sum())
 
 
 def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
-    """The errors at all times, and what was predicted."""
+    """The errors at all times, and the predictions."""
     import numpy as np
 
     predicted = {"predicted_slope": np.array([numbers.slope]), "predicted_bound": np.array([numbers.bound])}
@@ -93,8 +93,7 @@ def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: EnergyError, figure: Figure) -> None:
-    """Above both errors, below the smaller one from nearby."""
-
+    """Above both errors, below the smaller one enlarged."""
     above, below = figure.subplots(2)
     thin = slice(None, None, max(1, len(numbers.t) // MOST_DRAWN))
     above.plot(numbers.t[thin], numbers.explicit[thin], color=VERMILION, label="explicit Euler")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
+from bseries.figures.helpers import reduced_angle, set_angle_axis
 from bseries.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
@@ -33,11 +34,11 @@ STEP_SIZES = (0.3, 0.7, 1.0, 1.3, 1.35, 1.6)
 STARTS = ((0.0, -1.5), (0.0, -2.5), (1.5, -pi), (2.5, -pi))
 GRID = 241
 TOP, BOTTOM = 7.1, -2.8
-"""The largest momentum in the picture, and the least: with h = 1.35 the fourth orbit goes up to 6.9."""
+"""The largest and the least momentum in the picture: for h = 1.35 the fourth orbit reaches 6.9."""
 
 
 class LargeSteps(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step sizes.
@@ -70,23 +71,16 @@ def numbers() -> LargeSteps:
 
 
 def orbit(h: float, start: Sequence[float]) -> np.ndarray:
-    """The steps from a start, (2, steps + 1), in pieces: turns that pile up in q would spoil the force by rounding."""
+    """The steps from a start, (2, steps + 1), in pieces: large angles would spoil the force by rounding."""
     import numpy as np
 
     pieces, y = [np.array(start)[:, None]], np.array(start)
     for _ in range(STEPS // PIECE):
         run = bs.integrate(bs.scene("pendulum"), METHOD, h=h, steps=PIECE, y0=y)
         pieces.append(run.y[:, 1:])
-        y = np.array([run.y[0, -1], _reduced(run.y[1, -1])])
+        y = np.array([run.y[0, -1], reduced_angle(run.y[1, -1])])
     p, q = np.hstack(pieces)
-    return np.array([p, _reduced(q)])
-
-
-def _reduced(q: Any) -> Any:
-    """An angle from −π on."""
-    import numpy as np
-
-    return np.remainder(q + np.pi, 2 * np.pi) - np.pi
+    return np.array([p, reduced_angle(q)])
 
 
 def columns(numbers: LargeSteps) -> dict[str, np.ndarray]:
@@ -125,5 +119,5 @@ def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
         axes.plot(q, p, ".", color=colour, markersize=0.8, markeredgewidth=0, rasterized=True)
         label = f"$(p, q) = ({name})$"
         axes.plot(q[0], p[0], "o", color=colour, markersize=3.5, clip_on=False, zorder=4, label=label)
-    axes.set(xlim=(-np.pi, np.pi), ylim=(BOTTOM, TOP))
-    axes.set_xticks([-np.pi, 0, np.pi], [r"$-\pi$", "0", r"$\pi$"])
+    axes.set_ylim(BOTTOM, TOP)
+    set_angle_axis(axes)

@@ -1,4 +1,4 @@
-"""Figure 8: the simplified Takahashi–Imada method on a cluster of atoms, where the energy walks at random."""
+"""Figure 8: the simplified Takahashi–Imada method on a cluster of atoms, with a random walk of the energy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_count, check_number
+from bseries.figures.helpers import check_count, check_number, fitted_factor, growth_exponent, logarithmic_indices
 from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
@@ -32,23 +32,23 @@ SIZE = (13.0, 12.0)
 
 SIMPLIFIED, SYMPLECTIC = "simplified-takahashi-imada", "takahashi-imada"
 KINETIC, EQUILIBRATION = 2.4, 50.0
-"""The kinetic energy at first, that of temperature 0.3, and how long runs are before they are looked at."""
+"""Initial kinetic energy, of temperature 0.3, and length of runs before the observation."""
 TERMS = 5
 """Powers h⁰ … h⁴ of the modified energy."""
 TIMES = 1000
-"""How often energies are observed."""
+"""Number of observations of the energy."""
 KEPT = 12
-"""How many trajectories are drawn one by one."""
+"""Number of trajectories drawn individually."""
 SHOWN = 150
-"""About how many points curves have in the logarithmic picture."""
+"""Approximate number of points of curves in the logarithmic panel."""
 ENOUGH = 36
-"""For how many trajectories standard errors are drawn: with few, three of them are hardly less than the deviation."""
+"""Number of trajectories from which on standard errors are drawn: they must be well below the deviation."""
 FIT_FROM = 0.1
-"""The deviation is fitted from this part of the span on."""
+"""Part of the span from which on the deviation is fitted."""
 
 
 class LennardJonesDrift(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         members: The number of trajectories.
@@ -68,23 +68,18 @@ class LennardJonesDrift(NamedTuple):
 
     @property
     def exponent(self) -> float:
-        """The exponent of t in the deviation: the slope in logarithmic scales, at times of equal ratio."""
-        import numpy as np
-
-        t = np.geomspace(FIT_FROM * self.t[-1], self.t[-1], 100)
-        return float(np.polyfit(np.log(t), np.log(np.interp(t, self.t, self.deviation)), 1)[0])
+        """The exponent of t in the deviation."""
+        return growth_exponent(self.t, self.deviation, FIT_FROM * self.t[-1], self.t[-1], 100)
 
     @property
     def coefficient(self) -> float:
-        """The c of s = c √t."""
-        import numpy as np
-
+        """The factor c of s = c √t."""
         late = self.t >= FIT_FROM * self.t[-1]
-        return float(np.exp(np.mean(np.log(self.deviation[late] / np.sqrt(self.t[late])))))
+        return fitted_factor(self.deviation[late], self.t[late] ** 0.5)
 
     @property
     def standard_error(self) -> np.ndarray:
-        """That of the mean."""
+        """The standard error of the mean."""
         return self.deviation / self.members**0.5
 
 
@@ -97,7 +92,7 @@ def numbers(
     checkpoint: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LennardJonesDrift:
-    """Many trajectories up to t = 20,000, which takes minutes; in the folder `checkpoint` what is done is kept."""
+    """An ensemble up to t = 20,000, which takes minutes; with a folder `checkpoint` it can be resumed."""
     h, members = check_number(h, "h", 0.002, 0.02), check_count(members, "members", 2, 100_000)
     atoms: Any = bs.scene("lennard-jones")
     steps = round(check_number(span, "span", 20, 1e6) / h)
@@ -121,9 +116,9 @@ def numbers(
 
 
 def start(atoms: Scene, draw: Callable[[Generator], np.ndarray], h: float, random: Generator) -> np.ndarray:
-    """A state of the energy that all trajectories share, once nothing reminds of the ordered cluster.
+    """A state after equilibration from the initial cluster, with the energy that all trajectories share.
 
-    That is not at an average place, so that the mean of energies less those at the start would not be zero.
+    The cluster has an atypical modified energy, so that the mean change from there would not be zero.
     """
     y = draw(random)
     momenta = y[: len(y) // 2]
@@ -146,14 +141,13 @@ def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
 
 
 def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
-
-    t, law = numbers.t, numbers.coefficient * numbers.t**0.5
+    t, fit = numbers.t, numbers.coefficient * numbers.t**0.5
     label = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
     for k, errors in enumerate(numbers.single):
         axes.plot(t, errors, color=GREY, linewidth=0.5, label=None if k else label)
     for sign, label in ((1, r"$\pm s$"), (-1, None)):
         axes.plot(t, sign * numbers.deviation, color=BLUE, label=label)
-        axes.plot(t, sign * law, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
+        axes.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
     axes.plot(t, numbers.mean, color=VERMILION, label="mean")
     axes.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
     axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
@@ -161,9 +155,7 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
 
 
 def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
-    import numpy as np
-
-    rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
+    rows = logarithmic_indices(len(numbers.t), SHOWN)
     t, deviation, mean, error = (
         values[rows] for values in (numbers.t, numbers.deviation, numbers.mean, numbers.standard_error)
     )

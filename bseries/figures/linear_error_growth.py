@@ -1,11 +1,11 @@
-"""Figure 10: why errors of symplectic methods grow linearly on integrable systems, step by step on two rotors."""
+"""Figure 10: linear error growth of symplectic methods on integrable systems, step by step on two rotors."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_number
+from bseries.figures.helpers import check_number, growth_exponent, logarithmic_indices
 from bseries.plotting import BLUE, GREEN, PURPLE, VERMILION
 
 if TYPE_CHECKING:
@@ -36,13 +36,13 @@ SPAN, FIT_FROM = 1000.0, 30.0
 TERMS = 2
 """Powers h² and h⁴ of the modified Hamiltonian, ε and ε²."""
 EVERY = 5
-"""Steps from one state that is looked at to the next."""
+"""Steps between observed states."""
 SHOWN = 150
-"""Points of a curve."""
+"""Number of points of a curve."""
 
 
 class LinearErrorGrowth(NamedTuple):
-    """What the figure shows: for all times the largest distances up to then.
+    """Data of the figure: at all times the largest distances up to then.
 
     Attributes:
         h: The step size.
@@ -66,7 +66,7 @@ class LinearErrorGrowth(NamedTuple):
 
 
 def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
-    """The diagram: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, and back."""
+    """The steps of the proof: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, back."""
     import numpy as np
 
     h = check_number(h, "h", 0.01, 0.05)
@@ -76,13 +76,13 @@ def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
         bs.integrate(rotors, method, h=h, steps=round(SPAN / h), y0=change.to_old(start), save_every=EVERY)
         for method in (SYMPLECTIC, OTHER)
     )
-    exact = change.to_old(_turning(start, _frequencies(change.hamiltonian(rotors), start), first.t))
+    exact = change.to_old(_rotating(start, _frequencies(change.hamiltonian(rotors), start), first.t))
     states, predicted, new = _action_angles(first.y), [], []
     for form in normal_forms(rotors, change):
         eps = h**2
         b = form.to_normal(start, eps)
         omega = _frequencies(form.normal_scene.with_parameters(eps=eps), b)
-        solution = change.to_old(form.from_normal(_turning(b, omega, first.t), eps))
+        solution = change.to_old(form.from_normal(_rotating(b, omega, first.t), eps))
         predicted.append(_largest(first.y - solution))
         new.append(_changes(form.to_normal(states, eps)))
     return LinearErrorGrowth(
@@ -98,13 +98,13 @@ def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
 
 
 def scene() -> Scene:
-    """The rotors in Cartesian coordinates, where the method is applied to them."""
+    """The rotors in Cartesian coordinates, to which the method is applied."""
     actions = [f"(p{i}^2 + q{i}^2)/2" for i in (1, 2)]
     return bs.Scene(OLD, hamiltonian=ENERGY.format(*actions), name="rotors")
 
 
 def normal_forms(rotors: Scene, change: bs.CoordinateChange) -> list[bs.NormalForm]:
-    """The modified Hamiltonian of Störmer–Verlet without its angles, through ε, ε², … where ε = h²."""
+    """The modified Hamiltonian of Störmer–Verlet without angles, through ε, ε², … with ε = h²."""
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), rotors, 2 * TERMS + 1)
     terms = (bs.Scene(OLD, hamiltonian=energy.symbolic(2 * k)) for k in range(1, TERMS + 1))
     perturbations = [change.hamiltonian(term).hamiltonian for term in terms]
@@ -117,8 +117,8 @@ def _frequencies(system: Scene, state: np.ndarray) -> np.ndarray:
     return bs.right_hand_side(system)(0.0, state)[2:]
 
 
-def _turning(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Constant actions, and angles that turn with frequencies ω, (4, times)."""
+def _rotating(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Constant actions and angles with frequencies ω, (4, times)."""
     import numpy as np
 
     return state[:, None] + np.concatenate([0 * omega, omega])[:, None] * t
@@ -143,16 +143,8 @@ def _largest(differences: np.ndarray) -> np.ndarray:
     return np.maximum.accumulate(np.linalg.norm(differences, axis=0))
 
 
-def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
-    """The slope, in logarithmic scales, at times of equal ratio from t = 30 on."""
-    import numpy as np
-
-    times = np.geomspace(FIT_FROM, SPAN, SHOWN)
-    return float(np.polyfit(np.log(times), np.log(np.interp(times, t, error)), 1)[0])
-
-
 def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
-    """All curves by time."""
+    """All curves, as functions of time."""
     table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{OTHER}": numbers.other}
     table |= {f"error_after_{n}_terms": row for n, row in enumerate(numbers.predicted, 1)}
     table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{OTHER}": numbers.other_actions}
@@ -161,7 +153,7 @@ def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
-    """To the left global errors, to the right the actions."""
+    """Left global errors, right the actions."""
     left, right = figure.subplots(1, 2)
     _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "solution after")
     _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "new actions,")
@@ -172,13 +164,12 @@ def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
 def _draw_curves(
     axes: Axes, numbers: LinearErrorGrowth, other: np.ndarray, symplectic: np.ndarray, series: np.ndarray, what: str
 ) -> None:
-    import numpy as np
-
-    rows = np.unique(np.geomspace(1, len(numbers.t) - 1, SHOWN).astype(int))
+    rows = logarithmic_indices(len(numbers.t), SHOWN)
     names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))
-    looks = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
-    for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, looks, strict=True):
-        label = f"{name}: $t^{{{growth_exponent(numbers.t, curve):.2f}}}$"
+    styles = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
+    for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, styles, strict=True):
+        exponent = growth_exponent(numbers.t, curve, FIT_FROM, SPAN, SHOWN)
+        label = f"{name}: $t^{{{exponent:.2f}}}$"
         axes.loglog(numbers.t[rows], curve[rows], linestyle=dashes, color=colour, label=label)
     axes.set(xlabel="time $t$", xlim=(numbers.t[1], SPAN))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17))

@@ -1,12 +1,11 @@
-"""Figure 2: two Euler methods on the Lotka–Volterra equations, in the exact and in the modified flow."""
+"""Figure 2: two Euler methods on the Lotka–Volterra equations, with the exact and the modified flow."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_number
-from bseries.figures.truncated_scenes import truncated_scene
+from bseries.figures.helpers import check_number, truncated_scene
 from bseries.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
@@ -31,16 +30,16 @@ LINE = 2.0
 """All starts lie on the line q = 2."""
 STARTS = {"explicit-euler": (2.0,), "symplectic-euler-p": (2.0, 3.5)}
 CLOSED = (2.0, 3.5, 1.25, 1.6, 2.45, 2.95, 4.1, 4.8)
-"""Where closed curves start, those of the numerical solutions first."""
+"""Starts of closed curves, those of the numerical solutions first."""
 SPIRALS = (2.0, 2.38)
-"""Where spirals start: one half a turn of the other."""
+"""Starts of spirals, half a period apart."""
 AROUND, INWARDS, OUTWARDS = 6.5, -16.0, 10.6
-"""For how long curves are followed: a little longer than the closed ones take to come back; spirals both ways."""
+"""Lengths of curves: slightly more than a period of the closed ones; spirals in both directions."""
 POINTS = 500
 
 
 class LotkaVolterra(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step size.
@@ -80,7 +79,7 @@ def _steps(scene: Scene, method: str, h: float) -> np.ndarray:
 
 
 def _curves(flow: Scene, starts: tuple[float, ...], *ends: float) -> np.ndarray:
-    """The curves of a flow from points on the line q = 2, from the first end to the start to the last one."""
+    """The curves of a flow through points on the line q = 2, from the first end over the start to the last one."""
     import numpy as np
 
     def curve(p: float, end: float) -> np.ndarray:
@@ -94,7 +93,7 @@ def _curves(flow: Scene, starts: tuple[float, ...], *ends: float) -> np.ndarray:
 
 
 def columns(numbers: LotkaVolterra) -> dict[str, np.ndarray]:
-    """The states of the numerical solutions, and those of all curves by their number."""
+    """The states of the numerical solutions and of all curves, by number."""
     modified = {f"modified_{name}": curves for name, curves in numbers.modified.items()}
     table = {}
     for name, curves in {**numbers.steps, "exact": numbers.exact, **modified}.items():
@@ -105,7 +104,7 @@ def columns(numbers: LotkaVolterra) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: LotkaVolterra, figure: Figure) -> None:
-    """A row for each method: its steps in the exact flow and in the modified one."""
+    """A row for each method: its steps with the exact and with the modified flow."""
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for row, (method, label) in zip(panels, METHODS.items(), strict=True):
         flows = ("exact flow", numbers.exact), ("modified flow", numbers.modified[method])
@@ -118,7 +117,6 @@ def draw(numbers: LotkaVolterra, figure: Figure) -> None:
 
 
 def _draw_panel(axes: Axes, curves: np.ndarray, runs: np.ndarray) -> None:
-
     for curve in curves[len(runs) :]:
         axes.plot(*curve, color=GREY, linewidth=0.7)
     for curve, states in zip(curves, runs, strict=False):

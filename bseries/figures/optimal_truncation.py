@@ -1,4 +1,4 @@
-"""Exponentially small errors: the modified equation truncated where it is best."""
+"""Exponentially small errors: optimal truncation of the modified equation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import bseries as bs
-from bseries.figures.options import check_count
+from bseries.figures.helpers import check_count
 from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
@@ -32,26 +32,26 @@ SIZE = (17.0, 7.0)
 METHOD = "stormer-verlet"
 PENDULUM_START, QUADRATURE_START = (2.5, 0.0), (0.0, 0.0)
 PENDULUM_RANGE, QUADRATURE_RANGE = (10.0, 17.0, 8), (6.0, 32.0, 14)
-"""The least and largest x, and how many of them."""
+"""The least and largest x, and their number."""
 QUADRATURE_TERMS = 35
 QUADRATURE_DISTANCE = 1.0
 """The solution p = ½ log(1 + t²) is singular at ±i."""
 SHOWN = (0, 4, 7)
-"""Which step sizes of the pendulum the left picture shows."""
+"""Step sizes of the pendulum in the left panel."""
 NODES, ITERATIONS, ROUNDING = "gauss16", 80, 1e-15
 TINY_STEP = 1e-15
-"""No order is beyond the optimum of such a step, which `bseries.reach` would warn of."""
+"""Step size without an optimal truncation order, so that `bseries.reach` does not warn."""
 
 
 class Truncations(NamedTuple):
-    """The errors on a scene.
+    """Errors of truncations on a scene.
 
     Attributes:
         distance: The distance δ of the singularities.
         h: The step sizes, from large to small.
-        terms: The numbers of terms N. The method is symmetric: only odd ones differ.
-        errors: The error of a step by step size and number of terms; not a number where it was not found.
-        expected: The best N that the sizes of the terms amid the step tell (`bseries.reach`), by step size.
+        terms: The numbers of terms N; only odd ones, as the method is symmetric.
+        errors: The error of a step by step size and number of terms; nan where the flow could not be computed.
+        expected: The optimal N by the sizes of the terms at the middle of the step (`bseries.reach`), by step size.
     """
 
     distance: float
@@ -76,21 +76,21 @@ class Truncations(NamedTuple):
 
     @property
     def best(self) -> np.ndarray:
-        """The N that it is for."""
+        """The N of the smallest error, by step size."""
         import numpy as np
 
         return self.terms[np.nanargmin(self.errors, axis=1)]
 
 
 class OptimalTruncation(NamedTuple):
-    """What the figure shows."""
+    """Data of the figure."""
 
     pendulum: Truncations
     quadrature: Truncations
 
 
 def numbers(*, terms: int = 17) -> OptimalTruncation:
-    """The errors, on the pendulum for up to so many terms."""
+    """The errors; for the pendulum with up to the given number of terms."""
     terms = check_count(terms, "terms", 5, 19)
     quadrature = bs.parse_hamiltonian("p - log(1 + q^2)/2")
     return OptimalTruncation(
@@ -100,10 +100,7 @@ def numbers(*, terms: int = 17) -> OptimalTruncation:
 
 
 def pendulum_distance() -> float:
-    """The time in which a pendulum that turns over goes from q = 0 to q = i∞, without the factor i.
-
-    It is the integral of dy/p for q = iy, where p² = 2(H + cosh y); the trapezoidal rule is exact but for rounding.
-    """
+    """The time from q = 0 to q = i∞ of the rotating pendulum, over i: ∫ dy/p for q = iy, by the trapezoidal rule."""
     import numpy as np
 
     energy = PENDULUM_START[0] ** 2 / 2 - 1
@@ -129,21 +126,21 @@ def _truncations(
 
 
 def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.SceneSeries, h: float) -> np.ndarray:
-    """Where the flow of a field is after a time h, by one step of a Gauss method; not a number if it fails."""
+    """The flow of a field after a time h, by one step of a Gauss method; nan if the iteration fails."""
     import numpy as np
 
-    slopes = np.zeros((len(start), len(b)))
+    derivatives = np.zeros((len(start), len(b)))
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where the iteration diverges that is the answer
+        warnings.simplefilter("ignore", RuntimeWarning)  # of diverging iterations
         for _ in range(ITERATIONS):
-            before, slopes = slopes, f(start[:, None] + h * slopes @ A.T, h)
-            if abs(slopes - before).max() < ROUNDING:
-                return start + h * slopes @ b
+            before, derivatives = derivatives, f(start[:, None] + h * derivatives @ A.T, h)
+            if abs(derivatives - before).max() < ROUNDING:
+                return start + h * derivatives @ b
     return np.full(len(start), np.nan)
 
 
 def columns(numbers: OptimalTruncation) -> dict[str, np.ndarray]:
-    """For each scene, a line for each step size; the errors have a column for each number of terms."""
+    """The values by step size for each scene, with a column of errors for each number of terms."""
     table = {}
     for scene, found in numbers._asdict().items():
         errors = zip(found.terms, found.errors.T, strict=True)
@@ -154,13 +151,13 @@ def columns(numbers: OptimalTruncation) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: OptimalTruncation, figure: Figure) -> None:
-    """From left to right: errors by N, the least ones by 1/h, the N that they are for."""
+    """From left to right: errors by N, the least ones by 1/h, and their N."""
     import numpy as np
 
     left, middle, right = figure.subplots(1, 3)
     _draw_errors(left, numbers.pendulum)
-    looks = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
-    for found, (label, marker, colour) in zip(numbers, looks, strict=True):
+    styles = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
+    for found, (label, marker, colour) in zip(numbers, styles, strict=True):
         middle.semilogy(found.x, found.least, marker, color=colour, label=label)
         right.plot(found.x, found.expected, marker, color=colour, fillstyle="none", markersize=6, label="smallest term")
         right.plot(found.x, found.best, marker, color=colour, label="least error")
@@ -176,7 +173,6 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
 
 def _draw_errors(axes: Axes, found: Truncations) -> None:
     """Errors by the number of terms, the least of them marked."""
-
     for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
         axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")
         axes.semilogy(found.best[k], found.least[k], "o", color=colour, markersize=5)

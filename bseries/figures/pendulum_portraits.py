@@ -1,10 +1,11 @@
-"""Figure 4: three methods on the pendulum, in the phase space that they live in, a cylinder."""
+"""Figure 4: three methods on the pendulum, with the cylinder as phase space."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
+from bseries.figures.helpers import reduced_angle, set_angle_axis
 from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION, WHITE
 
 if TYPE_CHECKING:
@@ -23,27 +24,27 @@ CAPTION = (
 SIZE = (17.0, 12.5)
 
 TILT = 0.5
-"""How far the view of the cylinder is from above: the half axis of the ellipse that a circle becomes."""
+"""Half axis of the ellipse that is the projection of a circle."""
 LEVELS = (-0.9, -0.6, -0.2, 0.3, 0.75, 1.0, 1.5, 2.3, 3.2)
-"""Energies of the level curves; that of the separatrix is 1."""
+"""Energies of the level curves; 1 is that of the separatrix."""
 POINTS = 201
 BEHIND = 0.35
-"""The opacity of what is behind the cylinder."""
+"""Opacity of the back of the cylinder."""
 TOP = 2.9
-"""The largest |p| in the picture."""
+"""Largest |p| in the picture."""
 MOST_DRAWN = 120
-"""More steps would fill the curves."""
+"""Most steps in the picture."""
 
 
 class Portrait(NamedTuple):
     """A method on the pendulum.
 
     Attributes:
-        method: Its name.
-        title: What it is called.
+        method: The name of the method.
+        title: Its name in the picture.
         h: The step size.
-        steps: How many steps.
-        starts: The states (p, q) that it starts from.
+        steps: The number of steps.
+        starts: The initial states (p, q).
     """
 
     method: str
@@ -62,10 +63,10 @@ PORTRAITS = (
 
 
 class PendulumPortraits(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
-        runs: The states by method, (starts, 2, steps + 1); angles are not reduced.
+        runs: The states by method, (starts, 2, steps + 1), with unreduced angles.
         energies: Their energies, (starts, steps + 1).
         levels: The level curves, (curves, 2, points), with angles from −π to π.
     """
@@ -89,7 +90,7 @@ def numbers() -> PendulumPortraits:
 
 
 def _level_curves(energy: float) -> list[np.ndarray]:
-    """Where p²/2 − cos q has a value: one closed curve, or one for each direction of turning."""
+    """Level curves of p²/2 − cos q: a closed curve, or one for each direction of rotation."""
     import numpy as np
 
     if energy < 1:
@@ -102,7 +103,7 @@ def _level_curves(energy: float) -> list[np.ndarray]:
 
 
 def columns(numbers: PendulumPortraits) -> dict[str, np.ndarray]:
-    """States and energies of the runs, and the level curves by their number."""
+    """States and energies of the runs, and the level curves by number."""
     table = {}
     for method, runs in numbers.runs.items():
         for k, ((p, q), energy) in enumerate(zip(runs, numbers.energies[method], strict=True), 1):
@@ -140,10 +141,10 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
         axes.plot(*_seen(np.full(POINTS, p), q), **edge, alpha=alpha)
     for side in (-np.pi / 2, np.pi / 2):
         axes.plot(*_seen(np.array([-TOP, TOP]), np.full(2, side)), **edge)
-    for (p, q), look in zip(runs, _looks(), strict=False):
+    for (p, q), style in zip(runs, _styles(), strict=False):
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
-            axes.plot(*_seen(p[visible], q[visible]), **look, alpha=1 if is_front else BEHIND)
+            axes.plot(*_seen(p[visible], q[visible]), **style, alpha=1 if is_front else BEHIND)
     background = {"facecolor": WHITE, "edgecolor": "none", "pad": 1}
     axes.text(0, 0.5 - TOP, "$q = 0$ in front", fontsize=7, ha="center", va="top", bbox=background)
     axes.set(xticks=[], yticks=[-2, -1, 0, 1, 2])  # at the sides, where q = ±π/2, the height is p
@@ -153,7 +154,7 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
 
 
 def _seen(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the picture shows a state."""
+    """The projection of a state to the plane of the picture."""
     import numpy as np
 
     return np.sin(q), p - TILT * np.cos(q)
@@ -161,19 +162,16 @@ def _seen(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
     """The cylinder cut open."""
-    import numpy as np
-
     for p, q in levels:
         axes.plot(q, p, color=GREY, linewidth=0.8)
-    for (p, q), look in zip(runs, _looks(), strict=False):
-        axes.plot(np.remainder(q + np.pi, 2 * np.pi) - np.pi, p, **look)
-    axes.set(xlabel="angle $q$", xlim=(-np.pi, np.pi), ylim=(-TOP, TOP))
-    axes.set_xticks([-np.pi, 0, np.pi], [r"$-\pi$", "0", r"$\pi$"])
+    for (p, q), style in zip(runs, _styles(), strict=False):
+        axes.plot(reduced_angle(q), p, **style)
+    axes.set(xlabel="angle $q$", ylim=(-TOP, TOP))
+    set_angle_axis(axes)
 
 
-def _looks() -> list[dict[str, Any]]:
-    """How runs are drawn, by their number."""
-
+def _styles() -> list[dict[str, Any]]:
+    """The plot styles of the runs."""
     common = {"linestyle": "none", "markersize": 2.2}
     return [
         {"marker": marker, "color": colour, **common}

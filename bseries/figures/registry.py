@@ -1,4 +1,4 @@
-"""Figures by name. Each is a file of this folder with a TITLE; adding such a file adds a figure."""
+"""Registry of figures: every file of this folder with a TITLE is one."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PROGRESS = "progress"
-"""An option of figures that take long: a function of what is done and of all."""
+"""Option of figures that take long: a function that receives the work done and all work."""
 
 
 class FigureFile(Protocol):
-    """What the file of a figure has.
+    """The contents of a figure's file.
 
     Attributes:
         NUMBER: The number of the figure in the lecture; None beyond it.
-        TITLE: What is shown, in a line.
-        CAPTION: What there is to see.
+        TITLE: The subject, in a line.
+        CAPTION: The caption.
         SIZE: Width and height in centimetres.
     """
 
@@ -36,15 +36,15 @@ class FigureFile(Protocol):
 
     @property
     def numbers(self) -> Callable[..., Any]:
-        """Compute what is shown; options are keyword arguments with the lecture's values as defaults."""
+        """Compute the data; options are keyword arguments with the lecture's values as defaults."""
         ...
 
     def columns(self, numbers: Any) -> Mapping[str, np.ndarray]:
-        """The same as columns of a table, which may have different lengths."""
+        """The data as columns of a table, which may have different lengths."""
         ...
 
     def draw(self, numbers: Any, figure: Figure) -> None:
-        """Draw it on an empty figure."""
+        """Draw the data on an empty figure."""
         ...
 
 
@@ -60,11 +60,7 @@ def figure_names() -> list[str]:
 
 
 def figure_file(name: str) -> FigureFile:
-    """The file of a figure.
-
-    Raises:
-        SeriesError: There is no such figure.
-    """
+    """The file of a figure."""
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
         return file
@@ -85,7 +81,7 @@ def options_of(file: FigureFile) -> dict[str, Any]:
 
 
 def takes_progress(file: FigureFile) -> bool:
-    """Whether a figure takes long enough to say how far it is."""
+    """Whether a figure takes long enough to report progress."""
     return PROGRESS in _accepted(file)
 
 
@@ -94,11 +90,7 @@ def _accepted(file: FigureFile) -> dict[str, Any]:
 
 
 def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
-    """The numbers of a figure.
-
-    Raises:
-        SeriesError: There is no such option, or it has no such value.
-    """
+    """The data of a figure."""
     known = _accepted(file)
     for option in options:
         if option not in known:
@@ -108,32 +100,27 @@ def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
 
 
 def drawn(file: FigureFile, numbers: Any) -> Figure:
-    """The picture of numbers.
-
-    Raises:
-        IntegratorError: matplotlib is not installed.
-    """
-
+    """The picture of a figure's data."""
     optional_module("matplotlib", "figures")
     with print_style():
         figure = new_figure(file.SIZE, file.CAPTION)
         file.draw(numbers, figure)
-        figure.draw_without_rendering()  # ticks take the settings of the moment when they are laid out
+        figure.draw_without_rendering()  # lays out ticks with the current settings
     return figure
 
 
 def figure(name: str, **options: Any) -> Figure:
-    """A figure of the lecture (E. Hairer, on backward error analysis), or one beyond it, computed and drawn.
+    """A figure of the lecture (E. Hairer, on backward error analysis) or beyond it, computed and drawn.
 
     Args:
         name: One of `figure_names`.
-        options: Those of the figure; `bseries figure --list` shows them with their defaults.
+        options: The options of the figure; `bseries figure --list` shows them with their defaults.
 
     Returns:
-        A figure of matplotlib, to be shown in a notebook, with its caption, or saved with its method ``savefig``.
+        A figure of matplotlib; notebooks show it with its caption, and its method ``savefig`` saves it.
 
     Raises:
-        SeriesError: There is no such figure or option.
+        SeriesError: The name or an option is unknown.
         IntegratorError: matplotlib is not installed.
 
     Example:

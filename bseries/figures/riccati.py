@@ -6,8 +6,7 @@ from math import log
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_number
-from bseries.figures.truncated_scenes import truncated_scene
+from bseries.figures.helpers import check_number, truncated_scene
 from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
 if TYPE_CHECKING:
@@ -27,15 +26,15 @@ SIZE = (12.0, 8.0)
 METHOD = "explicit-euler"
 TERMS = (1, 2, 3, 4)
 REACH = 0.7
-"""The largest h y: with 4 terms, the modified field is positive up to h y = 0.74, where solutions come to rest."""
+"""Largest h y: with 4 terms the modified field is positive up to h y = 0.74, where solutions come to rest."""
 SHOWN = 0.4
-"""The largest h y in the picture."""
+"""Largest h y in the picture."""
 FINE = 4
-"""Points of the curves to a step."""
+"""Points of the curves per step."""
 
 
 class Riccati(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step size.
@@ -51,7 +50,7 @@ class Riccati(NamedTuple):
 
 
 def numbers(*, h: float = 0.02) -> Riccati:
-    """Steps of explicit Euler while h y < 1.4, and curves up to h y = 0.7."""
+    """Steps of explicit Euler for h y < 1.4, and curves up to h y = 0.7."""
     h = check_number(h, "h", 0.002, 0.1)
     riccati = bs.scene("riccati")
     run = bs.integrate(riccati, METHOD, h=h, steps=round(1 / h + log(1 / h)) + 2)
@@ -63,7 +62,7 @@ def numbers(*, h: float = 0.02) -> Riccati:
 def _solution(scene: Scene, h: float) -> tuple[np.ndarray, np.ndarray]:
     """The solution from y(0) = 1 at the times of steps and between them, up to h y = REACH.
 
-    When it gets there tells the equation of the time, t' = 1/f(y), y' = 1, which has no pole.
+    Its end is the solution of t' = 1/f(y), y' = 1, which has no pole.
     """
     import numpy as np
 
@@ -82,12 +81,11 @@ def columns(numbers: Riccati) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: Riccati, figure: Figure) -> None:
-    """Curves through, and away from, the dots of the numerical solution."""
-
+    """The curves, and the numerical solution as dots."""
     axes, h = figure.add_subplot(), numbers.h
-    looks = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}
+    styles = {1: (GREY, "--"), 2: (VERMILION, (0, (1, 1))), 3: (GREEN, "-."), 4: (BLUE, "-")}
     for terms, (t, y) in numbers.truncated.items():
-        colour, dashes = looks[terms]
+        colour, dashes = styles[terms]
         label = "1 term: exact solution" if terms == 1 else f"{terms} terms"
         axes.plot(t, y, color=colour, linestyle=dashes, label=label)
     axes.plot(numbers.t, numbers.y, "o", color=BLACK, label=f"explicit Euler, $h = {h:g}$", zorder=3)

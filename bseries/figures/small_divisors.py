@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_count
+from bseries.figures.helpers import check_count
 from bseries.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
@@ -30,18 +30,18 @@ PLANETS = "JSUNP"
 GIANTS = 4
 YEAR = 365.25
 METHOD, STEP, STEPS, EVERY = "blanes-moan-rkn6", 200.0, 150_000, 5
-"""Days to a step, and how many of them to a state that is kept; Jupiter's year has 4333 days."""
+"""The step in days, and the number of steps per stored state; Jupiter's year has 4333 days."""
 KNOWN = ((2, -5, 0, 0, 0), (0, 0, 1, -2, 0), (0, 0, 0, 2, -3))
 """Jupiter and Saturn, Uranus and Neptune, Neptune and Pluto."""
 
 
 class Divisors(NamedTuple):
-    """The divisors of some planets.
+    """The divisors of a set of planets.
 
     Attributes:
         norm: |k| = 1, 2, …
-        least: The least |k·ω| with such k, in radians per year.
-        k: The k that it is for, (norms, planets).
+        least: The least |k·ω| with this |k|, in radians per year.
+        k: The minimising k, (norms, planets).
     """
 
     norm: np.ndarray
@@ -50,17 +50,17 @@ class Divisors(NamedTuple):
 
     @property
     def nu(self) -> int:
-        """ν = d − 1, where d is the number of planets; for larger ν almost all frequencies have such a γ > 0."""
+        """ν = d − 1 for d planets; for larger ν almost all frequencies have such a γ > 0."""
         return self.k.shape[1] - 1
 
     @property
     def gamma(self) -> float:
-        """The largest γ such that |k·ω| ≥ γ |k|^(−ν) for all of them."""
+        """The largest γ with |k·ω| ≥ γ |k|^(−ν) for all of them."""
         return float((self.least * self.norm ** float(self.nu)).min())
 
 
 class SmallDivisors(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         frequencies: The mean motions of the planets, in radians per year.
@@ -74,7 +74,7 @@ class SmallDivisors(NamedTuple):
 
 
 def numbers(*, reach: int = 20) -> SmallDivisors:
-    """The divisors for |k| up to a number."""
+    """The divisors for |k| up to `reach`."""
     reach = check_count(reach, "reach", 5, 30)
     omega = mean_motions()
     return SmallDivisors(omega, divisors(omega[:GIANTS], reach), divisors(omega, reach))
@@ -83,7 +83,7 @@ def numbers(*, reach: int = 20) -> SmallDivisors:
 def mean_motions() -> np.ndarray:
     """The mean rates of the planets' longitudes, about the axis of the total angular momentum.
 
-    What is periodic in the rates drops out of means with smooth weights that vanish at both ends.
+    A smooth weight that vanishes at both ends suppresses the periodic parts of the rates.
     """
     import numpy as np
 
@@ -102,7 +102,7 @@ def mean_motions() -> np.ndarray:
 
 
 def divisors(omega: np.ndarray, reach: int) -> Divisors:
-    """The least divisors of all k with |k| ≤ reach. Of k and −k only one is there, whose last entry is positive."""
+    """The least divisors of all k with |k| ≤ reach; of k and −k the one with a positive last entry."""
     import numpy as np
 
     k, norms = np.zeros((1, 0), dtype=np.int8), np.zeros(1, dtype=np.int64)
@@ -127,7 +127,7 @@ def columns(numbers: SmallDivisors) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: SmallDivisors, figure: Figure) -> None:
-    """To the left the four giants, to the right all planets."""
+    """Left the four giants, right all planets."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, found in ((left, numbers.giants), (right, numbers.planets)):
         _draw_divisors(axes, found)
@@ -142,16 +142,15 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
 
 
 def _draw_divisors(axes: Axes, found: Divisors) -> None:
-
     axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
-    law = found.gamma * found.norm ** -float(found.nu)
+    bound = found.gamma * found.norm ** -float(found.nu)
     label = rf"$\gamma\,|k|^{{-{found.nu}}}$ with $\gamma = {found.gamma:.1g}$"
-    axes.loglog(found.norm, law, "--", color=BLACK, linewidth=0.8, label=label)
+    axes.loglog(found.norm, bound, "--", color=BLACK, linewidth=0.8, label=label)
     axes.legend(loc="lower left")
 
 
 def _draw_known(axes: Axes, omega: np.ndarray) -> None:
-    """The divisors that have a name, if all of their planets are there."""
+    """The divisors known to astronomers, if all of their planets are included."""
     import numpy as np
 
     for k in KNOWN:
@@ -162,7 +161,7 @@ def _draw_known(axes: Axes, omega: np.ndarray) -> None:
 
 
 def _written(k: Sequence[int]) -> str:
-    """A divisor in the letters of planets, as 2J−5S."""
+    """A divisor as text, such as 2J−5S."""
     terms = (
         f"{'-' if n < 0 else '+'}{abs(n) if abs(n) > 1 else ''}{planet}"
         for planet, n in zip(PLANETS, k, strict=True)

@@ -1,11 +1,11 @@
-"""Figure 7: the simplified Takahashi–Imada method on the pendulum, where energy drifts and where it does not."""
+"""Figure 7: the simplified Takahashi–Imada method on the pendulum, with and without energy drift."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_number
+from bseries.figures.helpers import check_number
 from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
@@ -29,21 +29,21 @@ SIZE = (12.0, 11.0)
 SIMPLIFIED, SYMPLECTIC = "simplified-takahashi-imada", "takahashi-imada"
 SPAN = 5000.0
 MOMENTUM = 2.5
-"""Runs start from q = 0 with this momentum; the pendulum turns over."""
+"""Runs start from q = 0 with this momentum, for which the pendulum rotates."""
 TERMS = 3
 """H + h²H₃."""
 WINDOWS = 200
-"""The picture shows means, and bands around them: every single turn would be a point."""
+"""Number of windows for means and bands in the picture."""
 
 
 class Drift(NamedTuple):
     """The modified energy along runs on a scene.
 
     Attributes:
-        forwards: Its error along the simplified method, from p = 2.5.
+        forwards: The error along the simplified method, from p = 2.5.
         backwards: The same from p = −2.5.
-        symplectic: Its error along the symplectic method, from p = 2.5.
-        slope: The slope that is predicted for the run forwards.
+        symplectic: The error along the symplectic method, from p = 2.5.
+        slope: The predicted slope of the forward run.
     """
 
     forwards: np.ndarray
@@ -53,7 +53,7 @@ class Drift(NamedTuple):
 
 
 class TakahashiImadaDrift(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step size.
@@ -112,8 +112,7 @@ def columns(numbers: TakahashiImadaDrift) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
-    """Above the pendulum whose energy drifts, below the one whose energy does not."""
-
+    """Above the pendulum whose energy drifts, below the other one."""
     (above, below), (h, t) = figure.subplots(2, height_ratios=(1.7, 1), sharex=True), numbers[:2]
     predicted = numbers.perturbed.slope
     for sign, label in ((1, f"predicted: slopes $\\mp${_written(-predicted)}"), (-1, None)):
@@ -140,7 +139,7 @@ def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
 
 
 def slope(t: np.ndarray, errors: np.ndarray) -> float:
-    """The slope of the line that fits the errors best."""
+    """The slope of the least-squares line through the errors."""
     import numpy as np
 
     return float(np.polyfit(t, errors, 1)[0])
@@ -149,7 +148,7 @@ def slope(t: np.ndarray, errors: np.ndarray) -> float:
 def _draw_band(
     axes: Axes, t: np.ndarray, errors: np.ndarray, colour: str, label: str, band_label: str | None = None
 ) -> None:
-    """The mean of the errors in each of many windows, and how far they go up and down there."""
+    """The mean, least and largest errors in windows."""
     width = max(1, len(t) // WINDOWS)
     t, errors = (values[: width * (len(t) // width)].reshape(-1, width) for values in (t, errors))
     axes.plot(t.mean(1), errors.mean(1), color=colour, label=label)

@@ -1,11 +1,11 @@
-"""Theorem 3: how well the modified Hamiltonian with N terms is conserved, for N = 1 … 8."""
+"""Theorem 3: conservation of the modified Hamiltonian with N terms, for N = 1 … 8."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_count
+from bseries.figures.helpers import check_count, logarithmic_indices, power_exponent
 from bseries.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
@@ -28,15 +28,15 @@ METHOD = "symplectic-euler-p"
 START = (2.5, 0.0)
 STEP_SIZES = (0.2, 0.16, 0.125, 0.1, 0.08, 0.0625, 0.05, 0.04)
 FIT_TO = 0.1
-"""The largest step size of the fitted exponents."""
+"""Largest step size in the fit of exponents."""
 SPAN = 100.0
 LONG_H, LONG_SPAN = 0.1, 1e4
 SHOWN = 120
-"""Points of the curves by time."""
+"""Number of points of the curves in time."""
 
 
 class Conservation(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         terms: The numbers of terms N.
@@ -55,20 +55,18 @@ class Conservation(NamedTuple):
     @property
     def exponents(self) -> np.ndarray:
         """The exponents of h in the errors, by N."""
-        import numpy as np
-
         fitted = self.h <= FIT_TO
-        return np.polyfit(np.log(self.h[fitted]), np.log(self.errors[:, fitted].T), 1)[0]
+        return power_exponent(self.h[fitted], self.errors[:, fitted].T)
 
 
 def numbers(*, terms: int = 8) -> Conservation:
-    """Errors of the truncations with up to so many terms."""
+    """Errors of the truncations with up to a number of terms."""
     import numpy as np
 
     energy = bs.modified_hamiltonian(bs.method(METHOD), bs.scene("pendulum"), check_count(terms, "terms", 1, 10))
     errors = [largest_errors(energy, h, SPAN)[:, -1] for h in STEP_SIZES]
     growth = largest_errors(energy, LONG_H, LONG_SPAN)
-    shown = np.unique(np.geomspace(1, growth.shape[1] - 1, SHOWN).astype(int))
+    shown = logarithmic_indices(growth.shape[1], SHOWN)
     return Conservation(
         np.arange(1, energy.order + 1), np.array(STEP_SIZES), np.array(errors).T, shown * LONG_H, growth[:, shown]
     )
@@ -84,7 +82,7 @@ def largest_errors(energy: bs.ModifiedHamiltonian, h: float, span: float) -> np.
 
 
 def columns(numbers: Conservation) -> dict[str, np.ndarray]:
-    """The errors by step size, and by time for h = 0.1; a column for each N."""
+    """The errors by step size, and by time for h = 0.1, with a column for each N."""
     table = {"h": numbers.h}
     table |= {f"error_{n}_terms": row for n, row in zip(numbers.terms, numbers.errors, strict=True)}
     table |= {"terms": numbers.terms, "exponent": numbers.exponents, "t": numbers.t}
@@ -92,7 +90,7 @@ def columns(numbers: Conservation) -> dict[str, np.ndarray]:
 
 
 def draw(numbers: Conservation, figure: Figure) -> None:
-    """To the left errors by step size, to the right errors by time."""
+    """Left errors by step size, right errors by time."""
     left, right = figure.subplots(1, 2)
     _draw_curves(left, numbers.h, numbers.errors, numbers)
     left.set(xlabel="step size $h$", ylabel="largest error of $H^{[N]}$", title=f"(a) $t \\leq {SPAN:g}$")
@@ -105,10 +103,9 @@ def draw(numbers: Conservation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservation) -> None:
-
     colours = (BLACK, ORANGE, BLUE, VERMILION, GREEN, PURPLE, SKY)
     is_short = len(x) < SHOWN // 2
     for k, (n, row) in enumerate(zip(numbers.terms, rows, strict=True)):
         label = f"$N = {n}$: $h^{{{numbers.exponents[k]:.2f}}}$"
-        look = {"color": colours[k % len(colours)], "linestyle": ("-", "--", "-.", ":")[k % 4]}
-        axes.loglog(x, row, marker="o" if is_short else None, label=label, **look)
+        style = {"color": colours[k % len(colours)], "linestyle": ("-", "--", "-.", ":")[k % 4]}
+        axes.loglog(x, row, marker="o" if is_short else None, label=label, **style)

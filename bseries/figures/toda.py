@@ -1,4 +1,4 @@
-"""Figure 9: errors on the Toda lattice, of the eigenvalues that it preserves and of the solution."""
+"""Figure 9: errors of the solution and of the conserved eigenvalues on the Toda lattice."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
+from bseries.figures.helpers import power_exponent
 from bseries.plotting import BLUE, VERMILION
 
 if TYPE_CHECKING:
@@ -24,9 +25,9 @@ SIZE = (12.0, 12.0)
 
 SPAN, FIT_FROM = 100, 10
 SHOWN = 0.8
-"""The largest global error in the picture, as in the lecture."""
+"""Largest global error in the picture, as in the lecture."""
 GRID = Fraction(1, 50)
-"""Both step sizes are multiples of it."""
+"""Common divisor of both step sizes."""
 
 
 class Errors(NamedTuple):
@@ -46,7 +47,7 @@ class Errors(NamedTuple):
 
 
 class Toda(NamedTuple):
-    """What the figure shows: the errors of the classical Runge–Kutta method and of Störmer–Verlet."""
+    """Data of the figure: the errors of the classical Runge–Kutta method and of Störmer–Verlet."""
 
     rk4: Errors
     stormer_verlet: Errors
@@ -59,7 +60,7 @@ def numbers() -> Toda:
 
 
 def _errors(method: str, every: int, solution: np.ndarray) -> Errors:
-    """The errors of a method whose step is so many times that of the grid, on which the solution is known."""
+    """The errors of a method whose step is a multiple of the grid on which the solution is known."""
     import numpy as np
 
     h = float(every * GRID)
@@ -90,11 +91,11 @@ def eigenvalues(states: np.ndarray) -> np.ndarray:
 
 
 def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
-    """The slope, in logarithmic scales, of the running maximum for t ≥ 10."""
+    """The exponent of t in the running maximum for t ≥ 10."""
     import numpy as np
 
     late = t >= FIT_FROM
-    return float(np.polyfit(np.log(t[late]), np.log(np.maximum.accumulate(error)[late]), 1)[0])
+    return float(power_exponent(t[late], np.maximum.accumulate(error)[late]))
 
 
 def columns(numbers: Toda) -> dict[str, np.ndarray]:
@@ -108,10 +109,9 @@ def columns(numbers: Toda) -> dict[str, np.ndarray]:
 
 def draw(numbers: Toda, figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
-
     above, below = figure.subplots(2, sharex=True)
-    looks = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)
-    for (label, colour), errors in zip(looks, numbers, strict=True):
+    styles = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)
+    for (label, colour), errors in zip(styles, numbers, strict=True):
         for axes, error in ((above, errors.eigenvalues), (below, errors.solution)):
             exponent = growth_exponent(errors.t, error)
             text = f"{label}, $h = {errors.h:g}$, like $t^{{{exponent:.2f}}}$"

@@ -1,12 +1,11 @@
-"""Figure 3: how many terms of the modified equation it takes, on the Lotka–Volterra equations."""
+"""Figure 3: truncations of the modified equation of the Lotka–Volterra equations."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.options import check_count, check_number
-from bseries.figures.truncated_scenes import truncated_scene
+from bseries.figures.helpers import check_count, check_number, truncated_scene
 from bseries.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 
 if TYPE_CHECKING:
@@ -29,12 +28,12 @@ METHODS = {"explicit-euler": "(a) explicit Euler", "symplectic-euler-p": "(b) sy
 SPAN = 10.0
 START = (2.0, 2.0)
 FINE = 5
-"""Points of the curves to a step."""
+"""Points of the curves per step."""
 MOST_TERMS = 6
 
 
 class Truncation(NamedTuple):
-    """What the figure shows.
+    """Data of the figure.
 
     Attributes:
         h: The step size.
@@ -95,8 +94,8 @@ def draw(numbers: Truncation, figure: Figure) -> None:
     for (above, below), (method, label) in zip(panels.T, METHODS.items(), strict=True):
         _draw_curves(above, numbers, method)
         above.set_title(label)
-        for distance, look in zip(numbers.distances(method), _looks(numbers), strict=True):
-            below.semilogy(numbers.t[1:], distance[1:], **look)
+        for distance, style in zip(numbers.distances(method), _styles(numbers), strict=True):
+            below.semilogy(numbers.t[1:], distance[1:], **style)
         below.set(xlabel="time $t$", xlim=(0, SPAN))
     panels[0, 0].set_ylabel("$q$ (predators)")
     panels[1, 0].set_ylabel("distance from the steps")
@@ -104,20 +103,18 @@ def draw(numbers: Truncation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
-
-    for curve, look in zip(numbers.curves[method], _looks(numbers), strict=True):
-        axes.plot(*curve, **look)
+    for curve, style in zip(numbers.curves[method], _styles(numbers), strict=True):
+        axes.plot(*curve, **style)
     label = f"numerical solution, $h = {numbers.h:g}$"
     axes.plot(*numbers.steps[method], "o", color=BLACK, markersize=2.4, label=label)
     axes.set_xlabel("$p$ (prey)")
 
 
-def _looks(numbers: Truncation) -> list[dict[str, Any]]:
-    """How the curves are drawn, by the number of terms."""
-
+def _styles(numbers: Truncation) -> list[dict[str, Any]]:
+    """The plot styles of the curves, by the number of terms."""
     terms = len(next(iter(numbers.curves.values())))
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]
     colours = GREY, VERMILION, BLUE, GREEN, PURPLE, ORANGE
     dashes = "-", "-.", (0, (1, 1)), "--", (0, (6, 1)), (0, (4, 1, 1, 1, 1, 1))
-    looks = zip(labels, colours, dashes, strict=True)
-    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in looks][:terms]
+    styles = zip(labels, colours, dashes, strict=True)
+    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles][:terms]

@@ -1,4 +1,4 @@
-"""Whether states are consecutive steps of kick–drift–kick, and what else they seem to be."""
+"""Checks that states are consecutive steps of kick–drift–kick, with diagnoses of those that are not."""
 
 from __future__ import annotations
 
@@ -17,27 +17,16 @@ if TYPE_CHECKING:
     from bseries.shadow.sources import Columns, Source
 
 CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
-"""How much of a step a right assumption leaves unexplained: between ratios, of long steps, and of definitions."""
+"""Largest unexplained part of a step for a valid diagnosis: for ratios, for long steps, and for exact definitions."""
 RARE, MANY, FAR = 0.05, 10.0, 0.3
 
 
 NAMES = {"t": "times", "q": "positions", "p": "momenta", "v": "velocities", "U": "potentials"}
-"""What columns are called where they are not finite; the others are forces."""
+"""Names of columns in messages about infinite values; the others are forces."""
 
 
 def check_columns(columns: Columns, before: float | None, h: float, first: int, source: Source) -> None:
-    """Refuse numbers that are not finite, and times that do not advance by h.
-
-    Args:
-        columns: Consecutive states.
-        before: The time of the state before; None if there is none.
-        h: The step size.
-        first: The number of the first state.
-        source: Where they come from.
-
-    Raises:
-        SeriesError: Some are not, or do not.
-    """
+    """Check that columns are finite and times advance by h."""
     import numpy as np
 
     for role, rows in columns.items():
@@ -58,17 +47,7 @@ def check_columns(columns: Columns, before: float | None, h: float, first: int, 
 
 
 def check_finite(array: np.ndarray, name: str, first: int, source: Source) -> None:
-    """Refuse numbers that are not finite.
-
-    Args:
-        array: The numbers, a column for each state.
-        name: What messages call them.
-        first: The number of the first state.
-        source: Where they come from.
-
-    Raises:
-        SeriesError: Some are not.
-    """
+    """Check that numbers are finite."""
     import numpy as np
 
     finite = np.isfinite(array)
@@ -78,26 +57,23 @@ def check_finite(array: np.ndarray, name: str, first: int, source: Source) -> No
 
 
 def refuse_thinned(source: Source, what: str) -> NoReturn:
-    """Say that steps are missing."""
+    """Report missing steps."""
     raise SeriesError(f"{source.label} must have every step, one after the other, but its states {what}")
 
 
 def check_steps(
     states: States, h: float, first: int, tolerance: float, off: Roundings, source: Source, layout: str
 ) -> None:
-    """Refuse states that do not follow from each other by steps of kick–drift–kick.
+    """Check that states are consecutive steps of kick–drift–kick.
 
     Args:
         states: Consecutive states.
         h: The step size.
         first: The number of the first state.
-        tolerance: How far a state may be from a step, relative to the largest numbers.
-        off: What that may be more since numbers are rounded.
-        source: Where they come from.
-        layout: Where momenta are stored.
-
-    Raises:
-        SeriesError: They do not; the message says what they seem to be instead.
+        tolerance: Largest distance of a state from a step, relative to the largest numbers.
+        off: Bounds of rounding errors, which are added.
+        source: The source of the states.
+        layout: The storage layout of momenta.
     """
     import numpy as np
 
@@ -112,7 +88,7 @@ def check_steps(
     size = abs(h)
     rounded_q = 2 * off.q + size * (off.p + 0.5 * size * off.g) + off.h * speed
     rounded_p = 2 * off.p + size * off.g + off.h * sizes[2]
-    wrong_q = ~(of_q <= tolerance * (sizes[0] + size * speed) + rounded_q)  # nan is wrong, too
+    wrong_q = ~(of_q <= tolerance * (sizes[0] + size * speed) + rounded_q)  # includes nan
     wrong_p = ~(of_p <= tolerance * speed + rounded_p)
     if wrong_q.any() or wrong_p.any():
         n = int(np.argmax(wrong_q | wrong_p))
@@ -124,16 +100,7 @@ def check_steps(
 
 
 def check_potential(states: States, off: Roundings, source: Source) -> None:
-    """Refuse a potential that does not change as the work of the forces says.
-
-    Args:
-        states: Consecutive states.
-        off: How far they are rounded, which hides work that is smaller.
-        source: Where they come from.
-
-    Raises:
-        SeriesError: It changes by much more or less, in another unit, or not at all.
-    """
+    """Check that the potential changes by the work of the forces."""
     import numpy as np
 
     work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)
@@ -147,7 +114,7 @@ def check_potential(states: States, off: Roundings, source: Source) -> None:
 
 
 class _Steps:
-    """Differences of states, and what a step of size h would make of them: columns of arrays."""
+    """Differences of consecutive states, and those of a step of size h, as columns of arrays."""
 
     def __init__(self, states: States, h: float, layout: str):
         import numpy as np
@@ -155,12 +122,12 @@ class _Steps:
         self.h, self.layout, self.q, self.p, self.g = h, layout, states.q, states.p, states.g
         self.of_q, self.of_p = np.diff(self.q), np.diff(self.p)
         self.drift = h * (self.p[:, :-1] - 0.5 * h * self.g[:, :-1])
-        self.kick = -0.5 * h * (self.g[:, 1:] + self.g[:, :-1])
+        self.impulse = -0.5 * h * (self.g[:, 1:] + self.g[:, :-1])
 
     def explanation(self, n: int, q_holds: bool, p_holds: bool, step: str) -> str:
-        """What the states seem to be, where step n is the first wrong one."""
+        """A diagnosis of the states, where step n is the first wrong one."""
         jump, most = abs(self.of_q[:, n] - self.drift[:, n]).max(), abs(self.drift).max()
-        if jump > MANY * most and abs(self.of_p[:, n]).max() <= MANY * abs(self.kick).max():
+        if jump > MANY * most and abs(self.of_p[:, n]).max() <= MANY * abs(self.impulse).max():
             return f"{step} positions jump by {jump:.6g}, as if wrapped into a box (period unwraps them)"
         other = self._other_layout()
         if other is not None:
@@ -172,7 +139,7 @@ class _Steps:
         found = None if q_holds or p_holds else _ratios(self.of_q, average)
         if found is not None and abs(found - found.mean()).max() < ROUGH * abs(found.mean()):
             return self._on_step(float(found.mean()))
-        found = _ratios(self.of_p, self.kick) if q_holds or not p_holds else None
+        found = _ratios(self.of_p, self.impulse) if q_holds or not p_holds else None
         if found is not None:
             return f"momenta change by {found.mean():.6g} times what the forces say: units, sign or masses are others"
         if q_holds:
@@ -180,7 +147,7 @@ class _Steps:
         return f"{step} there is no such step: states were left out, or the scene, the method, h or masses are others"
 
     def _other_layout(self) -> str | None:
-        """Where momenta are stored instead, if positions tell."""
+        """Another layout of momenta that the positions suggest."""
         half = 0.5 * self.h * self.g
         if self.layout == MIDDLE:
             return None
@@ -190,21 +157,21 @@ class _Steps:
         return next((name for name, x in candidates if name != self.layout and _rest(self.of_q, x) < EXACT), None)
 
     def _on_masses(self, ratios: np.ndarray) -> str:
-        """What it means that coordinates advance these times as far as momenta say, which follow the forces."""
+        """A diagnosis for ratios of displacements to momenta, if momenta agree with the forces."""
         if abs(ratios - ratios.mean()).max() < CLOSE * abs(ratios.mean()):
             return f"positions move {ratios.mean():.6g} times as far as masses say"
         k = int(abs(ratios - 1).argmax())
         return f"coordinate {k + 1} moves {ratios[k]:.6g} times as far as its mass says"
 
     def _on_step(self, times: float) -> str:
-        """What it means that all positions advance these times as far as momenta say."""
+        """A diagnosis for displacements that are all larger or smaller by one factor."""
         whole = round(times)
         kept = f", as if only one in {whole} states was kept" if whole > 1 and abs(times - whole) < ROUGH else ""
         return f"positions move {times:.4g} times as far as h says{kept}"
 
 
 def _rest(found: np.ndarray, expected: np.ndarray) -> float:
-    """How much of differences is not explained, typically."""
+    """The median of the unexplained part, relative to that of the differences."""
     import numpy as np
 
     size = float(np.median(np.abs(found)))
@@ -212,7 +179,7 @@ def _rest(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def _ratios(found: np.ndarray, expected: np.ndarray) -> np.ndarray | None:
-    """What to multiply by in each coordinate; None if that does not explain what is found."""
+    """The factor for each coordinate; None if factors do not explain the differences."""
     import numpy as np
 
     squares, products = np.sum(expected * expected, axis=1), np.sum(found * expected, axis=1)

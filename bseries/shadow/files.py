@@ -1,4 +1,4 @@
-"""Trajectories in files: of this package, NPZ of any program, and text."""
+"""Sources of trajectories in files: of this package, NPZ of any program, and text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.shadow.roundings import Rounding, written
 from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import ALIASES, VECTORS, Source, array_source, check_roles, choose, settled
+from bseries.shadow.sources import ALIASES, VECTORS, Source, array_source, check_roles, choose, with_equivalents
 from integrators.core.stored_arrays import StoredArrays
 from integrators.core.text_files import read_lines
 from integrators.runs.trajectory import PART, RUN
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 SAMPLE = 64
-"""How many lines tell the columns and how numbers are rounded."""
+"""Number of lines that determine the columns and the rounding of numbers."""
 AXES = re.compile(r"[xyz]\d*")
 ROLE = re.compile(r"(gradU|[qpvFf])_?((?:[xyz]|\d|_)+)")
 
@@ -34,16 +34,13 @@ ROLE = re.compile(r"(gradU|[qpvFf])_?((?:[xyz]|\d|_)+)")
 def text_source(
     path: str | IO[Any], label: str, columns: Mapping[str, str] | None, forces: SceneForces | None
 ) -> Source:
-    """A table in a text file.
+    """The source of a table in a text file.
 
     Args:
-        path: The file, or one that is open and is read once.
-        label: What messages call it.
+        path: The file, or an open one that is read once.
+        label: Its name in messages.
         columns: Patterns of headings by role, as in ``{"q": "x*,y*"}``.
-        forces: The scene that supplies potentials and forces, if there is one.
-
-    Raises:
-        SeriesError: There is no heading, or something is missing.
+        forces: The scene that supplies potentials and forces, if any.
     """
     head, rest = _head(path, label)
     heading = head[0] if head else ""
@@ -71,7 +68,7 @@ def text_source(
 
 
 def _head(path: str | IO[Any], label: str) -> tuple[list[str], Iterator[str]]:
-    """The heading and some lines, and those that follow; a file is only open while it is read."""
+    """The first lines, and an iterator over the others; a file is only open while it is read."""
     if not isinstance(path, str):
         lines = _lines(path, label)
         return list(islice(lines, SAMPLE)), lines
@@ -93,7 +90,7 @@ def _open(path: str, label: str) -> IO[str]:
 
 
 def _lines(file: IO[Any], label: str) -> Iterator[str]:
-    """The lines that are not empty; a heading may be a comment, later comments are left out."""
+    """The nonempty lines without comments; the heading may be one."""
     is_first = True
     try:
         for line in read_lines(file, label):
@@ -109,7 +106,7 @@ def _lines(file: IO[Any], label: str) -> Iterator[str]:
 
 
 def _encoding(data: bytes) -> str | None:
-    """What text that is not UTF-8 seems to be; None if it is no text."""
+    """A guess at the encoding of text that is not UTF-8; None for binary data."""
     if 4 * data.count(0) > len(data) and data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "UTF-16"
     letters = sum(32 <= byte < 127 or byte in b"\t\r\n" for byte in data)
@@ -119,7 +116,7 @@ def _encoding(data: bytes) -> str | None:
 def _roles(
     names: Sequence[str], columns: Mapping[str, str] | None, label: str, forces: SceneForces | None
 ) -> dict[str, list[str]]:
-    """The columns of each role: as chosen, as a scene calls them, or by their names."""
+    """The columns of each role: as chosen, by the names of a scene, or by their own names."""
     roles = tuple(role for role in ALIASES if role not in ("mass", "h"))
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
@@ -127,7 +124,7 @@ def _roles(
     if columns is None and forces is not None and {name for block in forces.names for name in block} <= set(names):
         momenta, positions = map(list, forces.names)
         return {"p": momenta, "q": positions} | choose(names, None, label, roles=("t",))
-    near = _by_coordinate(names, settled(columns or ()), label)
+    near = _by_coordinate(names, with_equivalents(columns or ()), label)
     several = {role: there for role, there in near.items() if len(there) > 1}  # x beside y is not all positions
     found = near | choose(names, columns, label, roles=roles) | several
     check_roles(found, label, with_forces=forces is not None)
@@ -140,7 +137,7 @@ def _roles(
 
 
 def _by_coordinate(names: Sequence[str], chosen: Set[str], label: str) -> dict[str, list[str]]:
-    """Columns such as q1, q2, p1, p2, or x1, y1, vx1, vy1, fx1, fy1, in the same order for every role not chosen."""
+    """Columns such as q1, q2, p1, p2, or x1, y1, vx1, vy1, fx1, fy1, in the same order for each role not chosen."""
     found: dict[str, dict[str, str]] = {}
     for name in names:
         match = ROLE.fullmatch(name)
@@ -160,11 +157,11 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return text.isascii() and "_" not in text  # Python reads more than other programs
+    return text.isascii() and "_" not in text  # Python also reads other digits and underscores
 
 
 def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str, start: int) -> Any:
-    """A block of lines as numbers."""
+    """Lines as an array of numbers."""
     import numpy as np
 
     try:
@@ -188,7 +185,7 @@ def _numbers(lines: Sequence[str], separator: str | None, width: int, label: str
 def _roundings(
     lines: Sequence[str], separator: str | None, names: Sequence[str], places: Mapping[str, Sequence[int]]
 ) -> dict[str, Rounding]:
-    """How far the numbers of each role are rounded, from how some are written."""
+    """The rounding of numbers of each role, from the way they are written."""
     import numpy as np
 
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
@@ -200,20 +197,16 @@ def _roundings(
 
 
 MOST_LETTERS = 100
-"""Of a path in a message."""
+"""Most characters of a path in a message."""
 
 
 def open_source(trajectory: Any, columns: Mapping[str, str] | None = None, forces: SceneForces | None = None) -> Source:
-    """A trajectory from wherever it is.
+    """The source of a trajectory.
 
     Args:
         trajectory: A `Trajectory`, arrays by name, the path of a file, or an open text file.
         columns: Names, or patterns of names, by role.
         forces: The scene that supplies potentials and forces, if there is one.
-
-    Raises:
-        SeriesError: It cannot be read, or something is missing.
-        IntegratorError: The same, for files of this package.
     """
     from integrators import Trajectory, load_trajectory
 
@@ -243,7 +236,7 @@ def open_source(trajectory: Any, columns: Mapping[str, str] | None = None, force
 
 
 def _is_text(path: str) -> bool:
-    """Whether a path is that of a file and no archive."""
+    """Whether a path is a file and no archive."""
     if not os.path.isfile(path) or path.lower().endswith(".npz"):
         return False
     with suppress(OSError), open(path, "rb") as file:
@@ -252,7 +245,7 @@ def _is_text(path: str) -> bool:
 
 
 def _is_own(path: str) -> bool:
-    """Whether a file is one of `save_trajectory`, or the folder of a run that lasts; what is unreadable is, too."""
+    """Whether a path is a trajectory of this package or the folder of a running one; unreadable files count as well."""
     from integrators import IntegratorError
 
     try:
@@ -262,7 +255,7 @@ def _is_own(path: str) -> bool:
 
 
 def _own(run: Trajectory, label: str, forces: SceneForces | None) -> Source:
-    """A trajectory of this package; it stores its scene."""
+    """The source of a trajectory of this package, which stores its scene."""
     import numpy as np
 
     forces = forces or _stored_forces(run.meta.get("scene"), label)
@@ -286,18 +279,17 @@ def _own(run: Trajectory, label: str, forces: SceneForces | None) -> Source:
 
 
 def _places(names: Sequence[str], variables: Sequence[str]) -> slice | list[int]:
-    """Where variables stand; neighbours are not copied when they are taken."""
+    """The indices of variables; consecutive ones as a slice, which avoids copies."""
     places = [variables.index(name) for name in names]
     whole = slice(places[0], places[0] + len(places))
     return whole if tuple(variables[whole]) == tuple(names) else places
 
 
 def _stored_forces(table: Any, label: str) -> SceneForces:
-    """The forces of the scene that a trajectory was made with."""
+    """The forces of the scene stored with a trajectory."""
     if not isinstance(table, Mapping) or "variables" not in table:
         raise SeriesError(f"scene must be given, since {label} does not tell what the forces are, but was not")
-
-    without = {key: x for key, x in table.items() if key != "invariants"}  # which would be checked again
+    without = {key: x for key, x in table.items() if key != "invariants"}  # avoids checking them again
     effects = table.get("effects")
     if isinstance(effects, Mapping):
         without["effects"] = {

@@ -1,19 +1,18 @@
-"""The shadow energies of the Störmer–Verlet method as exact formulas in the potentials and forces of a few steps.
+"""Exact formulas for shadow energies of the Störmer–Verlet method, in the potentials and forces of a few steps.
 
 Steps are kick–drift–kick with H = pᵀM⁻¹p/2 + U(q), g = ∇U(q), D = h d/dt along the modified flow that interpolates
 them. Skeel and Hardy add the variables α = 1 and β, so that H = pᵀM⁻¹p/2 + α²U(q/α) is homogeneous of degree 2; hence
-so are its brackets and the modified Hamiltonian H̃, and β' = pᵀq' − qᵀp' − 2H̃. The steps themselves say
-
+so are its brackets and the modified Hamiltonian H̃, and β' = pᵀq' − qᵀp' − 2H̃. The steps give
     h p = M sinh(D) q,    h² g = −M (2 cosh D − 2) q,    h (qᵀg − 2U) = 2 tanh(D/2) β,
 
-and so express p, g and U by q alone and the constant H̃. A bilinear form in q is a function of u and v, which stand
-for D on the left and on the right factor; with S = (u + v)/2, δ = (v − u)/2 and in units of M/h² these are
+and so express p, g and U by q alone and the constant H̃. A bilinear form in q is a function of u and v, which represent
+D on the left and on the right factor; with S = (u + v)/2, δ = (v − u)/2 and in units of M/h² these are
 
     pᵀp: sinh²S − sinh²δ,    gᵀg: 4 (cosh S − cosh δ)²,    U: H̃ + 1 − cosh S cosh δ + (δ/S) sinh S sinh δ.
 
 A combination of pᵀM⁻¹p/2 with such terms at shifted steps is H̃ up to O(h^order) if its function of u and v vanishes
-through the degree `order`. Potentials and forces one step to each side suffice for order 6, two for order 10, six for
-order 24; positions do not enter, nor do their rounding errors. All weights of potentials are positive.
+through the degree `order`. Potentials and forces at one step on each side suffice for order 6, two for order 10, six
+for order 24. Positions and their rounding errors do not enter. All weights of potentials are positive.
 """
 
 from __future__ import annotations
@@ -32,11 +31,11 @@ PRIME = 2**127 - 1
 Wave: TypeAlias = tuple[int, int]
 """The function cosh(aS) cosh(bδ), as (a, b)."""
 Waves: TypeAlias = dict[Wave, int]
-"""A sum of these."""
+"""A sum of waves, with their coefficients."""
 
 
 class ShadowFormula:
-    """The shadow energy of one order, at a step that is called 0; made by `shadow_formula`.
+    """The shadow energy of one order at step 0; made by `shadow_formula`.
 
     H̃ = p₀ᵀM⁻¹p₀/2 + Σ w_i U_i + h p₀ᵀM⁻¹ Σ_{i>0} a_i (g_i − g_−i) + h² Σ b_ij g_iᵀM⁻¹g_j.
 
@@ -44,7 +43,7 @@ class ShadowFormula:
         order: Its error is O(h^order).
         potentials: The weights w_i = w_−i of potentials, from i = 0 on.
         works: The factors a_i, from i = 1 on.
-        products: The factors b_ij by (i, j), i ≤ j; g_i·g_j is counted once.
+        products: The factors b_ij by (i, j), i ≤ j; each product is counted once.
 
     Example:
         >>> shadow_formula(10)
@@ -65,7 +64,7 @@ class ShadowFormula:
 
     @property
     def reach(self) -> int:
-        """How many steps before and after it looks at."""
+        """The number of steps needed before and after."""
         return len(self.potentials) - 1
 
 
@@ -77,7 +76,7 @@ def shadow_formula(order: int) -> ShadowFormula:
         order: An even number from 2, the energy itself, to 24.
 
     Raises:
-        SeriesError: There is no such order.
+        SeriesError: The order is not of this kind.
 
     Example:
         >>> formula = shadow_formula(4)
@@ -93,7 +92,7 @@ def shadow_formula(order: int) -> ShadowFormula:
         return ShadowFormula(order, (Fraction(1),), (), {})
     half = order // 2
     reach, is_odd = divmod(half, 2)
-    inner = reach if is_odd else reach - 1  # forces are needed on fewer steps than potentials where half is even
+    inner = reach if is_odd else reach - 1  # for even `half` forces are needed at fewer steps than potentials
     centres = [(c, lag) for c in range(2 * inner + 1) for lag in range(c % 2, 2 * inner + 1 - c, 2)]
     if is_odd:
         centres.remove((0, 2 * inner))  # one solution has no product of the first and the last force
@@ -114,7 +113,7 @@ def shadow_formula(order: int) -> ShadowFormula:
 
 
 def check_order(order: int) -> None:
-    """Refuse what is no order of a shadow energy."""
+    """Check the order of a shadow energy."""
     if not isinstance(order, int) or order % 2 or not LEAST_ORDER <= order <= MOST_ORDER:
         raise SeriesError(f"order must be an even number from {LEAST_ORDER} to {MOST_ORDER}, but was {order!r:.60}")
 
@@ -130,7 +129,7 @@ def _moments(waves: Waves, half: int) -> list[Fraction]:
 
 
 def _potential(shift: int, half: int) -> list[Fraction]:
-    """(U_shift + U_−shift)/2 − H̃: cosh(2 shift S) times what stands for U."""
+    """(U_shift + U_−shift)/2 − H̃: cosh(2 shift S) times the function for U."""
     waves = [((2 * shift, 0), 2), ((2 * shift + 1, 1), -1), ((2 * shift - 1, 1), -1)]
     plain, two = _moments(_gathered(waves), half), 2 * shift
     # cosh(two S) sinh(S)/S = (sinh((two + 1) S) − sinh((two − 1) S)) / (2 S)
@@ -163,7 +162,7 @@ def _gathered(waves: list[tuple[Wave, int]]) -> Waves:
 
 
 def _solution(rows: list[list[Fraction]]) -> list[Fraction]:
-    """The solution of a system that has exactly one: modulo a prime, then as fractions, then proved."""
+    """The unique solution of a linear system: modulo a prime, then as fractions, then verified."""
     pivots: list[list[int]] = []
     waiting = [[_residue(x) for x in row] for row in rows]
     for _ in range(len(rows[0]) - 1):
@@ -187,7 +186,7 @@ def _residue(value: Fraction) -> int:
 
 
 def _fraction(residue: int) -> Fraction:
-    """The fraction with a small numerator and denominator that has this residue, by Euclid's algorithm."""
+    """The fraction with a small numerator and denominator and this residue, by Euclid's algorithm."""
     (a, b), (x, y) = (PRIME, residue), (0, 1)
     while b * b > PRIME:
         quotient = a // b

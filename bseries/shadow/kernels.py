@@ -1,4 +1,4 @@
-"""Shadow energies and the residuals of steps, compiled; states are columns of arrays (coordinates, steps).
+"""Compiled shadow energies and residuals of steps; states are columns of arrays (coordinates, steps).
 
 Everything is mass-weighted: q̂ = M^(1/2) q, p̂ = M^(−1/2) p, ĝ = M^(−1/2) ∇U, so that masses do not appear.
 """
@@ -14,11 +14,11 @@ from trees.compiled import float_kernel
 def shadow_values(
     h: Any, p: Any, g: Any, u: Any, weights: Any, works: Any, products: Any, power: Any, product: Any, out: Any
 ) -> None:
-    """Put the shadow energies at all steps but the first and last few into out, (orders, steps − 2 reach).
+    """Write the shadow energies at all steps but the first and last few to out, (orders, steps − 2 reach).
 
     The formulas are rows: weights of potentials and `works` from the middle outwards, and for each lag the factors of
-    g_i·g_(i + lag) from i = −reach to reach. Scalar products of all steps are made once for all orders and kept in
-    `power` (shifts, steps) and `product` (lags, steps).
+    g_i·g_(i + lag) from i = −reach to reach. Scalar products are computed once for all orders, in `power` (shifts,
+    steps) and `product` (lags, steps).
     """
     coordinates, steps = p.shape
     orders, reach = weights.shape[0], weights.shape[1] - 1
@@ -58,7 +58,7 @@ def shadow_values(
 
 @float_kernel
 def step_residuals(h: Any, q: Any, p: Any, g: Any, of_q: Any, of_p: Any) -> tuple[float, float, float]:
-    """How far each state is from what a kick–drift–kick step makes of the one before: the largest coordinate.
+    """The largest distance of a coordinate of each state from a kick–drift–kick step.
 
     Returns:
         The largest absolute values of q, p and g.
@@ -80,14 +80,14 @@ def step_residuals(h: Any, q: Any, p: Any, g: Any, of_q: Any, of_p: Any) -> tupl
 
 @float_kernel
 def add_values(values: Any, first: Any, moments: Any, blocks: Any, position: Any, size: Any) -> None:
-    """Take values (orders, steps) into the statistics.
+    """Add values (orders, steps) to the statistics.
 
     Args:
-        values: Those of consecutive steps, the first of which is step `position`.
+        values: Values at consecutive steps.
         first: The value of step 0 for each order, which is subtracted.
-        moments: For each order the sums of v, n v and v², the least and largest v, and the least and largest difference
-            to the order before.
-        blocks: For each order and block the sum, the least and the largest v.
+        moments: For each order the sums of v, n v and v², the extremes of v, and those of its difference to the order
+            before.
+        blocks: For each order and block the sum and the extremes of v.
         position: The number of the first step.
         size: The number of steps in a block.
     """

@@ -1,4 +1,4 @@
-"""What shadow energies say about a trajectory: is the step small enough, does the energy drift, what step would do."""
+"""Report on shadow energies: the size of the step, the drift of the energy, and the step for an error bound."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LIMITS = {
     "slow": "what is left no order explains: sums of roundings, or forces that jump",
 }
 COMFORTABLE, LARGE = 0.25, 0.5
-"""Parts of the largest step up to which a step is small, and from which on it is large."""
+"""Bounds of small and of moderate steps, relative to the largest step."""
 KEY = (
     "±: half of the range. scatter: standard deviation from a straight line. drift: the line's slope, energy per time, "
     "and its standard error."
@@ -36,7 +36,7 @@ KEY = (
 
 
 def title(report: ShadowReport) -> str:
-    """What was measured."""
+    """A description of the trajectory."""
     end = report.start + report.h * (report.states - 1)
     return f"{report.label}: {report.states:,} states, h = {report.h:g}, t = {report.start:g} to {end:g}"
 
@@ -49,11 +49,11 @@ def cells(row: OrderStatistics) -> list[str]:
 
 
 def sentences(report: ShadowReport, bound: float | None = None) -> Iterator[str]:
-    """What follows from the table.
+    """The conclusions from the table, in sentences.
 
     Args:
         report: The report.
-        bound: A bound on the energy's deviation that a step is wanted for.
+        bound: A bound of the energy's deviation, for which the step size is given.
     """
     yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
     yield _on_drift(report)
@@ -87,7 +87,7 @@ def _on_step(report: ShadowReport) -> str:
 
 
 def report_text(report: ShadowReport) -> str:
-    """All of it as plain text."""
+    """The report as plain text."""
     rows = [list(HEADINGS), *map(cells, report.rows)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
@@ -98,13 +98,7 @@ SIZE = (17.0, 6.0)
 
 
 def check_picture(path: Any) -> str:
-    """The format of a picture, which the ending of its file tells; before much is computed for it.
-
-    Raises:
-        SeriesError: It is none that can be drawn, or there is no such folder.
-        IntegratorError: It is no path, or matplotlib is not installed.
-    """
-
+    """Check the path of a picture before the computation, and return its format."""
     name = check_path(path, "plot")
     kind = picture_format(name, "plot")
     check_place(name, "plot")
@@ -113,17 +107,7 @@ def check_picture(path: Any) -> str:
 
 
 def save_picture(report: ShadowReport, path: str | os.PathLike[str]) -> None:
-    """Write the picture.
-
-    Args:
-        report: The report.
-        path: The file.
-
-    Raises:
-        SeriesError: The format is none of PNG, SVG and PDF, or there is no such folder.
-        IntegratorError: The file cannot be written, or matplotlib is not installed.
-    """
-
+    """Save the picture of a report; see `ShadowReport.save_plot`."""
     kind = check_picture(path)
     with print_style():
         figure = new_figure(SIZE)
@@ -149,7 +133,7 @@ def _draw_orders(report: ShadowReport, ax: Axes) -> None:
 
 
 def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
-    """The energy of an order less its mean: means of blocks, the band that holds all values, and the drift."""
+    """The energy of an order minus its mean: means of blocks, the range of all values, and the drift."""
     t, blocks = report.blocks()
     row = report.rows[k]
     means, least, largest = (blocks[k] - blocks[k, :, 0].mean()).T
@@ -163,23 +147,23 @@ def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
 
 
 GAIN = 1.25
-"""A higher order must lower the scatter by this factor to be of use."""
+"""Least reduction of the scatter, as a factor, that makes a higher order useful."""
 LOSS = 3.0
-"""From so many times the least scatter on, an order is worse."""
+"""Ratio to the least scatter from which on an order is worse."""
 SIGNIFICANT = 3.0
-"""Standard errors from which on a drift is one."""
+"""Number of standard errors of a significant drift."""
 ROUNDINGS = 4
-"""Scatter of so many roundings of the energy is called rounding."""
+"""Scatter that counts as rounding, in roundings of the energy."""
 
 
 class ShadowReport:
     """The modified energies of a trajectory; made by `shadow_energy`.
 
     Attributes:
-        label: What the trajectory is called.
+        label: The name of the trajectory.
         h: The step size.
         start: The time of the first state.
-        states: How many states there are.
+        states: The number of states.
         rows: For each order its statistics: `order`, `mean`, `deviation` (half the range), `scatter` (about a line),
             `gap` (half the range of the difference to the order before), `drift` with its `drift_error`.
         values: The energies by order, if they were kept, at the times `times`.
@@ -216,29 +200,22 @@ class ShadowReport:
         )
 
     def __str__(self) -> str:
-
         return report_text(self)
 
     @property
     def best(self) -> OrderStatistics:
-        """The lowest order beyond which nothing is gained: no higher one scatters much less."""
-        for row, higher in zip(self.rows, self._least_above(), strict=True):
-            if row.scatter <= GAIN * higher:
-                return row
-        return self.rows[-1]
-
-    def _least_above(self) -> Iterator[float]:
-        """For each order the least scatter of this and all higher ones."""
+        """The lowest order whose scatter no higher order reduces much."""
         scatters = [row.scatter for row in self.rows]
-        return (min(scatters[k:]) for k in range(len(scatters)))
+        useful = (row for k, row in enumerate(self.rows) if row.scatter <= GAIN * min(scatters[k:]))
+        return next(useful, self.rows[-1])
 
     @property
     def limit(self) -> str:
-        """What keeps the best order from being better.
+        """The reason why no order is better than the best one.
 
-        ``rounding``: that it scatters as numbers are rounded; ``order``: that no higher one was asked for; ``step``:
-        that higher orders scatter more, since the step is large; ``slow``: changes that no order explains, such as the
-        sum of many roundings, or forces that jump.
+        ``rounding``: rounding of the numbers; ``order``: the largest order requested; ``step``: the step is large, so
+        that higher orders have more scatter; ``slow``: changes that no order explains, such as accumulated roundings,
+        or forces that jump.
         """
         best = self.best
         if best.scatter <= ROUNDINGS * self._rounding:
@@ -249,26 +226,26 @@ class ShadowReport:
 
     @property
     def noise_floor(self) -> float | None:
-        """The scatter below which no order comes; None if it was not reached."""
+        """The least scatter of any order; None if higher orders may have less."""
         return None if self.limit == "order" else self.best.scatter
 
     @property
     def has_drift(self) -> bool:
-        """Whether the best order drifts by more than three standard errors."""
+        """Whether the drift of the best order exceeds three standard errors."""
         return abs(self.best.drift) > SIGNIFICANT * self.best.drift_error
 
     @property
     def gaps(self) -> dict[int, float]:
-        """By power 2k of h, how much the orders 2k and 2k + 2 differ, up to the best order."""
+        """Half the range of the difference of the orders 2k and 2k + 2 by power 2k of h, up to the best order."""
         best = self.best.order
         return {low.order: high.gap or 0.0 for low, high in pairwise(self.rows) if high.order <= best}
 
     @property
     def largest_step(self) -> float | None:
-        """The step size at which order 4 would be no steadier than the energy: a larger one has no shadow energy.
+        """The step size at which order 4 would be no steadier than the energy; None if fewer orders are useful.
 
-        Orders 2 and 4 differ by a multiple of h^2, orders 4 and 6 by one of h^4; at this step they would be equal. A
-        rule of thumb; None if fewer orders are of use.
+        The difference of orders 2 and 4 is proportional to h^2, that of orders 4 and 6 to h^4; at this step they would
+        be equal. A rule of thumb.
         """
         gaps = list(self.gaps.values())[:2]
         return self.h * (gaps[0] / gaps[1]) ** 0.5 if len(gaps) == 2 and gaps[1] > 0 else None
@@ -276,8 +253,8 @@ class ShadowReport:
     def step_for(self, bound: float) -> float:
         """The largest step with which the energy would stay within ± a bound of the middle of its range.
 
-        The deviation of the energy from its shadow is the sum of the gaps between orders, which go like h^2, h^4, ….
-        Never beyond `largest_step`, where this ceases to hold.
+        The deviation of the energy from its shadow is the sum of the gaps between orders, which are proportional to
+        h^2, h^4, …. The result does not exceed `largest_step`, where this becomes invalid.
 
         Args:
             bound: The bound, in units of energy.
@@ -288,7 +265,7 @@ class ShadowReport:
         limit = finite_number(bound, "bound")
         if limit <= 0:
             raise SeriesError(f"bound must be a positive energy, but was {bound!r:.60}")
-        # gap factor^power / limit = (rate factor)^power stays at most 1, however large the limit
+        # gap factor^power / limit = (rate factor)^power stays at most 1, for limits of any size
         rates = {power: gap ** (1 / power) / limit ** (1 / power) for power, gap in self.gaps.items() if gap}
         if not rates:
             raise SeriesError("bound must be on an energy whose changes a higher order explains, but none does")
@@ -317,7 +294,7 @@ class ShadowReport:
         return self.start + self.h * (reach + size * (np.arange(found.shape[1]) + 0.5) - 0.5), found
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as JSON can hold it."""
+        """The report as JSON-ready data."""
         return {
             "schema": 1,
             "kind": "shadow",
@@ -337,11 +314,10 @@ class ShadowReport:
         """Draw the shadow energies over time.
 
         Args:
-            path: A file whose suffix tells the format: ``.png``, ``.svg`` or ``.pdf``.
+            path: A file with the extension ``.png``, ``.svg`` or ``.pdf``.
 
         Raises:
-            SeriesError: The format is another, or there is no such folder.
+            SeriesError: The extension is another one, or the folder does not exist.
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
-
         save_picture(self, path)

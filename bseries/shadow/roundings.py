@@ -1,4 +1,4 @@
-"""How far stored numbers are from those that a program computed: by the precision of arrays, by the digits of text."""
+"""Bounds of rounding errors of stored numbers: by the precision of arrays and the digits of text."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ if TYPE_CHECKING:
     import numpy as np
 
 ULPS = 16
-"""How many roundings a number has gone through that was computed with the precision it is stored in."""
+"""Number of roundings in a number computed with the precision in which it is stored."""
 DOUBLE = 2.0**-52
 MOST_DIGITS = 15
-"""More digits than that hold a double."""
+"""Numbers with more digits are doubles."""
 
 
 class Rounding(NamedTuple):
-    """How far numbers of a role may be off.
+    """Bounds of rounding errors of the numbers of a role.
 
     Attributes:
-        relative: As a part of the largest number of the column; one for all columns, or one for each.
-        absolute: What is added, in the same way.
+        relative: Relative to the largest number of the column; one for all columns, or one for each.
+        absolute: Added to that, in the same form.
     """
 
     relative: Any = ULPS * DOUBLE
     absolute: Any = 0.0
 
     def of(self, rows: np.ndarray) -> np.ndarray:
-        """How far each column of finite numbers (states, …) may be off."""
+        """The bound for each column of finite numbers (states, …)."""
         import numpy as np
 
         return self.relative * np.max(np.abs(rows), axis=0) + self.absolute
 
 
 class Roundings(NamedTuple):
-    """How far mass-weighted states, their energies, and the step size may be off at most."""
+    """Bounds of rounding errors of mass-weighted states, their energies, and the step size."""
 
     q: float = 0.0
     p: float = 0.0
@@ -45,21 +45,18 @@ class Roundings(NamedTuple):
 
 
 def precision(*arrays: np.ndarray) -> float:
-    """The relative distance of neighbouring numbers in the coarsest of arrays, at least that of doubles."""
+    """The relative distance of neighbouring numbers in the coarsest array, at least that of doubles."""
     import numpy as np
 
     return max([DOUBLE, *(float(np.finfo(array.dtype).eps) for array in arrays if array.dtype.kind == "f")])
 
 
 def written(columns: Sequence[Sequence[str]]) -> list[Rounding]:
-    """The roundings of columns of text.
+    """The rounding of columns of text.
 
-    Where all numbers of a column have as many decimals ("%.8f"), the last decimal is rounded; where all have exponents
-    ("%.8e"), the last digit of the longest. Others are of programs that leave zeros out ("%g"), which write as many
-    digits at most in each such column. Whole numbers are exact, unless such programs wrote them.
-
-    Args:
-        columns: The numbers of each column, as they are written in some lines.
+    If all numbers of a column have the same number of decimals ("%.8f"), the last decimal is rounded; if all have
+    exponents ("%.8e"), the last digit of the longest. Others were written without trailing zeros ("%g"), with at most
+    the same number of digits in each such column. Whole numbers are exact, unless such programs wrote them.
     """
     kinds, digits = list(map(_kind, columns)), list(map(_digits, columns))
     most = max((count for count, kind in zip(digits, kinds, strict=True) if kind == "any"), default=MOST_DIGITS + 1)
@@ -74,7 +71,7 @@ def written(columns: Sequence[Sequence[str]]) -> list[Rounding]:
 
 
 def _kind(column: Sequence[str]) -> str:
-    """Whether numbers are whole, all have as many decimals, all have exponents, or none of these."""
+    """The number format: whole, fixed decimals, exponents, or any other."""
     exponents = sum("e" in cell.lower() for cell in column)
     if exponents:
         return "exponents" if exponents == len(column) else "any"
@@ -83,6 +80,6 @@ def _kind(column: Sequence[str]) -> str:
 
 
 def _digits(column: Sequence[str]) -> int:
-    """How many digits count in the longest number."""
+    """The number of significant digits in the longest number."""
     mantissas = (re.split("[eE]", cell)[0] for cell in column)
     return max((len(mantissa.lstrip("+-0.").replace(".", "")) for mantissa in mantissas), default=1) or 1

@@ -1,4 +1,4 @@
-"""A scene as the source of masses, potentials and forces at positions that are given."""
+"""Scene as the source of masses, potentials and forces at given positions."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class SceneForces:
             raise SeriesError(f"scene must have velocities M^-1 p, but those of {scene.name} are not zero for p = 0")
 
     def _velocities(self, momenta: np.ndarray) -> np.ndarray:
-        """q' for these momenta; where that is does not matter."""
+        """q' for given momenta; it does not depend on the positions."""
         self._state[self._p.offset : self._p.end] = momenta
         self._module.field(self._state, self._out)
         self._state[self._p.offset : self._p.end] = 0.0
@@ -82,7 +82,6 @@ class SceneForces:
 
 def _blocks(scene: Any) -> tuple[Block, Block]:
     """The blocks of momenta and positions of a scene with a quadratic kinetic energy."""
-
     if not isinstance(scene, Scene):
         raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
     blocks = scene.canonical_pair if scene.is_hamiltonian else None
@@ -99,7 +98,7 @@ def _blocks(scene: Any) -> tuple[Block, Block]:
 
 
 def _module(scene: Scene) -> ModuleType:
-    """The compiled functions of a scene, and a loop over positions, at momenta zero."""
+    """The compiled functions of a scene, with a loop over positions at zero momenta."""
     from integrators.compile import machine
 
     writer = ModuleText(precise=False)

@@ -1,4 +1,4 @@
-"""Where states come from: columns of a finished trajectory, read piece by piece, and what is known about them."""
+"""Sources of states: columns of a finished trajectory, read piece by piece, with its metadata."""
 
 from __future__ import annotations
 
@@ -38,25 +38,25 @@ ALIASES = {
     "mass": ("mass", "masses", "m"),
     "h": ("h", "dt", "step", "timestep"),
 }
-"""What the arrays of other programs are called."""
+"""Names of arrays in other programs."""
 SAME = (("p", "v"), ("F", "gradU"))
-"""Roles that say the same; where there are both, they must agree, unless one is chosen."""
+"""Roles for the same quantity; both must agree, unless one is chosen."""
 
 
 class Source(NamedTuple):
-    """A finished trajectory.
+    """A finished trajectory as columns.
 
     Attributes:
-        label: What messages call it.
-        blocks: Gives the columns by role, at most so many steps at a time, from the first to the last.
-        states: How many states there are; None if only reading tells.
+        label: Its name in messages.
+        blocks: Gives the columns by role in blocks with at most the given number of steps.
+        states: The number of states; None if unknown before reading.
         dimension: The number of coordinates.
-        roundings: How far numbers may be off, by role, and for "h"; others are doubles.
-        h: The step size, if it is stored.
-        every: Which states were kept, if that is known.
-        mass: Masses, if they are stored.
-        method: What made the steps, if that is known.
-        forces: The scene that supplies potentials and forces; None if the columns have them.
+        roundings: Rounding by role, and of "h"; others are doubles.
+        h: The step size, if stored.
+        every: The steps per stored state, if known.
+        mass: Masses, if stored.
+        method: The method, if known.
+        forces: The scene that supplies potentials and forces; None if the columns contain them.
     """
 
     label: str
@@ -71,12 +71,12 @@ class Source(NamedTuple):
     forces: SceneForces | None = None
 
     def off(self, role: str, rows: np.ndarray) -> np.ndarray:
-        """How far numbers of a role, (states, …), may be off: for each column."""
+        """Rounding bounds of numbers of a role, (states, …), for each column."""
         return self.roundings.get(role, Rounding()).of(rows)
 
 
-def settled(chosen: Iterable[str]) -> set[str]:
-    """Roles that are chosen, and those that would say the same."""
+def with_equivalents(chosen: Iterable[str]) -> set[str]:
+    """Roles, with those for the same quantities."""
     roles = set(chosen)
     return roles.union(*(pair for pair in SAME if not roles.isdisjoint(pair)))
 
@@ -84,16 +84,13 @@ def settled(chosen: Iterable[str]) -> set[str]:
 def choose(
     names: Iterable[str], chosen: Mapping[str, str] | None, label: str, *, roles: Sequence[str]
 ) -> dict[str, list[str]]:
-    """The names that belong to each role.
+    """The names of each role.
 
     Args:
-        names: What there is.
-        chosen: Patterns by role, as in ``{"q": "x*"}``; other roles are found by their names.
-        label: What messages call the data.
-        roles: The roles that there can be.
-
-    Raises:
-        SeriesError: A pattern fits nothing, or there is no such role.
+        names: All names.
+        chosen: Patterns by role, as in ``{"q": "x*"}``; other roles are found by `ALIASES`.
+        label: The name of the data in messages.
+        roles: The possible roles.
     """
     there, found = list(names), dict[str, list[str]]()
     for role, patterns in (chosen or {}).items():
@@ -105,17 +102,13 @@ def choose(
             shown = f"{', '.join(there)}"
             raise SeriesError(f"columns must fit names in {label}, but {patterns!r:.60} fits none of {shown:.200}")
     for role in roles:
-        if role not in settled(chosen or ()):
+        if role not in with_equivalents(chosen or ()):
             found[role] = next(([name] for name in ALIASES[role] if name in there), [])
     return {role: names for role, names in found.items() if names}
 
 
 def check_roles(roles: Iterable[str], label: str, *, with_forces: bool) -> None:
-    """Refuse data without positions, momenta, or what the forces are.
-
-    Raises:
-        SeriesError: Something is missing.
-    """
+    """Check that positions, momenta and forces are available."""
     there = set(roles)
     needs = [("q",), ("p", "v")] + ([] if with_forces else [("U",), ("F", "gradU")])
     for choices in needs:
@@ -128,16 +121,13 @@ def check_roles(roles: Iterable[str], label: str, *, with_forces: bool) -> None:
 def array_source(
     arrays: Mapping[str, Any], label: str, columns: Mapping[str, str] | None, forces: SceneForces | None
 ) -> Source:
-    """Arrays by name, (steps, …) each; where only the last axis is as long as the times, (…, steps).
+    """The source of arrays by name, (steps, …) each; or (…, steps) if only the last axis has the length of the times.
 
     Args:
         arrays: The arrays.
-        label: What messages call them.
+        label: Their name in messages.
         columns: Names of arrays by role; others are found by `ALIASES`.
-        forces: The scene that supplies potentials and forces, if there is one.
-
-    Raises:
-        SeriesError: Something is missing, or shapes do not agree.
+        forces: The scene that supplies potentials and forces, if any.
     """
     import numpy as np
 
@@ -151,7 +141,7 @@ def array_source(
     for role in VECTORS:
         if role in rows and rows[role].shape[1] != dimension:
             raise SeriesError(f"{role} must have as many coordinates as q, {dimension}, but has {rows[role].shape[1]}")
-    scale = () if masses is None else (masses,)  # masses in single precision leave no more digits to p and v
+    scale = () if masses is None else (masses,)  # masses in single precision limit the precision of p and v
     roundings = {
         role: Rounding(ULPS * precision(values, *(scale if role in ("p", "v") else ())))
         for role, values in rows.items()
@@ -178,16 +168,16 @@ def _numbers(values: Any, name: str) -> np.ndarray:
 
 
 def _step(h: np.ndarray) -> float:
-    """The step size, which may be told again for each step."""
+    """The step size, which may be repeated for each step."""
     import numpy as np
 
-    if not h.size or np.any(h != h.flat[0]):  # as nan does
+    if not h.size or np.any(h != h.flat[0]):  # true for nan
         raise SeriesError(f"h must be one finite number, but was {np.array2string(h, threshold=5):.60}")
     return float(h.flat[0])
 
 
 def _count(arrays: Mapping[str, np.ndarray]) -> int:
-    """How many states there are."""
+    """The number of states."""
     for role in ("t", "U"):
         if role in arrays and arrays[role].ndim >= 1:
             return arrays[role].size
@@ -211,14 +201,11 @@ def _rows(values: np.ndarray, count: int, role: str) -> np.ndarray:
 
 
 def inverse_masses(mass: Any, dimension: int) -> np.ndarray:
-    """One inverse mass for each coordinate.
+    """The inverse mass of each coordinate.
 
     Args:
         mass: A number, one for each particle, or one for each coordinate; None: 1.
         dimension: The number of coordinates.
-
-    Raises:
-        SeriesError: The number of masses does not divide that of coordinates, or one is not positive.
     """
     import numpy as np
 

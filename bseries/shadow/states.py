@@ -1,4 +1,4 @@
-"""From the columns of a trajectory to mass-weighted states at full steps of kick–drift–kick."""
+"""Mass-weighted states at full steps of kick–drift–kick, from the columns of a trajectory."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 FULL, BEHIND, AHEAD, MIDDLE = "full", "half-behind", "half-ahead", "drift-kick-drift"
 LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
-"""Where momenta are stored: with their positions; half a step before or after them; or in the other kind of step."""
+"""Storage of momenta: with their positions; half a step before or after them; or for the other kind of step."""
 AGREES = 1e-9
-"""How far numbers that say the same may differ, relative to the largest."""
+"""Largest relative difference of two columns for the same quantity."""
 
 
 class States(NamedTuple):
-    """Consecutive states, mass-weighted: `kernels` says how. Arrays (coordinates, steps), and (steps,) for u."""
+    """Consecutive states, mass-weighted as in `kernels`: arrays (coordinates, steps), and (steps,) for u."""
 
     q: np.ndarray
     p: np.ndarray
@@ -61,11 +61,11 @@ class Masses:
         return _weighted(rows, self._inverse.T)
 
     def off_momenta(self, off: np.ndarray) -> np.ndarray:
-        """How far mass-weighted momenta may be off, where those of each coordinate are."""
+        """Rounding bounds of mass-weighted momenta, from those of each coordinate."""
         return _weighted(off[None], abs(self._factor))[:, 0]
 
     def off_positions(self, off: np.ndarray) -> np.ndarray:
-        """How far mass-weighted positions may be off, where those of each coordinate are."""
+        """Rounding bounds of mass-weighted positions, from those of each coordinate."""
         return _weighted(off[None], abs(self._inverse.T))[:, 0]
 
     def positions(self, columns: np.ndarray) -> np.ndarray:
@@ -83,31 +83,27 @@ def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
 
 
 class Reader:
-    """What makes states of columns.
+    """Conversion of columns to states.
 
     Args:
         masses: The masses.
         h: The step size.
-        source: Where the columns come from; what has no scene has forces of its own.
-        layout: Where momenta are stored.
+        source: The source of the columns, with forces of its own unless it has a scene.
+        layout: The storage layout of momenta.
         period: The edge of a periodic box, or one for each coordinate; None if positions are not wrapped.
 
     Attributes:
-        roundings: How far states may be off that have been read so far.
+        roundings: Rounding bounds of the states read so far.
     """
 
     def __init__(self, masses: Masses, h: float, source: Source, layout: str, period: Any):
         self._masses, self._h, self._source, self._layout, self._period = masses, h, source, layout, period
         self._last: Any = None
-        self._turns: Any = 0.0
+        self._crossings: Any = 0.0
         self.roundings = Roundings()
 
     def states(self, blocks: Iterator[Columns]) -> Iterator[States]:
-        """The states of all columns, block by block.
-
-        Raises:
-            SeriesError: Momenta and velocities, or forces and gradients, do not agree.
-        """
+        """The states of all columns, block by block."""
         return map(self._read, blocks)
 
     def _read(self, columns: Columns) -> States:
@@ -115,7 +111,7 @@ class Reader:
 
         masses, half = self._masses, 0.5 * self._h
         q = columns["q"] if self._period is None else self._unwrapped(columns["q"])
-        p, off_p = self._told(columns, "p", "v", "p = M v")
+        p, off_p = self._weighted_role(columns, "p", "v", "p = M v")
         weighted = masses.of_positions(q)
         off_q = masses.off_positions(self._source.off("q", columns["q"]))
         if self._layout == MIDDLE:
@@ -126,7 +122,7 @@ class Reader:
             g = masses.of_momenta(gradients)
             off_g = _steepness(weighted, g) * np.max(off_q)
         else:
-            g, off_g = self._told(columns, "gradU", "F", "gradU = -F")
+            g, off_g = self._weighted_role(columns, "gradU", "F", "gradU = -F")
             u = columns["U"]
         if self._layout != FULL:
             p += half * g if self._layout == AHEAD else -half * g
@@ -134,8 +130,8 @@ class Reader:
         self._note(states, off_q, off_p, off_g)
         return states
 
-    def _told(self, columns: Columns, one: str, other: str, law: str) -> tuple[np.ndarray, np.ndarray]:
-        """Momenta or gradients, mass-weighted, from the role that there is, and how far they may be off."""
+    def _weighted_role(self, columns: Columns, one: str, other: str, relation: str) -> tuple[np.ndarray, np.ndarray]:
+        """Mass-weighted momenta or gradients from the available role, with their rounding bounds."""
         import numpy as np
 
         found = []
@@ -150,11 +146,13 @@ class Reader:
             allowed = AGREES * np.max(np.abs(first)) + off + more
             if not np.all(np.abs(first - second) <= allowed[:, None]):
                 label = self._source.label
-                raise SeriesError(f"{label} must have {law}, but its {one} and {other} differ (columns chooses one)")
+                raise SeriesError(
+                    f"{label} must have {relation}, but its {one} and {other} differ (columns chooses one)"
+                )
         return found[0]
 
     def _note(self, states: States, off_q: np.ndarray, off_p: np.ndarray, off_g: Any) -> None:
-        """Take in how far states may be off, and their energies, where what coordinates add has any sign."""
+        """Update the rounding bounds of states and of their energies, whose contributions may have any sign."""
         import numpy as np
 
         off_u, forces = self._source.off("U", states.u), self._source.forces
@@ -169,18 +167,20 @@ class Reader:
         self.roundings = Roundings(*map(max, self.roundings, fresh))
 
     def _unwrapped(self, q: np.ndarray) -> np.ndarray:
-        """Positions that move on where they would jump to the other side of the box."""
+        """Positions that continue where they jump to the other side of the box."""
         import numpy as np
 
         before = q[:1] if self._last is None else self._last
-        self._turns = self._turns + np.cumsum(np.round(np.diff(q, axis=0, prepend=before) / self._period), axis=0)
-        self._last, shifted = q[-1:].copy(), q - self._period * self._turns
-        self._turns = self._turns[-1:]
+        self._crossings = self._crossings + np.cumsum(
+            np.round(np.diff(q, axis=0, prepend=before) / self._period), axis=0
+        )
+        self._last, shifted = q[-1:].copy(), q - self._period * self._crossings
+        self._crossings = self._crossings[-1:]
         return shifted
 
 
 def longest(columns: np.ndarray) -> float:
-    """The length of the longest column, whose square may overflow."""
+    """The length of the longest column, without overflow."""
     import numpy as np
 
     most = float(np.max(np.abs(columns)))
@@ -188,7 +188,7 @@ def longest(columns: np.ndarray) -> float:
 
 
 def _steepness(q: np.ndarray, g: np.ndarray) -> float:
-    """How much gradients change at most, as a multiple of what positions change by."""
+    """The largest change of gradients relative to that of positions."""
     import numpy as np
 
     moved, changed = (np.max(np.abs(np.diff(array)), axis=0) for array in (q, g))

@@ -12,22 +12,22 @@ if TYPE_CHECKING:
 
 BLOCKS = 2048
 LEAST_BLOCKS = 16
-"""From so few blocks an error is still estimated."""
+"""Least number of blocks for an error estimate."""
 WANDERS = 2.5
-"""Distant blocks whose squared difference is so many times that of neighbours are those of a random walk."""
+"""Ratio of squared differences of distant and neighbouring blocks from which on values are a random walk."""
 
 
 class OrderStatistics(NamedTuple):
-    """The shadow energy of one order along a trajectory.
+    """Statistics of the shadow energy of one order along a trajectory.
 
     Attributes:
         order: The order; 2 is the energy itself.
         mean: Its mean.
-        deviation: Half the distance from its least to its largest value.
-        scatter: Its standard deviation from a straight line in time.
-        gap: Half the range of its difference to the order before; none for order 2.
+        deviation: Half its range.
+        scatter: Its standard deviation about a straight line in time.
+        gap: Half the range of its difference to the order before; None for order 2.
         drift: The slope of the line by least squares, in energy per time.
-        drift_error: The standard error of the slope; correlations in time are allowed for.
+        drift_error: The standard error of the slope, with correlations in time taken into account.
     """
 
     order: int
@@ -40,7 +40,7 @@ class OrderStatistics(NamedTuple):
 
 
 class Statistics:
-    """What is known of the shadow energies of some orders after any number of steps, in constant memory."""
+    """Statistics of the shadow energies of several orders after any number of steps, in constant memory."""
 
     def __init__(self, orders: tuple[int, ...]):
         import numpy as np
@@ -52,7 +52,7 @@ class Statistics:
         self._blocks = _empty(len(orders), BLOCKS)
 
     def add(self, values: np.ndarray) -> None:
-        """Take in the values (orders, steps) of the next steps."""
+        """Add the values (orders, steps) of the next steps."""
         if not self.count:
             self.first = values[:, 0].copy()
         done = 0
@@ -65,7 +65,7 @@ class Statistics:
             done += taken.shape[1]
 
     def _merge(self) -> None:
-        """Make one block of two."""
+        """Merge blocks in pairs."""
         import numpy as np
 
         pairs, merged = self._blocks, _empty(len(self.orders), BLOCKS)
@@ -76,7 +76,7 @@ class Statistics:
         self._blocks, self.size = merged, 2 * self.size
 
     def blocks(self) -> np.ndarray:
-        """Mean, least and largest values of full blocks, (orders, blocks, 3), as differences to the first value."""
+        """Mean, least and largest values of full blocks, (orders, blocks, 3), relative to the first value."""
         found = self._blocks[:, : self.count // self.size].copy()
         found[..., 0] /= self.size
         return found
@@ -103,13 +103,10 @@ class Statistics:
 
 
 def slope_error(means: np.ndarray) -> float:
-    """The standard error of the slope of a line through the means of blocks, per block.
+    """The standard error per block of the slope of a line through the means of blocks.
 
-    Blocks are joined to larger ones until few are left, and the largest error is taken: it grows as long as
-    neighbouring blocks are correlated, then stays. What wanders like a random walk is allowed for, too.
-
-    Args:
-        means: The means of consecutive blocks.
+    Blocks are merged until few are left, and the largest error is used: it grows as long as neighbouring blocks are
+    correlated, then stays constant. Random walks are taken into account as well.
 
     References:
         Flyvbjerg, Petersen, J. Chem. Phys. 91 (1989) 461, doi:10.1063/1.457480 (blocks).
@@ -125,7 +122,7 @@ def slope_error(means: np.ndarray) -> float:
 
 
 def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
-    """What is left of values without their line by least squares, and the sum of squares of places."""
+    """The residuals of the least-squares line through values, and the sum of squares of their places."""
     import numpy as np
 
     places = np.arange(len(means)) - 0.5 * (len(means) - 1)
@@ -134,7 +131,7 @@ def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _diffusion(rest: np.ndarray) -> float:
-    """The variance that a random walk gains with each block; zero if values do not grow apart with their distance."""
+    """The variance that a random walk gains per block; zero if differences do not grow with distance."""
     import numpy as np
 
     far = len(rest) // 4

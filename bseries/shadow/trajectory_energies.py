@@ -1,13 +1,14 @@
-"""The shadow energy of a finished trajectory: is the step too large, and does the energy drift?"""
+"""Shadow energies of a finished trajectory: is the step too large, and does the energy drift?"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
+from bseries.shadow import kernels
 from bseries.shadow.checks import (
     check_columns,
     check_finite,
@@ -17,23 +18,25 @@ from bseries.shadow.checks import (
     refuse_thinned,
 )
 from bseries.shadow.files import open_source
-from bseries.shadow.formulas import check_order
-from bseries.shadow.measurement import LEAST_VALUES, Measurement
+from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
+from bseries.shadow.report import ShadowReport
 from bseries.shadow.roundings import DOUBLE, Roundings
 from bseries.shadow.scene_forces import SceneForces
 from bseries.shadow.sources import inverse_masses
-from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader
+from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader, States
+from bseries.shadow.statistics import Statistics
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.shadow.report import ShadowReport
     from bseries.shadow.sources import Columns, Source
-    from bseries.shadow.states import Reader, States
 
 CHUNK_NUMBERS = 2**17
-"""How many numbers of one kind are worked on at a time: what a processor's cache holds."""
+"""Numbers of one kind processed at a time, for the processor's cache."""
 TOLERANCE = 1e-9
+USUAL_ORDER = 16
+LEAST_VALUES = 16
+"""Least number of shadow energies."""
 
 
 def shadow_energy(
@@ -50,34 +53,34 @@ def shadow_energy(
     keep: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> ShadowReport:
-    """Modified energies of order 2, 4, …, measured along a trajectory that any program computed.
+    """Modified energies of order 2, 4, …, measured along a trajectory computed by any program.
 
-    Steps must be those of the Störmer–Verlet method, kick–drift–kick ("velocity Verlet"), for pᵀM⁻¹p/2 + U(q), and
-    every step must be there. A shadow energy of order 2k is constant up to O(h^2k), while the energy itself (order 2)
-    goes up and down by O(h²), which hides a drift. Everything streams: memory does not depend on the length.
+    Steps must be consecutive steps of the Störmer–Verlet method, kick–drift–kick ("velocity Verlet"), for
+    pᵀM⁻¹p/2 + U(q). A shadow energy of order 2k is constant up to O(h^2k), while the energy itself (order 2) oscillates
+    by O(h²), which hides a drift. Memory does not depend on the length of the trajectory.
 
     Args:
         trajectory: A `Trajectory`; arrays by name, (steps, …) each; or the path of a file: one of this package, any
             NPZ, or text with the names of columns in its first line. It has positions q, momenta p or velocities v,
-            the potential U and its gradient gradU or forces F; t, h and mass if they are known.
-        scene: A `Scene`, which supplies masses, potentials and forces. Trajectories of this package know theirs.
+            the potential U and its gradient gradU or forces F; and optionally t, h and mass.
+        scene: A `Scene`, which supplies masses, potentials and forces. Trajectories of this package contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
-        h: The step size, if neither times nor the file tell it.
+        h: The step size, if neither times nor the file contain it.
         mass: A mass, one for each particle, or one for each coordinate; by default that of the file, or 1.
-        columns: What the columns or arrays are called, as in ``{"q": "x*", "U": "PotEng"}``.
-        layout: Where momenta are stored: ``full``; ``half-behind`` or ``half-ahead`` of their positions by half a step
-            ("leapfrog"); or ``drift-kick-drift`` for states of that method, which needs a scene.
-        period: The edge of a periodic box, or one for each coordinate, that positions are wrapped into.
-        tolerance: How far a state may be from a step of the method, relative to the largest numbers; by default 1e-9,
-            or what the digits of the data show.
-        keep: Whether the values themselves are kept, in `ShadowReport.values`.
+        columns: The names of columns or arrays, as in ``{"q": "x*", "U": "PotEng"}``.
+        layout: The storage layout of momenta: ``full``; ``half-behind`` or ``half-ahead`` of their positions by half a
+            step ("leapfrog"); or ``drift-kick-drift`` for states of that method, which needs a scene.
+        period: The edge of the periodic box of wrapped positions, or one for each coordinate.
+        tolerance: The largest distance of a state from a step of the method, relative to the largest numbers; by
+            default 1e-9, or according to the digits of the data.
+        keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
     Returns:
         The report.
 
     Raises:
-        SeriesError: Data are missing, or no consecutive steps of this method; the message says what they seem to be.
+        SeriesError: Data are missing, or not consecutive steps of this method; the message contains a diagnosis.
         IntegratorError: A file or a scene cannot be used.
 
     Example:
@@ -91,7 +94,6 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
-
     if order is not None:
         check_order(order)
     allowed = None if tolerance is None else _tolerance(tolerance)
@@ -108,7 +110,7 @@ def shadow_energy(
         if first == 0:
             check_potential(states, off, source)
 
-    measurement = Measurement(reader.states(blocks), order, step, source, keep)
+    measurement = _Measurement(reader.states(blocks), order, step, source, keep)
     for done in measurement.advance(check):
         if progress is not None:
             progress(done, source.states or done)
@@ -116,8 +118,7 @@ def shadow_energy(
 
 
 def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Reader:
-    """What makes states of the columns of a source, as users say."""
-
+    """The conversion of the columns of a source to states, according to the options."""
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
     edges = _box_edges(period, source.dimension)
@@ -155,7 +156,7 @@ def _box_edges(period: Any, dimension: int) -> np.ndarray | None:
 
 
 def _tolerance(value: Any) -> float:
-    """A number that is not negative."""
+    """A nonnegative number."""
     number = finite_number(value, "tolerance")
     if number < 0:
         raise SeriesError(f"tolerance must be 0 or more, but was {value!r:.60}")
@@ -163,7 +164,7 @@ def _tolerance(value: Any) -> float:
 
 
 def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, float, float]:
-    """The columns of a source, looked at on the way, the step size, how far it may be off, and the first time."""
+    """The checked columns of a source, the step size, its rounding bound, and the first time."""
     import numpy as np
 
     blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
@@ -196,9 +197,100 @@ def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, f
 
 
 def _step_of(t: np.ndarray, off: float) -> tuple[float, float]:
-    """The step size of times that may be off, and how far it may be: not at all if they are even."""
+    """The step size of times with rounding errors, and its rounding bound; 0 if they are equidistant."""
     import numpy as np
 
     step = float(t[-1] - t[0]) / (len(t) - 1)
     is_even = np.all(np.abs(np.diff(t) - step) <= 4 * DOUBLE * np.max(np.abs(t)))
     return step, 0.0 if is_even else 2 * off / (len(t) - 1)
+
+
+class _Measurement:
+    """One pass over states.
+
+    Args:
+        pieces: The states, in pieces.
+        order: The largest order; None for the usual one, or the largest that a short trajectory allows.
+        h: The step size.
+        source: The source of the states.
+        keep: Whether values are kept.
+    """
+
+    def __init__(self, pieces: Iterator[States], order: int | None, h: float, source: Source, keep: bool):
+        self._pieces, self._h, self._source, self._kept = pieces, h, source, [] if keep else None
+        self._head = next(pieces)
+        self.orders = _orders(order, self._head.u.size, source)
+        self._offset = float(self._head.u[0])
+        self.statistics, self.done = Statistics(self.orders), 0
+
+    def advance(self, check: Callable[[States, int], None]) -> Iterator[int]:
+        """Process the states; after each piece, yield the number of states so far."""
+        import numpy as np
+
+        weights, works, products = formula_arrays([shadow_formula(order) for order in self.orders])
+        halo = 2 * (weights.shape[1] - 1)
+        before: States | None = None
+        for piece in chain([self._head], self._pieces):
+            fresh = piece._replace(u=piece.u - self._offset)  # reduces rounding
+            states = fresh if before is None else States(*map(_joined, before, fresh))
+            steps = states.u.size
+            check(states, self.done - (steps - piece.u.size))
+            self.done += piece.u.size
+            if steps > halo:
+                work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
+                out = np.empty((len(self.orders), steps - halo))
+                kernels.shadow_values.compiled(
+                    self._h, states.p, states.g, states.u, weights, works, products, *work, out
+                )
+                middle = self.done - steps + halo // 2
+                check_finite(out, "shadow energies", middle, self._source)  # squares of finite numbers may overflow
+                self.statistics.add(out)
+                if self._kept is not None:
+                    self._kept.append(out + self._offset)
+                states = States(*(array[..., steps - halo :] for array in states))
+            before = states
+            yield self.done
+
+    def report(self, start: float, rounding: float) -> ShadowReport:
+        """The report, with the time of the first state and the bound of rounding errors of energies."""
+        import numpy as np
+
+        values = None
+        if self._kept is not None:
+            values = dict(zip(self.orders, np.concatenate(self._kept, axis=1), strict=True))
+        known = self._offset, rounding, values
+        return ShadowReport(self._source.label, self._h, start, self.done, self.statistics, *known)
+
+
+def _joined(before: np.ndarray, piece: np.ndarray) -> np.ndarray:
+    import numpy as np
+
+    return np.concatenate((before, piece), axis=-1)
+
+
+def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arrays `weights`, `works` and `products` of `kernels.shadow_values` for several orders."""
+    import numpy as np
+
+    reach = max(1, *(formula.reach for formula in formulas))  # at least 1, so that neighbouring pieces overlap
+    shifts = max(len(formula.works) for formula in formulas) + 1
+    lags = max((j - i for formula in formulas for i, j in formula.products), default=0) + 1
+    weights, works = np.zeros((len(formulas), reach + 1)), np.zeros((len(formulas), shifts))
+    products = np.zeros((len(formulas), lags, 2 * reach + 1))
+    for k, formula in enumerate(formulas):
+        weights[k, : len(formula.potentials)] = [float(x) for x in formula.potentials]
+        works[k, 1 : len(formula.works) + 1] = [float(x) for x in formula.works]
+        for (i, j), value in formula.products.items():
+            products[k, j - i, i + reach] = float(value)
+    return weights, works, products
+
+
+def _orders(order: int | None, states: int, source: Source) -> tuple[int, ...]:
+    """The orders to measure; `states` is the number of states in the first piece."""
+    wanted = range(LEAST_ORDER, (order or USUAL_ORDER) + 1, 2)
+    there = tuple(k for k in wanted if states - 2 * max(1, k // 4) >= LEAST_VALUES)
+    if not there:
+        raise SeriesError(f"{source.label} must have at least {LEAST_VALUES + 2} states, but has {states}")
+    if order is not None and there[-1] != order:
+        raise SeriesError(f"order must be at most {there[-1]} for {states} states, but was {order}")
+    return there

@@ -12,8 +12,8 @@ import bseries as bs
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision import recommendation, sweeps
 from bseries.advice.work_precision.candidates import Candidate
+from bseries.advice.work_precision.curves import Curve, Row
 from bseries.advice.work_precision.run_errors import Judge, RunErrors
-from bseries.advice.work_precision.sweeps import Curve, Row
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.prediction import perturbation_run as pilots
+from bseries.advice.prediction import perturbation_run as runs_module
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ def beside(distance):
 @pytest.fixture(autouse=True)
 def same_pilots(monkeypatch):
     """Pilots of the same length however busy the machine is."""
-    monkeypatch.setattr(pilots, "SECONDS", 1e9)
+    monkeypatch.setattr(runs_module, "SECONDS", 1e9)
 
 
 def predicted(scene, method, h, steps, **options):

@@ -1,4 +1,4 @@
-"""What effects cost: time for a step and for an evaluation of the field, and trees, against the effects that are on."""
+"""Cost of effects: times of a step and of a field evaluation, and numbers of trees."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ ORDER = 6
 
 
 class CostRow(NamedTuple):
-    """What some effects cost.
+    """The cost of a set of effects.
 
     Attributes:
-        effects: Those that are on.
+        effects: The active effects.
         step: Seconds for a step.
         field: Seconds for an evaluation of the field.
-        trees: How many trees the modified equation needs.
-        all_trees: How many there are.
+        trees: The number of trees in the modified equation.
+        all_trees: The number of all trees.
 
     Example:
         >>> import bseries as bs
@@ -51,14 +51,14 @@ class CostRow(NamedTuple):
 
 
 class EffectCosts(ImmutableValue, Sequence[CostRow]):
-    """What the effects of a scene cost, as `effect_costs` measures it: a sequence of rows.
+    """The costs of the effects of a scene, measured by `effect_costs`: a sequence of rows.
 
     Attributes:
         scene: The name of the scene.
         method: The name of the method.
         h: The step size.
-        order: How many nodes the trees have at most.
-        rows: What none of the effects costs, the first one, the first two, … all.
+        order: The largest number of nodes of trees.
+        rows: The costs with no effect, the first one, the first two, … all.
 
     Example:
         >>> import bseries as bs
@@ -96,7 +96,7 @@ class EffectCosts(ImmutableValue, Sequence[CostRow]):
         return self.rows[index]
 
     def to_dict(self) -> dict[str, Any]:
-        """All figures as JSON can hold them."""
+        """The costs as plain data."""
         return {
             "schema": 1,
             "kind": "effect-costs",
@@ -120,7 +120,7 @@ def effect_costs(
     solver: str = "auto",
     order: int = ORDER,
 ) -> EffectCosts:
-    """What a scene costs against the number of effects that are on: none, the first one, the first two, … all.
+    """The cost of a scene as its effects are added: none, the first one, the first two, … all.
 
     Times are CPU seconds of compiled code, in turn. The field is timed as the step of the explicit Euler method without
     compensation, which is one evaluation and one sum.
@@ -129,12 +129,12 @@ def effect_costs(
         scene: The scene, or the name of a built-in one; see `effect_influence`.
         method: The method, or its name.
         h: The step size, on which the costs of implicit steps depend.
-        effects: The effects; by default those that are on, and all if none is.
-        parameters: Options of a built-in scene, and values of its parameters and of those of the effects.
-        start: Start values of some blocks.
-        parts: What the parts of the method are in the scene with all effects.
-        solver: How implicit stages are found.
-        order: How many nodes the trees of the modified equation have at most.
+        effects: The effects; by default the active ones, or all if none is active.
+        parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
+        start: Start values of blocks.
+        parts: The assignment of the method's parts in the scene with all effects.
+        solver: The solver for implicit stages.
+        order: The largest number of nodes of trees in the modified equation.
 
     Raises:
         SeriesError: The scene has no effects.
@@ -169,11 +169,7 @@ def variant_costs(
     options: Mapping[str, Any],
     most_steps: int = MOST_STEPS,
 ) -> dict[Names, Timing]:
-    """Seconds for a step with each of several choices of effects, timed in turn.
-
-    Raises:
-        StepError: The first step failed.
-    """
+    """CPU seconds per step with each of several sets of effects, timed in interleaved rounds."""
     work: dict[str, Work] = {}
     chosen = tuple(chosen)
     for k, names in enumerate(chosen):
@@ -188,8 +184,7 @@ def variant_costs(
 def _trees(
     variants: EffectVariants, names: Names, method: Method, parts: Any, order: int
 ) -> tuple[int | None, int | None]:
-    """How many trees the modified equation has on the scene, and on any; of methods with a matrix it is unknown."""
-
+    """The numbers of trees in the modified equation on the scene and in general; None for methods with a matrix."""
     scene = variants.build(names)
     if auxiliary_colors(method):
         return None, None

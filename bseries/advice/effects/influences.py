@@ -1,4 +1,4 @@
-"""Which effects of a scene matter over a run, and which can be left out."""
+"""Influence of the effects of a scene on a run, and which effects can be left out."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 
-LOOKS = 1000
-"""At about how many times two runs are compared."""
+COMPARISONS = 1000
+"""Approximate number of times at which two runs are compared."""
 PIECES = 4
-"""Of a method of order p this shows 1 − 4^(−p) of its error: 3/4 of it at least."""
+"""Substeps of the comparison run; for a method of order p it shows 1 − 4^(−p) of the error, at least 3/4."""
 
 
 class EffectRuns:
-    """Runs of one method from one start, each with some of the effects; none is made twice.
+    """Runs of one method from one start with different effects, each made once.
 
     Args:
-        variants: The scene.
+        variants: The scene with its effects.
         method: The method.
         h: The step size.
-        steps: How many steps.
+        steps: The number of steps.
         options: Further options of `integrate`.
-        progress: Called with the number of steps made and of all, in all runs.
+        progress: Called with the number of steps done and of all, in all runs.
     """
 
     def __init__(
@@ -62,32 +62,27 @@ class EffectRuns:
 
     @property
     def needed(self) -> set[Names]:
-        """The effects that are on in the runs that tell all influences, but for that with pieces of a step."""
+        """The sets of effects in the runs for all influences."""
         names = self.variants.names
         return {names, (), *((name,) for name in names), *(self.variants.without(name) for name in names)}
 
     def own_error(self) -> Influence:
-        """The error of the method with all effects: what steps cut into pieces would change.
-
-        Raises:
-            StepError: A step failed.
-        """
+        """The error of the method with all effects, from a run with smaller steps."""
         names = self.variants.names
         self._known[names] = self._states(names)
         return self._apart(names, self._known[names], names, self._states(names, pieces=PIECES))
 
     def alone(self, name: str) -> Influence:
-        """What an effect does in the scene that has no other."""
+        """The influence of an effect on the scene without others."""
         return self._apart((name,), self.run((name,)), (), self.run(()))
 
     def without(self, *left_out: str) -> Influence:
-        """What leaving some out of all effects does."""
+        """The influence of leaving out some of all effects."""
         more, less = self.variants.names, self.variants.without(*left_out)
         return self._apart(more, self.run(more), less, self.run(less))
 
     def run(self, names: Names) -> np.ndarray | None:
         """The states of a run; None if a step failed, as without a potential that keeps bodies apart."""
-
         if names not in self._known:
             try:
                 self._known[names] = self._states(names)
@@ -96,9 +91,8 @@ class EffectRuns:
         return self._known[names]
 
     def _states(self, names: Names, pieces: int = 1) -> np.ndarray:
-        """The states at the times of comparison, (variables, times), by steps that are cut into pieces."""
-
-        scene, every = self.variants.build(names), -(-self.steps // LOOKS)  # rounded up
+        """The states at the times of comparison, (variables, times), with steps divided into pieces."""
+        scene, every = self.variants.build(names), -(-self.steps // COMPARISONS)  # rounded up
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
         h, steps, save_every = self.h / pieces, self.steps * pieces, every * pieces
         try:
@@ -109,13 +103,13 @@ class EffectRuns:
             self._made += steps
 
     def _show(self, done: int, total: int) -> None:
-        """Say how many steps of all runs are made; those that a recommendation takes are not known before."""
+        """Report progress; the runs that a recommendation needs are not known in advance."""
         if self._progress is not None:
             known = self.steps * (len(self.needed) + PIECES)
             self._progress(self._made + done, max(known, self._made + total))
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
-        """How far two runs are apart, the second one with the same effects or fewer: what overflows is infinite."""
+        """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
         import numpy as np
 
         base = self.variants.build(less).with_effects()
@@ -138,7 +132,7 @@ def _infinite_unless_finite(value: float) -> float:
 
 
 def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """The Hamiltonian of a scene, whose variables come first in any state, at many states."""
+    """The Hamiltonian at many states, whose first variables are those of the scene."""
     import numpy as np
 
     energy = observers(scene, "energy")
@@ -146,9 +140,9 @@ def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
 
 
 WRONG = 0.1
-"""A run whose own error is as large says nothing of what can be left out."""
+"""Error of a run from which on it does not allow a recommendation."""
 MARGIN = 2.0
-"""Effects act on each other: leaving out two may change more than the sum of what leaving out each one does."""
+"""Factor for interactions: leaving out two effects may change more than the sum of both influences."""
 
 
 def effect_influence(
@@ -167,30 +161,29 @@ def effect_influence(
     margin: float = MARGIN,
     progress: Callable[[int, int], object] | None = None,
 ) -> EffectReport:
-    """Which effects of a scene matter: what each does to a run, what it costs, and which can be left out.
+    """The influence and cost of each effect of a scene on a run, and the effects that can be left out.
 
-    The influence of an effect is how far two runs of the same method with the same step are apart, one with it and one
-    without: they make nearly the same errors, so that influences far below the method's error show too. Effects are
-    left out, those of least influence first, while the sum of their influences times a margin stays within the accepted
-    error. A run without them then measures how far that changes the result; should it be more than promised, effects
-    are taken back.
+    The influence of an effect is the distance of two runs of the same method with the same step, one with it and one
+    without: they have nearly the same errors, so that influences far below the method's error are visible. Effects are
+    left out in the order of increasing influence while the sum of influences times a margin stays within the accepted
+    error. A run without them then measures the change; if it exceeds the promised bound, effects are restored.
 
     Args:
         scene: The scene, or the name of a built-in one; those whose effects are chosen when they are built have to be
             given by name.
         method: The method, or its name.
         h: The step size; negative backwards in time.
-        span: How long the run is; the last step may go beyond.
-        accept: The error that is accepted; by default that of the method itself, with all effects.
-        measure: What is accepted: a relative error of the ``"solution"`` or of the ``"energy"``, see
+        span: The length of the run; the last step may exceed it.
+        accept: The accepted error; by default that of the method itself, with all effects.
+        measure: The error that is accepted: relative, of the ``"solution"`` or the ``"energy"``, see
             `bseries.advice.effects.report.Influence`.
-        effects: The effects to look at; by default those that are on, and all if none is.
-        parameters: Options of a built-in scene, and values of its parameters and of those of the effects.
-        start: Start values of some blocks.
-        parts: What the parts of the method are in the scene with all effects.
-        solver: How implicit stages are found: ``auto``, ``fixed-point`` or ``newton``.
-        margin: By what factor influences are taken too large, 1 or more.
-        progress: Called with the number of steps made and of all, in all runs.
+        effects: The effects to examine; by default the active ones, or all if none is active.
+        parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
+        start: Start values of blocks.
+        parts: The assignment of the method's parts in the scene with all effects.
+        solver: The solver for implicit stages: ``auto``, ``fixed-point`` or ``newton``.
+        margin: The safety factor for influences, 1 or more.
+        progress: Called with the number of steps done and of all, in all runs.
 
     Raises:
         SeriesError: The scene has no effects, no energy where that is the measure, or an argument is out of its range.
@@ -245,7 +238,7 @@ def effect_influence(
 
 
 def _check(h: float, span: float, margin: float, accept: float | None) -> None:
-    """Refuse numbers out of their range."""
+    """Check that numbers are in range."""
     if h == 0 or span <= 0:
         raise SeriesError(f"span must be positive, and h not zero, but they were {span:g} and {h:g}")
     if not span / abs(h) < MOST_STEPS:
@@ -259,7 +252,7 @@ def _check(h: float, span: float, margin: float, accept: float | None) -> None:
 def _recommended(
     runs: EffectRuns, rows: list[EffectRow], measure: str, accepted: float, margin: float
 ) -> tuple[str, ...]:
-    """The effects to leave out: as many as the sum of influences allows, and a run without them confirms."""
+    """The effects to leave out: as many as the sum of influences allows and a run without them confirms."""
     influence = {row.name: getattr(row.left_out, measure) for row in rows}
     chosen, total = list[str](), 0.0
     for name in sorted(influence, key=influence.__getitem__):
@@ -273,7 +266,7 @@ def _recommended(
 
 
 def _times(runs: EffectRuns, left_out: Names, parts: Any, solver: str) -> dict[Names, Timing]:
-    """Seconds for a step with no effects, all, all but one, and those recommended, if these runs do not fail."""
+    """Seconds per step with no effects, all, all but one, and the recommended ones, if these runs succeed."""
     variants = runs.variants
     wanted = {(), variants.names, variants.without(*left_out), *map(variants.without, variants.names)}
     able = [names for names in sorted(wanted) if runs.run(names) is not None]

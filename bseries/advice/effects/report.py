@@ -1,4 +1,4 @@
-"""What `effect_influence` found."""
+"""Report of `effect_influence`."""
 
 from __future__ import annotations
 
@@ -8,17 +8,15 @@ from typing import Any, NamedTuple
 from bseries.advice.timing import Timing
 
 MEASURABLE = 0.03
-"""Steps whose times differ by a smaller part take the same: so much code is moved by whatever else changes."""
+"""Smallest relative difference of two times that can be measured."""
 
 
 class Influence(NamedTuple):
-    """How far two runs are apart in the variables that they share.
+    """The distance of two runs in the variables that they share.
 
     Attributes:
-        solution: The largest distance of their states, as a part of the largest size of the state; infinite where one
-            run failed.
-        energy: The largest difference of their energies, the Hamiltonian without the effects, as a part of that at the
-            start; None if there is none.
+        solution: The largest distance of states, relative to the largest norm of the state; infinite if a run failed.
+        energy: The largest relative difference of the energy, the Hamiltonian without effects; None if there is none.
 
     Example:
         >>> import bseries as bs
@@ -36,11 +34,11 @@ class EffectRow(NamedTuple):
 
     Attributes:
         name: The effect.
-        summary: What it is.
-        alone: What it does when it is switched on in the scene without effects.
-        left_out: What leaving it out of the scene with all effects does.
+        summary: Its description.
+        alone: The influence of adding it to the scene without effects.
+        left_out: The influence of leaving it out of the scene with all effects.
         seconds: Seconds that it adds to a step of the scene with all others; None if a run without it failed.
-        uncertainty: How far that may be off, by the quartiles of both times.
+        uncertainty: The uncertainty of `seconds`, from the quartiles of both times.
 
     Example:
         >>> import bseries as bs
@@ -57,7 +55,7 @@ class EffectRow(NamedTuple):
     uncertainty: float | None = None
 
     def with_costs(self, full: Timing, less: Timing | None) -> EffectRow:
-        """The row with what the effect costs: the difference of a step with all effects and without this one."""
+        """The row with the cost of the effect: the difference of a step with all effects and one without it."""
         if less is None:
             return self
         uncertainty = (full.high - full.low + less.high - less.low) / 2
@@ -65,23 +63,23 @@ class EffectRow(NamedTuple):
 
 
 class EffectReport(NamedTuple):
-    """Which effects of a scene matter for a run; made by `effect_influence`.
+    """The influence of the effects of a scene on a run, with a recommendation; made by `effect_influence`.
 
     Attributes:
-        scene: The scene and its effects.
+        scene: The scene with its effects.
         method: The method.
         h: The step size.
-        steps: How many steps.
-        measure: What the recommendation is about: ``"solution"`` or ``"energy"``.
-        accept: The error that is accepted in it.
-        margin: By what factor influences are taken too large, since effects act on each other.
+        steps: The number of steps.
+        measure: The error in the recommendation: ``"solution"`` or ``"energy"``.
+        accept: The accepted error.
+        margin: The safety factor for influences, since effects interact.
         own_error: The error of the method itself, with all effects.
         rows: The effects.
-        leave_out: Those that the recommendation leaves out.
-        apart: How far the runs with all effects and with the recommended ones are apart: measured, not predicted.
-        bare: Seconds for a step without effects; None if that run failed.
-        full: Seconds for a step with all of them.
-        kept: Seconds for a step with the recommended ones.
+        leave_out: The effects that the recommendation leaves out.
+        apart: The measured distance of the runs with all effects and with the recommended ones.
+        bare: Seconds per step without effects; None if that run failed.
+        full: Seconds per step with all effects.
+        kept: Seconds per step with the recommended effects.
 
     Example:
         >>> import bseries as bs
@@ -109,23 +107,23 @@ class EffectReport(NamedTuple):
 
     @property
     def keep(self) -> tuple[str, ...]:
-        """The effects that are recommended."""
+        """The recommended effects."""
         return tuple(row.name for row in self.rows if row.name not in self.leave_out)
 
     @property
     def promised(self) -> float:
-        """What the two runs differ by at most: the sum of the influences of what is left out, times the margin."""
+        """The bound of the distance of both runs: the sum of the influences left out, times the margin."""
         influences = (getattr(row.left_out, self.measure) for row in self.rows if row.name in self.leave_out)
         return self.margin * sum(influences, 0.0)
 
     @property
     def saved(self) -> float:
-        """The part of the time that the recommendation saves."""
+        """The relative time that the recommendation saves."""
         return 1 - self.kept.seconds / self.full.seconds
 
     @property
     def times(self) -> dict[str, Timing | None]:
-        """Seconds for a step by what is on."""
+        """Seconds per step by active effects."""
         return {"no effects": self.bare, "all": self.full, "the recommended ones": self.kept}
 
     def __str__(self) -> str:
@@ -159,7 +157,7 @@ class EffectReport(NamedTuple):
         )
 
     def _saving(self) -> str:
-        """What the recommendation does to the time of a step."""
+        """The effect of the recommendation on the time of a step."""
         if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
             return ", which changes the time of a step by less than it varies"
         if self.saved < 0:
@@ -167,7 +165,7 @@ class EffectReport(NamedTuple):
         return f", which saves {self.saved:.0%} of a step's time"
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as JSON can hold it."""
+        """The report as JSON-ready data."""
         rows = [
             {**row._asdict(), "alone": _numbers(row.alone), "left_out": _numbers(row.left_out)} for row in self.rows
         ]
@@ -198,7 +196,7 @@ def _shown(influence: Influence) -> str:
 
 
 def _numbers(influence: Influence) -> dict[str, float | None]:
-    """Infinite numbers, which JSON does not have, become null."""
+    """An influence as JSON-ready data, with null for infinity."""
     from math import isfinite
 
     return {key: value if value is not None and isfinite(value) else None for key, value in influence._asdict().items()}

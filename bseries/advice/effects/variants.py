@@ -1,4 +1,4 @@
-"""A scene with some of its effects on: every combination, and the variables that two of them share."""
+"""A scene with any subset of its effects, and the variables that two subsets share."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 class EffectVariants(NamedTuple):
-    """A scene as its effects make it.
+    """A scene with any subset of its effects.
 
     Attributes:
-        effects: The effects that are looked at, and what they are.
-        build: The scene with these of them on, and with no other effect.
-        bodies: What the sites of the scene are called with these effects, where effects change their number.
+        effects: The effects, with their descriptions.
+        build: The scene with exactly these effects.
+        bodies: The names of the particles with these effects, for effects that change their number.
     """
 
     effects: Mapping[str, str]
@@ -40,15 +40,15 @@ class EffectVariants(NamedTuple):
 
     @property
     def full(self) -> Scene:
-        """The scene with all of them."""
+        """The scene with all effects."""
         return self.build(self.names)
 
     def without(self, *left_out: str) -> Names:
-        """All effects but these."""
+        """All effects except these."""
         return tuple(name for name in self.effects if name not in left_out)
 
     def shared(self, more: Names, less: Names) -> tuple[np.ndarray, np.ndarray]:
-        """The places of the variables, but for the time, that are there with some effects and with fewer of them."""
+        """The places of the variables, except the time, that exist with both sets of effects."""
         import numpy as np
 
         places = {label: k for k, label in enumerate(self._labels(more))}
@@ -57,7 +57,7 @@ class EffectVariants(NamedTuple):
         return first, second
 
     def parts(self, given: Any, scene: Scene) -> Any:
-        """What the parts of a method are with these effects: blocks that only others bring are left out."""
+        """The assignment of a method's parts with these effects, without blocks that only other effects add."""
         if not isinstance(given, Mapping):
             return given
         absent = {block.name for block in self.full.blocks} - {block.name for block in scene.blocks}
@@ -65,7 +65,7 @@ class EffectVariants(NamedTuple):
         return {name: [block for block in blocks if block not in absent] for name, blocks in lists.items()}
 
     def _labels(self, names: Names) -> Iterator[Any]:
-        """What tells each variable: its name, or the body whose component it is."""
+        """An identifier for each variable: its name, or its body and component."""
         scene = self.build(names)
         if self.bodies is None:
             yield from scene.variables
@@ -82,17 +82,6 @@ def effect_variants(
     start: Mapping[str, Any] | None = None,
 ) -> EffectVariants:
     """The combinations of the effects of a scene.
-
-    Args:
-        scene: The scene, or the name of a built-in one; those whose effects are chosen when they are built have to be
-            given by name.
-        effects: The effects to look at; by default those that are on, and all if none is.
-        parameters: Options of a built-in scene, and values of its parameters and of those of the effects.
-        start: Start values of some blocks.
-
-    Raises:
-        SeriesError: The scene has no effects.
-        IntegratorError: There is no such scene, effect, parameter or block.
 
     Example:
         >>> found = effect_variants("pendulum", ["drive", "damping"], {"gamma": "1/5"})
@@ -127,7 +116,7 @@ def _mapping(values: Any, argument: str) -> dict[str, Any]:
 
 
 def _built_anew(entry: SceneEntry, names: Names, values: dict[str, Any], start: dict[str, Any]) -> EffectVariants:
-    """Effects that are chosen when the scene is built: parameters that belong to one are there only with it."""
+    """Effects of scenes that are built with them; their parameters exist only with them."""
     options = {name: values.pop(name) for name in list(values) if name in entry.options}
     full = built_in(entry.name, names, **options, **values).with_start(**start)
 

@@ -1,4 +1,4 @@
-"""What a step of a run costs, all included: from a part of the run, made by `integrate` itself."""
+"""Calibration: the time of a step with all observations, measured on a part of the run by `integrate`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from integrators.methods.program.program import Method
 
 SECONDS = 0.3
-"""The time of the part that counts."""
+"""Duration of the timed part."""
 FIRST_STEPS, GROWTH = 64, 8
 
 
 class Stopwatch:
-    """What steps cost, without what comes before the first of them: compiling. It is what `integrate` calls."""
+    """Progress function of `integrate` that measures the time of steps, without compilation before the first one."""
 
     def __init__(self) -> None:
         self._first, self._last = (0, 0.0), (0, 0.0)
 
     def __call__(self, done: int, total: int) -> None:
-        """Note how far a run is."""
+        """Record the progress of a run."""
         self._last = done, perf_counter()
         if not self._first[0]:
             self._first = self._last
@@ -34,28 +34,25 @@ class Stopwatch:
 
     @property
     def seconds(self) -> float:
-        """How long it has run."""
+        """The time since the first record."""
         return self._last[1] - self._first[1]
 
     @property
     def steps(self) -> int:
-        """How many steps were made in that time."""
+        """The number of steps in this time."""
         return self._last[0] - self._first[0]
 
 
 def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: Any) -> float | None:
-    """Seconds for one of so many steps, with all that is observed and kept; None if there are too few to tell.
+    """Seconds per step of a run, including observations and storage; None if there are too few steps to measure.
 
     Runs that are shorter than the part that counts are repeated.
 
     Args:
         scene: The scene.
         method: The method, or its name.
-        steps: How many steps the run is to have.
+        steps: The number of steps of the run.
         **options: All else that `integrate` is called with.
-
-    Raises:
-        IntegratorError: An argument does not fit; as a StepError, a step failed.
 
     Example:
         >>> import bseries as bs
@@ -67,13 +64,13 @@ def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: 
     def run(count: int) -> Stopwatch:
         watch = Stopwatch()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the run itself will say what is not finite
+            warnings.simplefilter("ignore", RuntimeWarning)  # left to the run itself
             integrate(scene, method, steps=count, progress=watch, **options)
         return watch
 
     count, watch = FIRST_STEPS, run(min(FIRST_STEPS, steps))
     while watch.seconds <= SECONDS / 2 and count < steps:
-        # Beyond the first trials the time is known well enough to hit it.
+        # After the first trials the time is known well enough to reach the target.
         wanted = int(count * SECONDS / max(watch.seconds, 1e-9))
         count = min(GROWTH * count, max(wanted, count + 1))
         watch = run(min(count, steps))

@@ -1,12 +1,11 @@
-"""The errors to expect of a run: from the first terms of the modified equation along the exact flow."""
+"""Errors expected of a run, extrapolated from a perturbation run."""
 
 from __future__ import annotations
 
 import math
-import warnings
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from bseries.advice.conservation import energy_rate_beside, gradient, may_drift
+from bseries.advice.conservation import gradient
 from bseries.advice.distances import energy_size, largest_size, norms, without_time
 from bseries.advice.growth import (
     EVEN,
@@ -14,51 +13,56 @@ from bseries.advice.growth import (
     agreed,
     disagreement,
     energy_after,
-    goes_on,
+    is_unbounded,
     most_disagreement,
     parts_of,
     power,
     size_after,
     size_of_states_after,
 )
-from bseries.advice.modified_terms import modified_terms
-from bseries.advice.prediction.perturbation_run import RESOLUTION, pilot
-from bseries.exceptions import SeriesError
-from integrators import IntegratorError, StepError
 from integrators.runs.observers import observers
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.advice.prediction.perturbation_run import Pilot
+    from bseries.advice.prediction.perturbation_run import PerturbationRun
     from integrators import Scene
-    from integrators.methods.program.program import Method
 
 
 AGREEMENT = 2.0
-"""Two ways to an expected error may differ by this factor."""
-TELLING = 1e-8
-"""If the modified equation leads away by so much of a state or an energy, that is no rounding of the pilot."""
+"""Largest ratio of two estimates of an error."""
+SIGNIFICANT = 1e-8
+"""Smaller relative effects of the modified equation may be rounding of the perturbation run."""
 SMALL = 0.02
-"""As long as it leads no further away, in parts of a state, that solution can be made in a few passes."""
+"""Largest relative distance at which the nonlinear solution converges in a few iterations."""
 ROUNDING = 1e-14
-"""Below such relative errors rounding decides."""
+"""Smaller relative errors are dominated by rounding."""
+LARGEST_CHANGE = 0.05
+"""Largest relative drift of an energy on the same orbit; an oscillation may be as large as the energy."""
+SAMPLES = 512
+"""Number of states at which energies are compared."""
+BOUND = 0.5
+"""Errors reduced below this part by the bounds of the orbit have reached its size."""
+NEAR = 1e-2
+"""Largest displacement, relative to the size of the orbit, that is linear in the impulses."""
+BEYOND = 2.0
+"""Largest displacement of a variable, relative to its range, in motion of the same kind."""
 
 NO_ENERGY = "there is no energy that the scene conserves"
 TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead to errors that differ by more than 2"
 ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
-UNTOLD = "how it grows cannot be told from the time to t = {last:.3g}"
+UNKNOWN_GROWTH = "how it grows cannot be told from the time to t = {last:.3g}"
 ONLY_ROUNDING = "rounding will be larger"
 OF_HIGHER_ORDER = "to first order it does not change on this orbit, beside which it would"
 NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
 
 
 class ExpectedError(NamedTuple):
-    """An error that is expected, or why it cannot be known.
+    """An expected error, or the reason why it is unknown.
 
     Attributes:
-        value: The error; None where it cannot be known.
-        reason: Why not, or what is to be said of the value; empty if nothing.
+        value: The error; None if unknown.
+        reason: The reason, or a remark on the value; may be empty.
 
     Example:
         >>> print(ExpectedError(2.13e-7), ExpectedError(None, "there is no energy"))
@@ -72,199 +76,137 @@ class ExpectedError(NamedTuple):
         text = "unknown" if self.value is None else f"{self.value:.1e}"
         return f"{text}: {self.reason}" if self.reason else text
 
+    @property
+    def is_due_to_orbit(self) -> bool:
+        """Whether the reason lies in the solution, and not in the method or its step."""
+        unknown_growth = UNKNOWN_GROWTH.partition("{")[0]
+        return self.reason in (ANOTHER_ORBIT, NOT_SMALL) or self.reason.startswith(unknown_growth)
 
-def with_rounding(value: float) -> ExpectedError:
-    """An error that is known, unless rounding is larger."""
+
+def _with_rounding(value: float) -> ExpectedError:
+    """A known error, with a remark if rounding is larger."""
     return ExpectedError(value, "" if value > ROUNDING else ONLY_ROUNDING)
 
 
-LARGEST_CHANGE = 0.05
-"""An energy that drifts by a larger part of what it is made of makes another orbit; one that oscillates, by all."""
-SAMPLES = 512
-"""At so many states energies are compared."""
-
-
 def expected_energy_error(
-    scene: Scene, found: Pilot, times: float, y0: np.ndarray, drifts: bool, beside: float
+    scene: Scene, run: PerturbationRun, times: float, y0: np.ndarray, drifts: bool, nearby: float
 ) -> ExpectedError:
     """The largest change of the energy.
 
     Args:
         scene: The scene.
-        found: The pilot.
-        times: How many times as long the run is.
+        run: The perturbation run.
+        times: The length of the run to predict, as a multiple.
         y0: The start.
         drifts: Whether energies may drift.
-        beside: By how much it would change beside this orbit, while f turns.
+        nearby: The change of the energy near this orbit within the time scale.
     """
-    if found.changes is None:
+    if run.changes is None:
         return ExpectedError(None, NO_ENERGY)
     size = energy_size(scene, y0)
     expected, fewer = (
-        energy_after(found.changes[:terms].sum(axis=0) / size, times, drifts=drifts)
-        for terms in (len(found.changes), max(1, len(found.changes) - 1))
+        energy_after(run.changes[:terms].sum(axis=0) / size, times, drifts=drifts)
+        for terms in (len(run.changes), max(1, len(run.changes) - 1))
     )
     if expected.high < ROUNDING:
-        is_higher = (beside / size) ** 2 > ROUNDING  # what is of second order is about the square of what is of first
-        return ExpectedError(None, OF_HIGHER_ORDER) if is_higher else with_rounding(expected.value)
+        is_higher = (nearby / size) ** 2 > ROUNDING  # second-order effects are about the square of first-order ones
+        return ExpectedError(None, OF_HIGHER_ORDER) if is_higher else _with_rounding(expected.value)
     if disagreement(expected.value, fewer.value) > AGREEMENT:
-        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    if expected.value * size > (LARGEST_CHANGE if drifts else 1.0) * _energy_of_orbit(scene, found):
+        return ExpectedError(None, TERMS_DIFFER.format(last=run.powers[-1]))
+    if expected.value * size > (LARGEST_CHANGE if drifts else 1.0) * _energy_of_orbit(scene, run):
         return ExpectedError(None, ANOTHER_ORBIT)
-    if not _changes_linearly(scene, found, found.changes, size):
+    if not _changes_linearly(scene, run, run.changes, size):
         return ExpectedError(None, NOT_SMALL)
     if expected.disagreement > most_disagreement(drifts):
-        return ExpectedError(None, UNTOLD.format(last=found.t[-1]))
-    return with_rounding(expected.value)
+        return ExpectedError(None, UNKNOWN_GROWTH.format(last=run.t[-1]))
+    return _with_rounding(expected.value)
 
 
-def _followed(scene: Scene, found: Pilot) -> int:
-    """How many points the solution that the modified equation leads to stays near to the flow."""
+def _points_nearby(scene: Scene, run: PerturbationRun) -> int:
+    """The number of points at which the nonlinear solution is near the flow."""
     import numpy as np
 
-    sizes = norms(without_time(scene, found.followed))
-    away = np.flatnonzero(~(sizes <= SMALL * largest_size(without_time(scene, found.y))))
+    sizes = norms(without_time(scene, run.nonlinear))
+    away = np.flatnonzero(~(sizes <= SMALL * largest_size(without_time(scene, run.y))))
     return int(away[0]) if len(away) else len(sizes)
 
 
-def _changes_linearly(scene: Scene, found: Pilot, changes: np.ndarray, size: float) -> bool:
-    """Whether the energy of that solution changes as it does to first order."""
+def _changes_linearly(scene: Scene, run: PerturbationRun, changes: np.ndarray, size: float) -> bool:
+    """Whether the energy of the nonlinear solution changes as it does to first order."""
     import numpy as np
 
-    energy, at = observers(scene, "energy"), np.linspace(0, _followed(scene, found) - 1, SAMPLES).astype(int)
+    energy, at = observers(scene, "energy"), np.linspace(0, _points_nearby(scene, run) - 1, SAMPLES).astype(int)
     there, here = (
-        np.array([energy(t, y)[0] for t, y in zip(found.t[at], states[:, at].T, strict=True)])
-        for states in (found.y + found.followed, found.y)
+        np.array([energy(t, y)[0] for t, y in zip(run.t[at], states[:, at].T, strict=True)])
+        for states in (run.y + run.nonlinear, run.y)
     )
-    followed, linear = (float(abs(x).max()) / size for x in (there - here, changes.sum(axis=0)[at]))
-    return max(followed, linear) < TELLING or disagreement(followed, linear) <= AGREEMENT
+    nonlinear, linear = (float(abs(x).max()) / size for x in (there - here, changes.sum(axis=0)[at]))
+    return max(nonlinear, linear) < SIGNIFICANT or disagreement(nonlinear, linear) <= AGREEMENT
 
 
-def _energy_of_orbit(scene: Scene, found: Pilot) -> float:
-    """What the energy of an orbit is made of: the mean of Σ |∂H/∂y_i · y_i| / 2, which for oscillators is H.
+def _energy_of_orbit(scene: Scene, run: PerturbationRun) -> float:
+    """The mean of Σ |∂H/∂y_i · y_i| / 2, which is H for oscillators and independent of additive constants.
 
-    Unlike H it does not vanish where a constant is added. Angles go on, and count with their sizes only.
+    Unbounded variables such as angles enter with their sizes.
     """
     import numpy as np
 
-    slopes, places = abs(gradient(scene)(found.y)), np.minimum(abs(found.y), found.sizes[:, None])
+    slopes, places = abs(gradient(scene)(run.y)), np.minimum(abs(run.y), run.sizes[:, None])
     return float((slopes * places).sum(axis=0).mean() / 2)
 
 
-LOST = 0.5
-"""What is left of errors by the bounds of an orbit, if they are beyond it."""
-NEAR = 1e-2
-"""How far, relative to the size of the orbit, a kicked solution may get for its distance to be linear in the kicks."""
-BEYOND = 2.0
-"""No variable gets further away, in parts of the range where it moves, as long as the motion is of the same kind."""
-
-
 def expected_solution_error(
-    scene: Scene, found: Pilot, times: float, drifts: bool, energy: ExpectedError
+    scene: Scene, run: PerturbationRun, times: float, drifts: bool, energy: ExpectedError
 ) -> ExpectedError:
-    """The largest error of the solution, relative to the largest state of the whole run.
-
-    Args:
-        scene: The scene.
-        found: The pilot.
-        times: How many times as long the run is.
-        drifts: Whether what is conserved may drift.
-        energy: The error of the energy.
-    """
+    """The largest error of the solution, relative to the largest state of the whole run."""
     import numpy as np
 
     if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
         return energy
-    seen, y = found.checked.shape[1], without_time(scene, found.y)
-    if disagreement(*(norms(e).max() for e in (found.errors[:, :seen], found.checked))) > AGREEMENT:
-        return ExpectedError(None, TERMS_DIFFER.format(last=found.powers[-1]))
-    on = np.array([goes_on(row) for row in y])
-    ranges = np.where(on, math.inf, np.ptp(y, axis=1))
-    errors = _errors(scene, found, ranges)
+    seen, y = run.checked.shape[1], without_time(scene, run.y)
+    if disagreement(*(norms(e).max() for e in (run.errors[:, :seen], run.checked))) > AGREEMENT:
+        return ExpectedError(None, TERMS_DIFFER.format(last=run.powers[-1]))
+    unbounded = np.array([is_unbounded(row) for row in y])
+    ranges = np.where(unbounded, math.inf, np.ptp(y, axis=1))
+    errors = _errors(scene, run, ranges)
     if errors is None:
         return ExpectedError(None, NOT_SMALL)
     grown, left = zip(*(_grown(errors, ranges, drifts, *part) for part in parts_of(y.shape[1], times)), strict=True)
-    expected, states, ends = agreed(grown), size_of_states_after(y, times), min(left) < LOST
+    expected, states, ends = agreed(grown), size_of_states_after(y, times), min(left) < BOUND
     value = expected.value / states.value
-    is_linear = found.kicked < NEAR * largest_size(without_time(scene, found.sizes[:, None]))
-    is_lost = value > LOST and bool(on.any())  # nothing says where errors of variables that go on will end
+    is_linear = run.displacement < NEAR * largest_size(without_time(scene, run.sizes[:, None]))
+    has_no_bound = value > BOUND and bool(unbounded.any())  # for the errors of unbounded variables
     grows_evenly = expected.disagreement <= REGULAR and states.disagreement <= EVEN
-    is_unbound = ends and drifts and energy.reason == NO_ENERGY  # the method may leave what bounds the orbit
-    if not grows_evenly or is_lost or is_unbound or not (ends or is_linear):
-        return ExpectedError(None, UNTOLD.format(last=found.t[-1]) + ", as in chaos")
-    return ExpectedError(value, "as large as orbits are") if ends else with_rounding(value)
+    may_leave = ends and drifts and energy.reason == NO_ENERGY  # the method may leave the bounds of the orbit
+    if not grows_evenly or has_no_bound or may_leave or not (ends or is_linear):
+        return ExpectedError(None, UNKNOWN_GROWTH.format(last=run.t[-1]) + ", as in chaos")
+    return ExpectedError(value, "as large as orbits are") if ends else _with_rounding(value)
 
 
-def _errors(scene: Scene, found: Pilot, ranges: np.ndarray) -> np.ndarray | None:
-    """The errors, without the time; None if they are no longer of first order, and what they are then is not known.
+def _errors(scene: Scene, run: PerturbationRun, ranges: np.ndarray) -> np.ndarray | None:
+    """The errors, without the time; None if they are no longer of first order and unknown.
 
-    Where the solution that r was added to is near all the time, it knows them best. When it is away, it says whether
-    those of first order are right, up to what the bounds of the orbit make of both.
+    While the nonlinear solution stays near the flow it gives the errors. Otherwise it decides whether the first-order
+    errors are valid, within the bounds of the orbit.
     """
     import numpy as np
 
-    errors, followed = (without_time(scene, e) for e in (found.errors, found.followed))
-    size, known = largest_size(without_time(scene, found.y)), np.isfinite(followed).all(axis=0)
-    if (abs(followed[:, known]).max(axis=1) > BEYOND * ranges + TELLING * size).any():
+    errors, nonlinear = (without_time(scene, e) for e in (run.errors, run.nonlinear))
+    size, known = largest_size(without_time(scene, run.y)), np.isfinite(nonlinear).all(axis=0)
+    if (abs(nonlinear[:, known]).max(axis=1) > BEYOND * ranges + SIGNIFICANT * size).any():
         return None
-    away, linear = (norms(np.minimum(abs(e[:, known]), ranges[:, None])).max() for e in (followed, errors))
-    if away <= TELLING * size:
+    away, linear = (norms(np.minimum(abs(e[:, known]), ranges[:, None])).max() for e in (nonlinear, errors))
+    if away <= SIGNIFICANT * size:
         return errors
     if away < SMALL * size:
-        return followed if known.all() else None
+        return nonlinear if known.all() else None
     return errors if disagreement(away, linear) <= REGULAR else None
 
 
 def _grown(errors: np.ndarray, ranges: np.ndarray, drifts: bool, points: int, factor: float) -> tuple[float, float]:
-    """The size that errors have grown to, and the part of it that the ranges where variables move leave.
-
-    Args:
-        errors: The errors.
-        ranges: The range of each variable, infinite where it goes on.
-        drifts: Whether what is conserved may drift.
-        points: How many points tell how they grow.
-        factor: How many times as long they grow.
-    """
+    """The size of grown errors, and the part of it that remains within the ranges of the variables."""
     import numpy as np
 
     each = np.array([[size_after(abs(row[:points]), factor, power(drifts))] for row in errors])
     left = float(norms(np.minimum(each, ranges[:, None]))[0] / norms(each)[0]) if each.any() else 1.0
     return size_after(norms(errors)[:points], factor, power(drifts)) * left, left
-
-
-def expected_errors(
-    scene: Scene, method: Method, h: float, steps: int, y0: np.ndarray, t0: float, parts: Any, control: Any
-) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
-    """The errors of energy and solution, the powers of h, and the part of the time that was gone through."""
-    import numpy as np
-
-    def unknown(reason: str) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
-        return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0
-
-    def nothing(reason: str, powers: tuple[int, ...]) -> tuple[ExpectedError, ExpectedError, tuple[int, ...], float]:
-        exact = ExpectedError(0.0, reason)
-        return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, powers, 1.0
-
-    if control is not None:
-        return unknown("the modified equation is that of constant steps")
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # what is not finite is seen below
-            terms = modified_terms(method, scene, parts)
-            if not terms.powers or not steps:
-                return nothing("only rounding", ())
-            found = pilot(terms, y0, h, h * steps, t0)
-    except StepError as error:
-        return unknown(f"the solution could not be followed beyond t = {error.t:.3g}")
-    except (IntegratorError, SeriesError) as error:
-        return unknown(str(error))
-    if found is None:
-        return nothing(ONLY_ROUNDING, terms.powers)
-    if not np.isfinite(found.errors).all():
-        return unknown("terms of the modified equation are not finite along the solution")
-    drifts = may_drift(terms, found.y)
-    times = max(1.0, h * steps / found.t[-1])
-    beside = energy_rate_beside(terms, found.y, h) * RESOLUTION * abs(found.t[1])
-    energy = expected_energy_error(scene, found, times, y0, drifts, beside)
-    solution = expected_solution_error(scene, found, times, drifts, energy)
-    return energy, solution, found.powers, float(1 / times)

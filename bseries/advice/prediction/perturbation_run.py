@@ -1,11 +1,11 @@
-"""A pilot: the exact flow over a part of a run, and what the modified equation adds to it, to first order.
+"""Perturbation run: the exact flow over a part of a run, and the first-order effect of the modified equation.
 
 A method follows y' = f(y) + r(y) with a small r = h^p f_{p+1} + … Along the exact flow y(t) the energy changes by
-∫ ∇H(y) · r(y) dt, and the solution by e(t) with e' = f'(y) e + r(y). Both integrands are smooth functions along the
-orbit, and trapezoidal sums see them well: r is evaluated at grid points of y(t), all at once. For e a second solution
-of y' = f(y) receives at every grid point a kick proportional to r(y(t)), of such a size that its distance from the
-first one is linear in r and not yet rounding. A third one receives r(y(t)) itself: where that is more than rounding, it
-tells also what is not linear, as next to a separatrix, or with terms whose own effects cancel in the long run.
+∫ ∇H(y) · r(y) dt, and the solution by e(t) with e' = f'(y) e + r(y). Both integrands are smooth along the orbit, so
+trapezoidal sums suffice: r is evaluated at grid points of y(t), all at once. For e a second solution of y' = f(y)
+receives at every grid point an impulse proportional to r(y(t)), of such a size that its distance from the first one is
+linear in r and well above rounding. A third one receives r(y(t)) itself: if that exceeds rounding, it also shows
+nonlinear effects, as next to a separatrix, or of terms whose first-order effects cancel in the long run.
 """
 
 from __future__ import annotations
@@ -33,24 +33,116 @@ if TYPE_CHECKING:
 
 
 CHECKED = 512
-"""As long as there are not so many grid points, errors are also computed with fewer terms."""
+"""Number of grid points up to which errors are also computed with fewer terms."""
 RESOLUTION = 6
-"""Grid points in the time τ with τ² = |f|/|f'f'f + f"(f, f)/4| in which f turns at most: 1/ω for an oscillator."""
+"""Grid points in the time scale τ, τ² = |f|/|f'f'f + f"(f, f)/4|: 1/ω for an oscillator."""
 SUBSTEPS = 3
 """Steps of the flow between grid points."""
 METHOD = "dop853"
-PASSES, AT_ONCE, SETTLED = 10, 32, 1e-4
-"""How often r is evaluated along the solution that it leads to, over how many points, and what the last may change."""
+PASSES, AT_ONCE, CONVERGED = 10, 32, 1e-4
+"""Iterations for r along the solution that it leads to, points in each, and the relative change that ends them."""
 DISTANCE = 1e-9
-"""How far, relative to its size, kicks take the second solution while f turns."""
-FIRST_ORDER, FEWER_TERMS, FOLLOWED = range(3)
-"""The solutions that receive kicks: small multiples of r with all powers, and with one less, and r itself."""
+"""Relative distance to which impulses move the second solution within the time scale."""
+FIRST_ORDER, FEWER_TERMS, NONLINEAR = range(3)
+"""The perturbed solutions: small multiples of r with all powers, and with one less, and r itself."""
 CANCELLED = 2.0**-46
-"""Sums that are so small a part of their terms are 0 but for rounding."""
+"""Sums that are a smaller part of their terms are 0 up to rounding."""
+SECONDS = 4.0
+"""CPU time for large scenes; small ones have all grid points in a tenth of that."""
+FIRST_BLOCK, MOST_POINTS = 256, 2**14
+FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
+UNIT = 2.0**-53
+"""Unit roundoff."""
+
+
+class PerturbationRun(NamedTuple):
+    """Results at n grid points.
+
+    Attributes:
+        t: The times since the start.
+        y: The states, (variables, n).
+        reach: The mean sizes of the terms, and the optimal truncation.
+        powers: The powers of h used.
+        errors: The errors of the solution to first order in r, (variables, n); the time has none.
+        nonlinear: The distance of a solution with the impulses r; nan from where it could not be computed.
+        checked: `errors` at the first grid points with one power less, if there are two or more.
+        changes: The changes of the energy, (powers, n); None without an energy.
+        sizes: The sizes of variables, see `ModifiedTerms.sizes`.
+        displacement: The largest distance of the solution with small impulses: errors are linear while it is small.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    reach: Reach
+    powers: tuple[int, ...]
+    errors: np.ndarray
+    nonlinear: np.ndarray
+    checked: np.ndarray
+    changes: np.ndarray | None
+    sizes: np.ndarray
+    displacement: float
+
+    @property
+    def time_scale(self) -> float:
+        """The time scale of the field."""
+        return RESOLUTION * abs(float(self.t[1]))
+
+
+def perturbation_run(
+    terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0
+) -> PerturbationRun | None:
+    """Follow the exact flow, with the effects of the modified terms.
+
+    Args:
+        terms: The first terms of the modified equation, at least one.
+        y0: The start.
+        h: The step size.
+        span: The length of the run, with the sign of h.
+        t0: The time of the start.
+
+    Returns:
+        The results over the whole span, or the part that the CPU time allows; None if the span is shorter than the
+        time scale and the effect of r is below the rounding of a single step.
+
+    Raises:
+        SeriesError: The terms do not decrease from the first one on, are not finite or all 0, or the time scale of f
+            becomes shorter and shorter.
+        IntegratorError: The solution ends.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.modified_terms import modified_terms
+        >>> pendulum = bs.scene("pendulum")
+        >>> found = perturbation_run(modified_terms(bs.method("rk4"), pendulum), pendulum.y0, 0.1, 50.0)
+        >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
+        (50.0, (4, 5, 6), '4e-06')
+    """
+    import numpy as np
+
+    total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
+    first = exact_states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
+    reach, size = _reach(terms, first, h), largest_size(without_time(terms.field.scene, first))
+    if total <= RESOLUTION and abs(span) * sum(reach.sizes[k] for k in terms.powers) < UNIT * size:
+        return None
+    flows = _PerturbedFlows(terms, y0, h, span / total, t0, reach, size)
+    flows.advance(min(FIRST_BLOCK, total))  # compiles
+    began = thread_time()
+    while flows.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
+        flows.advance(min(flows.done, total - flows.done))
+    y, errors, nonlinear, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*flows.pieces, strict=True))
+    changes = None
+    if rates.size:
+        changes = np.zeros(rates.shape)
+        changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (flows.spacing / 2), axis=1)
+    t = np.linspace(0.0, span * (flows.done / total), flows.done + 1)  # ends exactly with the run
+    displacement = float(flows.scale * norms(errors).max())
+    checked = np.concatenate(flows.checked, axis=1)
+    sizes = terms.sizes(y)
+    return PerturbationRun(t, y, reach, flows.powers, errors, nonlinear, checked, changes, sizes, displacement)
 
 
 def exact_states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: float) -> np.ndarray:
-    """The exact flow at a grid point and so many next ones."""
+    """The exact flow at y0 and the next grid points."""
     from integrators import integrate
 
     step = spacing / SUBSTEPS
@@ -59,16 +151,16 @@ def exact_states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0: 
 
 @cache
 def _impulses() -> Any:
-    """Compiled: an observer that adds an impulse to the state before and after recording it."""
+    """Compiled observer that adds an impulse to the state before and after recording it."""
     from numba import types
 
     from foundation.machine_code import cfunc
     from integrators.compile.machine import DOUBLE, DOUBLES, OPTIONS
 
     def add(t: Any, y: Any, row: Any) -> None:
-        """Take the number of variables and the impulse from a row, and put the state between into it.
+        """Read the number of variables and the impulse from a row, and write the state between into it.
 
-        Solvers that carry nothing from step to step do not mind that the state changes.
+        Solvers without memory from step to step allow the state to be changed.
         """
         for i in range(int(row[0])):
             impulse = row[i + 1]
@@ -78,8 +170,8 @@ def _impulses() -> Any:
     return cfunc(types.void(DOUBLE, DOUBLES, DOUBLES), **OPTIONS)(add)
 
 
-class Walk:
-    """A pilot under way: the flow, and solutions that are kicked, as strongly as the first states tell."""
+class _PerturbedFlows:
+    """The exact flow and the solutions with impulses, advanced block by block."""
 
     def __init__(
         self, terms: ModifiedTerms, y0: np.ndarray, h: float, spacing: float, t0: float, reach: Reach, size: float
@@ -90,20 +182,20 @@ class Walk:
         self._terms, self._h, self._t0, self._last = terms, h, t0, y0
         scene = terms.field.scene
         self._stepper, self._gradient = stepper(scene, METHOD), gradient(scene)
-        self.powers = _shrinking(reach, terms.powers)
+        self.powers = _decreasing(reach, terms.powers)
         self.scale = DISTANCE * size / (abs(spacing) * RESOLUTION * sum(reach.sizes[k] for k in self.powers))
         first = y0[:, None]
         values = self._terms_at(first)
         whole, rates = values.sum(axis=0), self._rates(first, values)
         self._scales = self.scale, self.scale, 1.0
-        self._kicked = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
-        for state, scale, r in zip(self._kicked, self._scales, (whole, self._fewer(values), whole), strict=True):
+        self._states = [self._stepper.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in self._scales]
+        for state, scale, r in zip(self._states, self._scales, (whole, self._fewer(values), whole), strict=True):
             state.values += scale * spacing / 2 * r[:, 0]
-        nothing = np.zeros_like(first)
-        self.pieces, self.checked = [(first, nothing, nothing, rates)], [nothing]
+        zero = np.zeros_like(first)
+        self.pieces, self.checked = [(first, zero, zero, rates)], [zero]
 
     def _terms_at(self, y: np.ndarray) -> np.ndarray:
-        """The terms whose sum is r, (powers, variables, n)."""
+        """The terms of r, (powers, variables, n)."""
         import numpy as np
 
         return self._terms.values(y)[: len(self.powers)] * self._h ** np.array(self.powers)[:, None, None]
@@ -124,22 +216,22 @@ class Walk:
         rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
         return rates
 
-    def go_on(self, points: int) -> None:
-        """Follow the flow for so many grid points."""
+    def advance(self, points: int) -> None:
+        """Follow the flow over more grid points."""
         t = self._t0 + self.done * self.spacing
         y = exact_states(self._terms.field.scene, self._last, self.spacing, points, t)[:, 1:]
         values = self._terms_at(y)
         errors = self._errors(FIRST_ORDER, values.sum(axis=0), y)
-        self.pieces.append((y, errors, self._followed(y), self._rates(y, values)))
+        self.pieces.append((y, errors, self._nonlinear(y), self._rates(y, values)))
         if self.done < CHECKED:
             self.checked.append(self._errors(FEWER_TERMS, self._fewer(values), y))
         self._last, self.done = y[:, -1].copy(), self.done + points
 
-    def _followed(self, y: np.ndarray) -> np.ndarray:
-        """How far the solution that r itself is added to is from the flow; nan from where on that is not found.
+    def _nonlinear(self, y: np.ndarray) -> np.ndarray:
+        """The distance of the solution with impulses r from the flow; nan where the iteration does not converge.
 
-        r is evaluated where the pass before has led: along the flow it would be a force with the period of the orbit,
-        to which orbits lock that have a period of their own.
+        r is evaluated along the solution of the previous iteration: along the flow it would be a force with the period
+        of the orbit, and the solution, whose period differs, would lock to it.
         """
         import numpy as np
 
@@ -148,12 +240,12 @@ class Walk:
         if not np.isfinite(last).all():
             return found
         for first in range(0, y.shape[1], AT_ONCE):
-            here, begin = slice(first, first + AT_ONCE), self._kicked[FOLLOWED]
+            here, begin = slice(first, first + AT_ONCE), self._states[NONLINEAR]
             errors = last
             for _ in range(PASSES):
-                self._kicked[FOLLOWED], before = begin.copy(), errors
-                errors = self._errors(FOLLOWED, self._terms_at(y[:, here] + errors).sum(axis=0), y[:, here])
-                if abs(errors - before).max() <= SETTLED * abs(errors).max():
+                self._states[NONLINEAR], before = begin.copy(), errors
+                errors = self._errors(NONLINEAR, self._terms_at(y[:, here] + errors).sum(axis=0), y[:, here])
+                if abs(errors - before).max() <= CONVERGED * abs(errors).max():
                     break
             else:
                 break
@@ -161,24 +253,24 @@ class Walk:
         return found
 
     def _errors(self, which: int, r: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """How far a kicked solution is from the flow, between the two halves of the kicks."""
+        """The scaled distance of a perturbed solution from the flow, between the two halves of the impulses."""
         import numpy as np
 
-        state, scale = self._kicked[which], self._scales[which]
+        state, scale = self._states[which], self._scales[which]
         rows, first = np.empty((y.shape[1], len(y) + 1)), state.n
         rows[:, 0], rows[:, 1:] = len(y), scale * self.spacing / 2 * r.T
         steps = SUBSTEPS * len(rows)
         try:
             self._stepper.record(state, steps, o_every=SUBSTEPS, observer=_impulses().address, o_rows=rows)
         except StepError:
-            if which != FOLLOWED:
+            if which != NONLINEAR:
                 raise
-            rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # what r leads to may end where the flow does not
+            rows[(state.n - first) // SUBSTEPS :, 1:] = np.nan  # the perturbed solution may end earlier
         return (rows[:, 1:].T - y) / scale
 
 
-def _shrinking(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
-    """The powers of h whose terms shrink: two if there are, for of a single one nothing tells how good it is."""
+def _decreasing(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
+    """The powers of h whose terms decrease; two if there are, since a single one has no error estimate."""
     found = tuple(k for k in powers if k <= reach.optimal_power)
     if len(found) < min(2, len(powers)):
         before, power = [(0, *powers)[len(found) + i] for i in (0, 1)]
@@ -190,118 +282,27 @@ def _shrinking(reach: Reach, powers: tuple[int, ...]) -> tuple[int, ...]:
     return found
 
 
-SECONDS = 4.0
-"""CPU time for a pilot of a large scene; those of small ones have all points in a tenth of that on any machine."""
-FIRST_BLOCK, MOST_POINTS = 256, 2**14
-FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
-UNIT = 2.0**-53
-"""What rounding does to a number, relative to it."""
-
-
-class Pilot(NamedTuple):
-    """What was found at grid points (n,) of a pilot.
-
-    Attributes:
-        t: The times since the start.
-        y: The states, (variables, n).
-        reach: The mean sizes of the terms, and where to stop.
-        powers: The powers of h that were taken.
-        errors: The errors of the solution, (variables, n), to first order in r; the time has none.
-        followed: The same of a solution that r was added to, as it is; nan from where on it could not be followed.
-        checked: Those at the first grid points with one power less; with all where there is but one.
-        changes: The changes of the energy, (powers, n); None without one.
-        sizes: How large variables get, see `ModifiedTerms.sizes`.
-        kicked: How far the kicked solution got at most: errors are linear in r as long as that is little.
-    """
-
-    t: np.ndarray
-    y: np.ndarray
-    reach: Reach
-    powers: tuple[int, ...]
-    errors: np.ndarray
-    followed: np.ndarray
-    checked: np.ndarray
-    changes: np.ndarray | None
-    sizes: np.ndarray
-    kicked: float
-
-
-def pilot(terms: ModifiedTerms, y0: np.ndarray, h: float, span: float, t0: float = 0.0) -> Pilot | None:
-    """Follow a run for a while.
-
-    Args:
-        terms: The first terms of the modified equation, of which there are some.
-        y0: The start.
-        h: The step size.
-        span: How long the run is, with the sign of h.
-        t0: The time of the start.
-
-    Returns:
-        The pilot, over the whole span or as far as the budget of time goes; None if the span ends before f
-        has turned, and all that r adds is less than the rounding of a single step.
-
-    Raises:
-        SeriesError: The terms do not shrink from the first one on, are not finite or all 0, or f changes ever faster.
-        IntegratorError: The solution ends within the pilot.
-
-    Example:
-        >>> import bseries as bs
-        >>> from bseries.advice.modified_terms import modified_terms
-        >>> pendulum = bs.scene("pendulum")
-        >>> found = pilot(modified_terms(bs.method("rk4"), pendulum), pendulum.y0, 0.1, 50.0)
-        >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
-        (50.0, (4, 5, 6), '4e-06')
-    """
-    import numpy as np
-
-    total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
-    first = exact_states(terms.field.scene, y0, span / total, min(FIRST_BLOCK, total), t0)
-    reach, size = _reach(terms, first, h), largest_size(without_time(terms.field.scene, first))
-    if total <= RESOLUTION and abs(span) * sum(reach.sizes[k] for k in terms.powers) < UNIT * size:
-        return None
-    walk = Walk(terms, y0, h, span / total, t0, reach, size)
-    walk.go_on(min(FIRST_BLOCK, total))  # compiles what is not compiled yet
-    began = thread_time()
-    while walk.done < min(total, MOST_POINTS) and 2 * (thread_time() - began) < SECONDS:
-        walk.go_on(min(walk.done, total - walk.done))
-    y, errors, followed, rates = (np.concatenate(pieces, axis=-1) for pieces in zip(*walk.pieces, strict=True))
-    changes = None
-    if rates.size:
-        changes = np.zeros(rates.shape)
-        changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (walk.spacing / 2), axis=1)
-    t = np.linspace(0.0, span * (walk.done / total), walk.done + 1)  # ends with the run, to the last bit
-    kicked = float(walk.scale * norms(errors).max())
-    checked = np.concatenate(walk.checked, axis=1)
-    return Pilot(t, y, reach, walk.powers, errors, followed, checked, changes, terms.sizes(y), kicked)
-
-
 def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> float:
-    """The distance of grid points: a part of the time in which f turns, along the beginning of the orbit."""
+    """The distance of grid points: a part of the time scale along the beginning of the orbit."""
     from integrators import method
 
     field, whole = modified_field(method("explicit-euler"), terms.field.scene, 3), abs(span)
-    spacing, went_down = min(whole, _turning_time(field, y0[:, None], all_terms=True) / RESOLUTION), False
+    spacing, was_reduced = min(whole, _time_scale(field, y0[:, None], all_terms=True) / RESOLUTION), False
     for _ in range(MOST_REFINEMENTS):
         points = min(FIRST_BLOCK, math.ceil(whole / spacing))
         states = exact_states(field.scene, y0, math.copysign(spacing, span), points, t0)
-        wanted = _turning_time(field, states) / RESOLUTION
+        wanted = _time_scale(field, states) / RESOLUTION
         if spacing > FINER * wanted:
-            spacing, went_down = wanted, True
-        elif went_down or wanted < COARSER * spacing or points < FIRST_BLOCK:
+            spacing, was_reduced = wanted, True
+        elif was_reduced or wanted < COARSER * spacing or points < FIRST_BLOCK:
             return math.copysign(spacing, span)
         else:
             spacing *= COARSER
     raise SeriesError("scene must have a field that does not turn ever faster, but along this solution it does")
 
 
-def _turning_time(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
-    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method.
-
-    Args:
-        field: The modified equation of that method.
-        y: The points.
-        all_terms: Whether |f|/|f'f| counts, too: where a motion begins f may be special.
-    """
+def _time_scale(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
+    """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method."""
     import numpy as np
 
     f, once, twice = (norms(term) for term in field.terms(y))

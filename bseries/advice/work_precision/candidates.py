@@ -1,4 +1,4 @@
-"""The methods that come into question for a scene."""
+"""Candidate methods for a scene."""
 
 from __future__ import annotations
 
@@ -26,22 +26,14 @@ if TYPE_CHECKING:
 
 MOST_VARIABLES = 8
 MOST_MONOMIALS = 2000
-"""Longer formulas cost more than they gain."""
+"""Size of the largest formulas that are worth their cost."""
 
 
 def modifying_scene(method: Method, scene: Scene, order: int) -> Scene:
-    """The modifying field f + h f_2 + … + h^(N−1) f_N as a scene whose last variable is h, with h' = 0.
+    """The modifying field f + h f_2 + … + h^(N−1) f_N as a scene with h as its last variable, h' = 0.
 
     So one compiled code serves every step size. The method applied to it with the step h has order N on the scene.
     What the scene calls its energy is observable under that name.
-
-    Args:
-        method: The basic method, which treats the whole field alike.
-        scene: The scene.
-        order: The order N.
-
-    Raises:
-        SeriesError: The method treats parts of the field differently, or the formulas are too long.
 
     Example:
         >>> import bseries as bs
@@ -95,22 +87,22 @@ WHOLE = (
 )
 """For any field."""
 MODIFYING = "modifying-midpoint"
-"""The implicit midpoint rule on its modifying field; the order is given behind the name."""
+"""The implicit midpoint rule on its modifying field; the order follows the name."""
 MODIFYING_ORDERS = (4, 6)
 ALL = "all"
 MOST_STAGES = 8
-"""Of families, where all methods are asked for."""
+"""Most stages of methods from families, if all methods are requested."""
 
 
 class Candidate(NamedTuple):
-    """A method, and the scene that it is applied to.
+    """A method, with the scene that it is applied to.
 
     Attributes:
-        name: What it is called.
+        name: The name.
         method: The method.
-        scene: The scene, or for modifying integrators that of their field, whose last variable is the step size.
+        scene: The scene; for modifying integrators that of their field, whose last variable is the step size.
         is_modifying: Whether it is a modifying integrator.
-        solver: How implicit stages are found; see `integrators.stepper`.
+        solver: The solver for implicit stages; see `integrators.stepper`.
     """
 
     name: str
@@ -120,26 +112,25 @@ class Candidate(NamedTuple):
     solver: str = "fixed-point"
 
     def start(self, y0: np.ndarray, h: float) -> np.ndarray:
-        """The state that a run with this step begins with."""
+        """The initial state of a run with step size h."""
         import numpy as np
 
         return np.append(y0, h) if self.is_modifying else y0
 
     def stepper(self) -> Stepper:
         """The compiled steps."""
-
         return stepper(self.scene, self.method, solver=self.solver)
 
 
 class Candidates(NamedTuple):
-    """The methods that fit a scene, and why others do not, by name."""
+    """The methods that fit a scene, and the reasons why others do not, by name."""
 
     found: list[Candidate]
     left_out: dict[str, str]
 
 
 def candidates(scene: Scene, methods: Methods = None) -> Candidates:
-    """Those of some methods that fit a scene.
+    """The methods of a selection that fit a scene.
 
     Args:
         scene: The scene.
@@ -148,7 +139,7 @@ def candidates(scene: Scene, methods: Methods = None) -> Candidates:
             scenes of this structure.
 
     Raises:
-        IntegratorError: There is no method of a name, two have the same, or none fits.
+        IntegratorError: A name is unknown or given twice, or no method fits.
 
     Example:
         >>> import bseries as bs
@@ -165,16 +156,11 @@ def candidates(scene: Scene, methods: Methods = None) -> Candidates:
     if not found:
         reason = next(iter(left_out.values()), "")
         raise IntegratorError(f"methods must have one that fits {scene.name}, but had none: {shorten(reason, 200)}")
-    return Candidates(found, {} if methods is None else left_out)  # nobody has asked for the usual ones
+    return Candidates(found, {} if methods is None else left_out)  # default methods were not requested by name
 
 
 def candidate(scene: Scene, given: Method | str) -> Candidate:
-    """One method on a scene; or its name.
-
-    Raises:
-        IntegratorError: There is none of this name, or it does not fit.
-        SeriesError: It is a modifying integrator whose formulas would be too long.
-    """
+    """A method, or the name of one, as a candidate for a scene."""
     if not isinstance(given, str):
         found = Candidate(given.name, given, scene)
     elif (order := _modifying_order(given)) is None:
@@ -187,7 +173,7 @@ def candidate(scene: Scene, given: Method | str) -> Candidate:
 
 
 def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
-    """Methods by name; what is no method is refused."""
+    """Methods by name, checked."""
     if methods is None or methods == ALL:
         return {name: name for name in (_usual(scene) if methods is None else _everything())}
     found: dict[str, Method | str] = {}
@@ -205,7 +191,7 @@ def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
 
 
 def _modifying_order(name: str) -> int | None:
-    """The order of the modifying integrator of this name, None if it is another method."""
+    """The order of the modifying integrator with a name; None for other methods."""
     spelt, order = name.lower().replace("_", "-"), 0
     if spelt.startswith(MODIFYING):
         digits = spelt.removeprefix(MODIFYING)
@@ -218,7 +204,7 @@ def _modifying_order(name: str) -> int | None:
 
 
 def _usual(scene: Scene) -> Iterator[str]:
-    """Methods known to be good on scenes of a structure."""
+    """Methods known to be efficient on scenes of this structure."""
     if _fits(scene, "rkn-verlet"):
         yield from NYSTROM
     elif _fits(scene, "strang"):
@@ -229,7 +215,6 @@ def _usual(scene: Scene) -> Iterator[str]:
 
 
 def _fits(scene: Scene, name: str) -> bool:
-
     try:
         stepper(scene, name)
     except IntegratorError:

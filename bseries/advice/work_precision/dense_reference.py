@@ -1,4 +1,4 @@
-"""The reference solution at any time: interpolated between Chebyshev's points of short intervals."""
+"""Dense reference solution: Chebyshev interpolation on short intervals."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 DEGREE = 16
 FIRST_INTERVALS, MOST_INTERVALS = 64, 4096
 PRECISION = 2e-14
-"""How far the interpolation may be off, in parts of the state's size, but for what rounding of the time makes of it."""
+"""Relative tolerance of the interpolation, besides the effect of rounded times."""
 TRIAL = 0.02
-"""The part of a span that shows what all of it costs."""
+"""Part of the span for which the cost is measured."""
 SAMPLINGS = 3
-"""How often a solution is computed until there are enough intervals, mostly."""
+"""Usual number of computations until there are enough intervals."""
 REFERENCE_PROGRAM = "import bseries as bs; bs.reference_solution(bs.scene('riccati'), [0.5], full=True)"
-"""Compiles what reference solutions need."""
+"""Program that compiles the code of reference solutions."""
 
 
 @contextmanager
 def reference_compiled_ahead() -> Iterator[None]:
-    """Let another process compile what reference solutions need; where there is a cache on disk, it is found there.
+    """Compile the code of reference solutions in another process, which writes it to the cache on disk.
 
     Example:
         >>> with reference_compiled_ahead():
@@ -49,7 +49,7 @@ def reference_compiled_ahead() -> Iterator[None]:
 
 
 def affordable_span(scene: Scene, span: float, seconds: float) -> float:
-    """How much of a span a dense reference solution can have for so many CPU seconds, from a trial.
+    """The part of a span whose dense reference solution fits into a CPU time, estimated from a trial.
 
     Example:
         >>> import bseries as bs
@@ -75,15 +75,15 @@ class DenseReference:
     Args:
         scene: The scene.
         y0: The start, at time 0.
-        span: How long.
+        span: The length of time.
 
     Attributes:
-        span: How long.
+        span: The length of time.
         size: The largest Euclidean norm of the state.
-        error: How far it may be off, in parts of `size`.
+        error: The bound of the relative error.
 
     Raises:
-        IntegratorError: The solution ends before, or is not certain to the precision of doubles.
+        IntegratorError: The solution ends early, or is not accurate to the precision of doubles.
 
     Example:
         >>> import bseries as bs, math
@@ -105,7 +105,7 @@ class DenseReference:
             self._sample(intervals)
 
     def _sample(self, intervals: int) -> None:
-        """Take the solution at the points of intervals, and at a time between for the error."""
+        """Compute the solution at the nodes of intervals, and at points between for the error."""
         import numpy as np
 
         self._intervals = intervals
@@ -125,13 +125,13 @@ class DenseReference:
         off = np.linalg.norm(interpolated - values[:, :, at], axis=0).max()
         self._uncertainty = float(np.linalg.norm(found.error, axis=0).max()) / self.size
         speed = np.linalg.norm(np.diff(values.reshape(len(self.y0), -1)), axis=0) / np.diff(times)
-        self._rounding = 2.0**-52 * self.span * float(speed.max()) / self.size  # of times near the end
+        self._rounding = 2.0**-52 * self.span * float(speed.max()) / self.size  # due to rounded times
         self.error = max(float(off) / self.size, self._uncertainty)
         if not math.isfinite(self.error):
             self.error = math.inf
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
-        """The solution at times from 0 to `span`, an array (variables, times).
+        """The solution at times from 0 to `span`, (variables, times).
 
         References:
             J.-P. Berrut, L. N. Trefethen, Barycentric Lagrange interpolation, SIAM Review 46 (2004) 501–517.

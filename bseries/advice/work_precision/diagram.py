@@ -1,4 +1,4 @@
-"""The diagram of work and precision: a panel for each measure, CPU time against the error."""
+"""Work–precision diagram: a panel for each error measure, with CPU time against the error."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from bseries.advice.work_precision.curves import Curve
     from bseries.advice.work_precision.precision_curves import WorkPrecision
-    from bseries.advice.work_precision.sweeps import Curve
 
 
 class Label(NamedTuple):
-    """A name, its colour, and the point where its curve ends."""
+    """A name, its colour, and the end of its curve."""
 
     text: str
     colour: str
@@ -25,13 +25,13 @@ class Label(NamedTuple):
 
 
 def label_ends(panel: Axes, labels: Sequence[Label], *, least: float = 0.036, size: float = 8) -> None:
-    """Write names on the right of a panel, with thin lines to the ends of their curves.
+    """Write names to the right of a panel, with thin lines to the ends of their curves.
 
     Args:
-        panel: The panel, with its curves and scales.
+        panel: The panel, with its curves and scales set.
         labels: The names.
-        least: The least distance of two of them, in heights of the panel.
-        size: The size of the letters, in points.
+        least: The least distance of two names, relative to the height of the panel.
+        size: The font size in points.
     """
     panel.autoscale_view()
     to_panel = panel.transData + panel.transAxes.inverted()
@@ -54,13 +54,13 @@ def label_ends(panel: Axes, labels: Sequence[Label], *, least: float = 0.036, si
                 "alpha": 0.6,
                 "shrinkA": 2,
                 "shrinkB": 2,
-                "relpos": (0, 0.5),  # from the left, so that no line crosses a name
+                "relpos": (0, 0.5),  # from the left edge of the name
             },
         )
 
 
 def spread(heights: Sequence[float], least: float) -> list[float]:
-    """Ascending heights moved apart to a least distance, each run of close ones about its mean.
+    """Ascending heights moved apart to a least distance, each group about its mean.
 
     Example:
         >>> [round(height, 2) for height in spread([0.1, 0.5, 0.5, 0.51], 0.1)]
@@ -69,7 +69,7 @@ def spread(heights: Sequence[float], least: float) -> list[float]:
     groups: list[list[float]] = []
     for height in heights:
         groups.append([height])
-        while len(groups) > 1 and _bottom(groups[-1], least) - _top(groups[-2], least) < least:
+        while len(groups) > 1 and _bottom(groups[-1], least) - _bottom(groups[-2], least) < least * len(groups[-2]):
             last = groups.pop()
             groups[-1] += last
     return [_bottom(group, least) + least * k for group in groups for k in range(len(group))]
@@ -79,15 +79,11 @@ def _bottom(group: Sequence[float], least: float) -> float:
     return sum(group) / len(group) - least * (len(group) - 1) / 2
 
 
-def _top(group: Sequence[float], least: float) -> float:
-    return _bottom(group, least) + least * (len(group) - 1)
-
-
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
 WIDTH, HEIGHT = 15.0, 7.5
-"""Of a panel, in centimetres."""
+"""Size of a panel, in centimetres."""
 LABEL_SIZE, LABEL_DISTANCE = 7, 0.055
 LEGEND = "strong lines: the cheapest method for some error"
 AXES = {
@@ -95,14 +91,14 @@ AXES = {
     "energy": "largest error of the energy, relative to it",
     "modified-energy": "largest change of the modified energy, relative to it",
 }
-LOOKS = 50
-"""For so many errors the cheapest method is found."""
+SAMPLES = 50
+"""Number of errors for which the cheapest method is found."""
 BEYOND = 10.0
-"""What the axis shows beyond the errors of interest, on both sides."""
+"""Factor by which the axis exceeds the errors of interest, on both sides."""
 
 
 def draw(found: WorkPrecision) -> Figure:
-    """Draw what was measured.
+    """Draw the measurements.
 
     Of a method the rows are shown that no other of it beats; methods that are the cheapest for some error are strong.
     """
@@ -130,31 +126,31 @@ def _panel(panel: Axes, found: WorkPrecision, measure: str) -> None:
             continue
         strong = curve.candidate.name in best
         colour = COLOURS[k % len(COLOURS)]
-        panel.plot(*zip(*points, strict=True), **_look(k, colour, strong))
+        panel.plot(*zip(*points, strict=True), **_style(k, colour, strong))
         labels.append(Label(curve.candidate.name, colour, *points[-1]))
     label_ends(panel, labels, least=LABEL_DISTANCE, size=LABEL_SIZE)
 
 
 def _cheapest(found: WorkPrecision, measure: str) -> set[str]:
-    """The methods that are the cheapest for some error of interest."""
+    """The methods that are cheapest for some error of interest."""
     loosest, finest = found.errors
     best = set[str]()
-    for k in range(LOOKS + 1):
-        error = loosest * (finest / loosest) ** (k / LOOKS)
+    for k in range(SAMPLES + 1):
+        error = loosest * (finest / loosest) ** (k / SAMPLES)
         times = {curve.candidate.name: t for curve in found.curves if (t := curve.seconds(error, measure)) is not None}
         best |= {min(times, key=times.__getitem__)} if times else set()
     return best
 
 
 def _within(curve: Curve, measure: str, limits: tuple[float, float]) -> list[tuple[float, float]]:
-    """The points of a curve that the axis shows."""
+    """The points of a curve within the limits."""
     return [(error, seconds) for error, seconds in curve.front(measure) if limits[1] <= error <= limits[0]]
 
 
-def _look(k: int, colour: str, strong: bool) -> dict[str, Any]:
-    """How the k-th curve looks."""
+def _style(k: int, colour: str, strong: bool) -> dict[str, Any]:
+    """The plot style of the k-th curve."""
     dash, marker = DASHES[k // len(COLOURS) % len(DASHES)], MARKERS[k % len(MARKERS)]
-    look = {"color": colour, "linestyle": dash, "marker": marker}
+    style = {"color": colour, "linestyle": dash, "marker": marker}
     if strong:
-        return {**look, "linewidth": 1.4, "markersize": 3.2}
-    return {**look, "linewidth": 0.6, "markersize": 2, "alpha": 0.55}
+        return {**style, "linewidth": 1.4, "markersize": 3.2}
+    return {**style, "linewidth": 0.6, "markersize": 2, "alpha": 0.55}

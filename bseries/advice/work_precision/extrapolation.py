@@ -1,43 +1,44 @@
-"""Outlooks on longer runs, from the modified equation or from what was measured, if the motion has turned once."""
+"""Extrapolation of measured errors to longer runs, by the modified equation or by error growth fits."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from bseries.advice.distances import largest_size, without_time
-from bseries.advice.growth import EVEN, goes_on
+from bseries.advice.distances import largest_size
+from bseries.advice.growth import EVEN, is_unbounded
 from bseries.advice.measures import MODIFIED_ENERGY, SOLUTION, whole_steps
-from bseries.advice.prediction.expected_errors import ANOTHER_ORBIT, NOT_SMALL, UNTOLD, ExpectedError
-from bseries.advice.prediction.prediction import predict_run
-from bseries.advice.work_precision.outlooks import Outlook
+from bseries.advice.work_precision.curves import Extrapolation
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
-from integrators.runs.integration import integrate
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.advice.work_precision.candidates import Candidate
+    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.work_precision.curves import Curve
     from bseries.advice.work_precision.run_errors import Judge
-    from bseries.advice.work_precision.sweeps import Curve
+
+    Predict: TypeAlias = Callable[..., Prediction]
+    """The signature of `predict_run`."""
 
 
 SWING = 1 / 3
-"""A variable has turned back when it went so much of its range in the other direction."""
+"""A variable has reversed when it has moved back by this part of its range."""
 REVERSALS = 2
-"""At a turn's end a variable has turned back so often; it may do so once in half a turn, as sin t for t < π."""
+"""Reversals in a period; half a period may have one, as sin t for t < π."""
 STILL = 1e-9
-"""Variables that move by a smaller part of the largest state do not move."""
+"""Variables with a smaller range, relative to the largest state, are constant."""
 AT_REST = 1e-2
-"""Variables that move by less in the second half of the time than this part of their range have come to rest."""
+"""Variables that use a smaller part of their range in the second half of the time have come to rest."""
 
 
-def first_turn(y: np.ndarray) -> float:
-    """The part of the time in which every variable turned once, 0 if none has to, and inf if there was too little.
+def first_period(y: np.ndarray) -> float:
+    """The part of the time in which every variable completes a period; 0 if none has periods, inf if it is too short.
 
-    Those with bounds have to go to and fro; those that go on and on, as angles do, have to do so in their pace.
-    Those that stay, come to rest, or go on evenly have no turns.
+    Bounded variables must reverse twice, unbounded ones such as angles must do so in their velocity. Variables that
+    are constant, come to rest, or grow at a constant rate have no period.
 
     Args:
         y: States (variables, n) without the time, at equidistant times from 0 on.
@@ -46,30 +47,30 @@ def first_turn(y: np.ndarray) -> float:
         >>> import numpy as np
         >>> t = np.linspace(0, 4 * np.pi, 401)
         >>> y = np.array([np.sin(t), np.cos(t), 7 * t, 7 * t - np.sin(t)])
-        >>> round(first_turn(y), 2), first_turn(y[:, :210]), first_turn(y[2:3])
+        >>> round(first_period(y), 2), first_period(y[:, :210]), first_period(y[2:3])
         (0.6, inf, 0.0)
     """
     import numpy as np
 
     still = STILL * largest_size(y)
-    return max((_first_turn(row) for row in y if np.ptp(row) > still), default=0.0)
+    return max((_period_of_variable(row) for row in y if np.ptp(row) > still), default=0.0)
 
 
-def _first_turn(row: np.ndarray) -> float:
-    """The part of the time that a variable takes."""
+def _period_of_variable(row: np.ndarray) -> float:
+    """The part of the time in which one variable completes a period."""
     import numpy as np
 
-    if goes_on(row):
+    if is_unbounded(row):
         row = np.diff(row)
         if np.ptp(row) <= (EVEN - 1) * abs(row.mean()):
             return 0.0
     elif np.ptp(row[len(row) // 2 :]) <= AT_REST * np.ptp(row):
         return 0.0
-    return _reversed(row) / (len(row) - 1)
+    return _last_reversal(row) / (len(row) - 1)
 
 
-def _reversed(row: np.ndarray) -> float:
-    """The index where a variable has turned back often enough; inf if it never has."""
+def _last_reversal(row: np.ndarray) -> float:
+    """The index at which a variable has reversed often enough; inf if it does not."""
     import numpy as np
 
     swing, reversals, direction = SWING * float(np.ptp(row)), 0, 0
@@ -87,22 +88,35 @@ def _reversed(row: np.ndarray) -> float:
 
 
 TRIALS, NEAR = 4, 2.0
-"""How many steps of a method are looked at, until one leads to an error that is so near the wanted one."""
+"""Most step sizes tried for the growth factor, and the ratio to the wanted error at which the search stops."""
 
 
-def foreseen(judge: Judge, curve: Curve, length: float, error: float, measure: str) -> float | None:
-    """By what factor an error grows, with a step that leads to about the one that is wanted.
+class Goal(NamedTuple):
+    """An error tolerance for a run, and the sources of measured and predicted errors.
 
-    Args:
-        judge: What measured errors.
-        curve: The method and its rows.
-        length: The length of the longer run.
-        error: The error wanted in the end.
-        measure: Its name.
-
-    Returns:
-        As `factor`.
+    Attributes:
+        judge: Measures the errors of runs.
+        predict: Predicts the errors of a run; `predict_run`.
+        length: The length of the run, at least that of the runs measured.
+        error: The tolerance.
+        measure: The name of the error.
     """
+
+    judge: Judge
+    predict: Predict
+    length: float
+    error: float
+    measure: str
+
+    @property
+    def times(self) -> float:
+        """The length, as a multiple of the time measured."""
+        return self.length / self.judge.span
+
+
+def predicted_factor(goal: Goal, curve: Curve) -> float | None:
+    """`growth_factor` for a step size that leads to about the tolerance."""
+    measure, error = goal.measure, goal.error
     rounded = curve.rounded(measure)
     errors = {row.steps: row.errors.error(measure) for row in curve.rows if row.steps not in rounded}
     known = {steps: size for steps, size in errors.items() if size}
@@ -113,91 +127,63 @@ def foreseen(judge: Judge, curve: Curve, length: float, error: float, measure: s
         return min(known, key=lambda n: abs(math.log(known[n] / size)))
 
     found: dict[int, float | None] = {}
-    steps = nearest(error * judge.span / length if measure == SOLUTION else error)  # it grows linearly, mostly
+    steps = nearest(error * goal.judge.span / goal.length if measure == SOLUTION else error)  # for linear growth
     while steps not in found:
-        found[steps] = growth = factor(judge, curve, steps, known[steps], length, measure)
+        found[steps] = growth = growth_factor(goal, curve, steps, known[steps])
         if growth is None or not math.isfinite(growth) or len(found) == TRIALS:
             break
-        off = known[steps] * growth / error
-        if 1 / NEAR < off < NEAR:
+        ratio = known[steps] * growth / error
+        if 1 / NEAR < ratio < NEAR:
             break
-        steps = nearest(known[steps] / off)  # if the factor stays as it is
+        steps = nearest(known[steps] / ratio)  # for the same factor
     return found[steps]
 
 
-def factor(judge: Judge, curve: Curve, steps: int, known: float, length: float, measure: str) -> float | None:
-    """How many times as large as in the time measured an error is at the end of a longer run.
+def growth_factor(goal: Goal, curve: Curve, steps: int, known: float) -> float | None:
+    """The ratio of the error at the end of a longer run, by the modified equation, to the error measured.
 
     Args:
-        judge: What measured it.
+        goal: The longer run.
         curve: The method.
         steps: The number of steps of the shorter run.
         known: Its error.
-        length: The length of the longer run.
-        measure: The name of the error.
 
     Returns:
-        The factor; infinite if the modified equation says that this cannot be known, as in chaos; None if it says
-        nothing: modifying integrators, methods of too high an order, steps that are too large for its terms.
+        The factor; infinite if it cannot be known, as in chaos; None if the modified equation gives no answer: for
+        modifying integrators, methods of too high an order, and step sizes at which its terms do not decrease.
     """
-    candidate, h = curve.candidate, judge.span / steps
-    if candidate.is_modifying or measure == MODIFIED_ENERGY:
+    candidate, h = curve.candidate, goal.judge.span / steps
+    if candidate.is_modifying or goal.measure == MODIFIED_ENERGY:
         return None
     try:
-        found = predict_run(candidate.scene, candidate.method, h=h, steps=whole_steps(length, h), timed=False)
+        found = goal.predict(candidate.scene, candidate.method, h=h, steps=whole_steps(goal.length, h), timed=False)
     except (IntegratorError, SeriesError):
         return None
-    expected = found.solution if measure == SOLUTION else found.energy
+    expected = found.solution if goal.measure == SOLUTION else found.energy
     if expected.value is None:
-        return math.inf if _is_untold(expected) else None
+        return math.inf if expected.is_due_to_orbit else None
     return expected.value / known if expected.value > 0 else None  # only rounding
 
 
-def _is_untold(expected: ExpectedError) -> bool:
-    """Whether an error is unknown because of the solution, and not because of the method or its step."""
-    return expected.reason in (ANOTHER_ORBIT, NOT_SMALL) or expected.reason.startswith(UNTOLD.partition("{")[0])
+def best_extrapolation(goal: Goal, curve: Curve) -> Extrapolation:
+    """Extrapolation by the modified equation if it gives an answer, else by error growth fits."""
+    times = goal.times
+    found = predicted_factor(goal, curve) if times > 1 else None
+    return fitted_extrapolation(goal.judge, curve, times) if found is None else Extrapolation(times, factor=found)
 
 
-LOOKS = 400
-"""At about how many times it is looked whether the motion turns."""
-
-
-def best_outlook(judge: Judge, curve: Curve, length: float, error: float, measure: str) -> Outlook:
-    """The outlook on the error of a method, by the modified equation if it tells.
+def fitted_extrapolation(judge: Judge, curve: Curve, times: float) -> Extrapolation:
+    """Extrapolation by error growth fits, with the period and the drift seen in the finest run.
 
     Args:
-        judge: What measured errors.
+        judge: The source of measured errors.
         curve: The method and its rows.
-        length: How long runs shall be.
-        error: The error that they shall meet.
-        measure: Its name.
-    """
-    times = length / judge.span
-    found = foreseen(judge, curve, length, error, measure) if times > 1 else None
-    return outlook(judge, curve, times) if found is None else Outlook(times, factor=found)
-
-
-def outlook(judge: Judge, curve: Curve, times: float) -> Outlook:
-    """The outlook on errors of a method, by the laws that they follow.
-
-    Args:
-        judge: What measured them.
-        curve: The method and its rows, of which the finest is looked at.
-        times: How many times as long runs shall be.
+        times: The length of the longer run, as a multiple of the time measured.
     """
     if times <= 1:
-        return Outlook()
+        return Extrapolation()
     finest = max((row.steps for row in curve.rows if row.errors.failure is None), default=None)
     if finest is None:
-        return Outlook(times, drifts=True, growth=None, turn=math.inf)
-    turn = first_turn(_states(judge, curve.candidate, finest))
-    return Outlook(times, judge.drifts(curve.candidate, finest), judge.growth(times), turn)
-
-
-def _states(judge: Judge, candidate: Candidate, steps: int) -> np.ndarray:
-    """The states (variables, n) of a run at equidistant times, without the time."""
-
-    work = judge.work(candidate, steps)
-    every = max(1, steps // LOOKS)
-    run = integrate(work.scene, work.method, h=work.h, steps=steps, y0=work.y0, save_every=every, **work.options)
-    return without_time(judge.scene, run.y[: judge.scene.dimension, : 1 + steps // every])
+        return Extrapolation(times, drifts=True, growth=None, period=math.inf)
+    period = first_period(judge.states(curve.candidate, finest))
+    return Extrapolation(times, judge.drifts(curve.candidate, finest), judge.growth(times), period)

@@ -1,4 +1,4 @@
-"""Work and precision: for every suitable method a range of steps, what they cost and how wrong they are."""
+"""Work–precision measurements: errors and CPU times of all suitable methods over a range of step sizes."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.measures import MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure
+from bseries.advice.prediction.prediction import predict_run
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
 from bseries.advice.work_precision.dense_reference import affordable_span
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.run_errors import Judge
-from bseries.advice.work_precision.sweeps import Curve, Row, sweep, time_scale, timed_curves
+from bseries.advice.work_precision.sweeps import sweep, time_scale, timed_curves
 from integrators.core.arguments import MOST_STEPS, check_progress, read_number, read_positive
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.catalogue.registry import scene as built_in
@@ -23,33 +24,34 @@ from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.candidates import Methods
+    from bseries.advice.work_precision.curves import Curve, Row
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method."""
 TRIAL_STEP = 1e-9
-"""The size of a step that is made for nothing but compiling."""
+"""Step size for compilation."""
 LOOSEST, FINEST = 1.0, 1e-15
 SPAN = 200.0
-"""How long runs are by default, in times |y|/|f| at the start."""
+"""Default length of runs, as a multiple of `time_scale`."""
 REFERENCE_SECONDS = 10.0
-"""By default spans are so short that their reference solution takes no more CPU time."""
+"""CPU time for the reference solution over the default span."""
 SHORTER, TRIALS = 2.2, 8
-"""By this factor default spans are shortened while there is no reference solution, so many times at most."""
+"""Factor by which the default span is shortened while there is no reference solution, and most times."""
 
 
 class WorkPrecision:
-    """What accuracy costs on a scene; made by `work_precision`.
+    """Work–precision measurements on a scene; made by `work_precision`.
 
     Attributes:
-        judge: What measures runs on the scene.
+        judge: Measures the errors of runs on the scene.
         scene: The scene.
-        span: How long all runs were.
+        span: The length of all runs.
         errors: The largest and the smallest error of interest.
-        measures: What was measured, of ``solution``, ``energy`` and ``modified-energy``.
+        measures: The errors measured, of ``solution``, ``energy`` and ``modified-energy``.
         curves: The methods with their rows.
-        left_out: Methods that were asked for and do not fit, with the reason.
-        notes: What else is to be known, in sentences.
-        machine: On what it was measured.
+        left_out: Requested methods that do not fit, with the reason.
+        notes: Remarks on the measurement, in sentences.
+        machine: The machine and software versions.
 
     Example:
         >>> import bseries as bs
@@ -69,29 +71,29 @@ class WorkPrecision:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What else is to be known."""
+        """Remarks on the measurement."""
         return tuple(_notes(self))
 
     def best(self, error: float, span: float | None = None, measure: str | None = None) -> Recommendation:
         """The cheapest method for an error, and the largest step that meets it.
 
-        The step is interpolated from the rows, and then bisected with runs: it is the largest one, within some per
-        cent, that meets the error as all smaller ones tried do. Methods that are near the cheapest are treated alike,
-        and timed anew in turn.
+        The step is interpolated from the rows and refined by bisection: it is, within some per cent, the largest one
+        that meets the error as all smaller ones tried do. All methods near the cheapest are treated alike and timed
+        again in interleaved rounds.
 
         Args:
-            error: The error that is accepted.
-            span: For how long; by default as long as was measured, and not less. What errors grow to afterwards is
-                taken from how they grew in the runs.
-            measure: Which error; by default the first of `measures`.
+            error: The error tolerance.
+            span: The length of the run, at least the length measured, which is the default. Errors of longer runs are
+                extrapolated.
+            measure: The name of the error; by default the first of `measures`.
 
         Raises:
             IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
-        return choose(self.judge, self.curves, error, span, measure)
+        return choose(self.judge, self.curves, error, span, measure, predict_run)
 
     def to_dict(self) -> dict[str, Any]:
-        """All figures as JSON-ready data."""
+        """The measurements as JSON-ready data."""
         return {
             "schema": 1,
             "kind": "work-precision",
@@ -131,26 +133,26 @@ def work_precision(
 ) -> WorkPrecision:
     """Errors and CPU times of methods on a scene, from its start, for a range of step sizes.
 
-    Errors and times are measured in separate runs: the timed ones look at nothing, are compiled and warm, and take
-    turns. Steps shrink until the error is below the range, stops falling, or the budget is used up.
+    Errors and times are measured in separate runs: the timed ones observe nothing, are compiled and warm, and are
+    interleaved. Steps shrink until the error is below the range, stops falling, or the budget is spent.
 
     Args:
         scene: The scene, with a start, or the name of a built-in one.
         methods: Methods or their names, or one; ``modifying-midpoint4`` and others with an even number behind are
             modifying integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those
             known to be good on scenes of this structure.
-        span: How long; by default about two hundred times |y|/|f| at the start, or as long as a reference solution
-            goes, and can be had in some seconds.
+        span: The length of runs; by default about two hundred times |y|/|f| at the start, or less if the reference
+            solution ends before or would take too long.
         errors: The largest and the smallest error of interest.
         measure: ``"solution"`` (against the reference), ``"energy"``, ``"modified-energy"``, or ``"all"`` of them.
         budget: CPU seconds for the longest run of a method.
-        progress: Called with the number of steps of the work that are done and of all.
+        progress: Called with the number of parts of the work that are done and of all.
 
     Returns:
-        All that was measured; `WorkPrecision.best` recommends.
+        The measurements; `WorkPrecision.best` recommends a method.
 
     Raises:
-        IntegratorError: An argument cannot be used, no method fits, or nothing of what is asked for can be measured.
+        IntegratorError: An argument cannot be used, no method fits, or none of the errors can be measured.
 
     Example:
         >>> import bseries as bs
@@ -200,7 +202,7 @@ def work_precision(
 
 
 def _measurable(judge: Judge, chosen: Candidates) -> tuple[list[Candidate], dict[str, str]]:
-    """The methods of which something can be measured: where only modified energies count, those that have one."""
+    """The methods with an error that can be measured; for modified energies alone, those that have one."""
     if judge.available != (MODIFIED_ENERGY,):
         return chosen.found, chosen.left_out
     found = [candidate for candidate in chosen.found if judge.modified_energy(candidate) is not None]
@@ -216,18 +218,14 @@ def _unmeasurable(scene: Scene, measures: tuple[str, ...], reason: str) -> Integ
 
 
 def _compile(candidate: Candidate, scene: Scene) -> None:
-    """Compile the steps of a method, by making one."""
+    """Compile the steps of a method by making one."""
     steps = candidate.stepper()
     with suppress(StepError):
         steps.advance(steps.start(candidate.start(scene.y0, TRIAL_STEP), h=TRIAL_STEP), 1)
 
 
 def check_errors(errors: Any) -> tuple[float, float]:
-    """The largest and the smallest error of interest.
-
-    Raises:
-        IntegratorError: They are no two numbers from 1 to 1e-15, falling.
-    """
+    """The largest and the smallest error of interest."""
     try:
         loosest, finest = (read_number(error, "errors") for error in errors)
     except (TypeError, ValueError):
@@ -241,7 +239,7 @@ def check_errors(errors: Any) -> tuple[float, float]:
 
 
 def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
-    """What measures errors; the default span is shortened until there is a reference solution."""
+    """The measurement of errors; the default span is shortened until there is a reference solution."""
     if span is not None:
         return Judge(scene, span, measures)
     length = _rounded(SPAN * time_scale(scene))
@@ -264,7 +262,7 @@ def _rounded(value: float) -> float:
 
 
 def _notes(found: WorkPrecision) -> list[str]:
-    """What else is to be known, in sentences."""
+    """Remarks on the measurement, in sentences."""
     rows = [row for curve in found.curves for row in curve.rows]
     spreads = sorted(row.cost.spread for row in rows if row.cost is not None)
     notes = [f"Measured {found.machine['date']}: {found.machine['processor']}; {found.machine['versions']}."]

@@ -1,4 +1,4 @@
-"""What a step costs: CPU time of compiled steps of several methods, in turn."""
+"""Cost of a step: CPU time of compiled steps of several methods, in interleaved rounds."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ MOST_STEPS = 2**20
 
 
 class Work(NamedTuple):
-    """Steps to be timed.
+    """Steps to time.
 
     Attributes:
         scene: The scene.
         method: The method, or its name.
-        h: The step size: what implicit steps cost depends on it.
+        h: The step size, which affects the cost of implicit steps.
         y0: The start; by default that of the scene.
         options: Further options of `integrators.stepper`.
-        most_steps: No sample goes on for more steps than this: it begins again.
+        most_steps: The most steps of a sample; longer samples start again.
     """
 
     scene: Scene
@@ -45,16 +45,9 @@ class Work(NamedTuple):
 
 
 def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:
-    """CPU seconds for one step, for each of several kinds of steps, compiled and warmed up.
+    """CPU seconds per step for several kinds of steps, compiled and warmed up.
 
     Each sample begins at the start again, so that all do the same.
-
-    Args:
-        work: What to time.
-        sample: The seconds that one sample shall take.
-
-    Raises:
-        IntegratorError: A method does not fit its scene; as a StepError, a step failed.
 
     Example:
         >>> import bseries as bs
@@ -68,21 +61,21 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str,
 
 
 class _Run:
-    """Steps from a start, always the same number of them."""
+    """A fixed number of steps from a fixed start."""
 
     def __init__(self, work: Work, sample: float):
 
         self._stepper = stepper(work.scene, work.method, **work.options)
         self._start = self._stepper.start(work.y0, h=work.h)
         self.steps, self.repeats = 1, 1
-        self._made(1)  # what is to be compiled is, so that the next one shows what a step takes
+        self._made(1)  # compiles, so that the next call measures a step
         seconds, end = self._made(1)
         while seconds < sample and self.steps < work.most_steps:
             growth = min(4.0, 1.1 * sample / max(seconds, 1e-9))
             wanted = min(math.ceil(self.steps * growth), work.most_steps)
             try:
                 seconds, end = self._made(wanted)
-            except StepError:  # so far the run cannot go: so many steps as could be made have to do
+            except StepError:  # keep the number of steps that succeeded
                 break
             self.steps = wanted
         self._parts = self._separated(work, end.solver)
@@ -91,7 +84,7 @@ class _Run:
         self.repeats = max(1, math.ceil(self.repeats * sample / max(self._repeated(), 1e-9)))
 
     def sample(self) -> None:
-        """Make the steps, again and again if a run can only be short."""
+        """Make the steps, repeatedly if the run is short."""
         for start, steps in self._parts:
             self._stepper.repeat(start, steps, self.repeats)
 
@@ -101,27 +94,23 @@ class _Run:
         return thread_time() - begin
 
     def _made(self, steps: int) -> tuple[float, State]:
-        """Seconds for a run, and its end."""
+        """Seconds for a run, and its final state."""
         state, begin = self._start.copy(), thread_time()
         self._stepper.advance(state, steps)
         return thread_time() - begin, state
 
     def _separated(self, work: Work, last: str) -> list[tuple[State, int]]:
-        """The steps before the solver changes and those after it, each with where they begin.
+        """The steps before and after the change of the solver, each with its first state.
 
-        From the first step that fixed-point iteration does not find on, a run goes on with Newton's method, which need
-        not find those before.
-
-        Args:
-            work: The steps.
-            last: The solver at the end of the run.
+        After the first step at which fixed-point iteration fails, a run continues with Newton's method, which may fail
+        for the steps before.
         """
 
         if last == self._start.solver:
             return [(self._start, self.steps)]
         first = stepper(work.scene, work.method, **{**work.options, "solver": self._start.solver})
         after = self._start.copy()
-        with suppress(StepError):  # which leaves the run where that step begins
+        with suppress(StepError):  # which leaves the state before the failed step
             first.advance(after, self.steps)
         after.solver, after.is_fresh = last, after.n == 0
         parts = [(self._start, after.n), (after, self.steps - after.n)]

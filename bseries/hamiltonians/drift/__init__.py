@@ -1,1 +1,1 @@
-"""Energy drift: the part of a modified field that is not Hamiltonian, and its effect over long times."""
+"""Energy drift: the non-Hamiltonian part of a modified field, and its effect over long times."""

@@ -1,10 +1,4 @@
-"""Where a field stops being Hamiltonian: the one-form B^(−1) r is not closed, or it is and has periods.
-
-On a space of states where some variables are angles a closed form need not be the differential of a function: its
-integral once round an angle must vanish as well. That integral does not depend on the way. It is the difference of two
-values that the modified Hamiltonian, which is constant along solutions, then has at one state; what is left of it when
-a function on the space of states is wanted, and with it the energy, changes by minus the integral in every turn.
-"""
+"""Violations of the Hamiltonian structure: powers of h at which the one-form B^(−1) r is not closed or not exact."""
 
 from __future__ import annotations
 
@@ -25,14 +19,14 @@ if TYPE_CHECKING:
     from integrators.scenes.scene import Scene
 
 
-class Turn(NamedTuple):
-    """What the energy gains in a turn of an angle forwards, to leading order; backwards it loses as much.
+class PeriodGain(NamedTuple):
+    """The energy gained in a forward period of an angle, to leading order; a backward period loses as much.
 
     Attributes:
         variable: The angle.
         period: Its period.
         gain: The coefficient of the power of h.
-        digits: To how many digits it is known; None: exactly.
+        digits: The accuracy in digits; None if exact.
     """
 
     variable: str
@@ -41,53 +35,56 @@ class Turn(NamedTuple):
     digits: int | None
 
 
-class Break(NamedTuple):
+class Violation(NamedTuple):
     """A power of h at which a field is not Hamiltonian.
 
     Attributes:
         power: The power.
-        order: The first power at which it is not even Hamiltonian locally; that of the first term left out if it is.
-        turns: The turns with a gain, where it is Hamiltonian locally: they are all that fails then.
+        order: The first power at which it is not even locally Hamiltonian; that of the first term left out if it is.
+        turns: The nonzero gains per period of angles, if the field is locally Hamiltonian.
     """
 
     power: int
     order: int
-    turns: tuple[Turn, ...]
+    turns: tuple[PeriodGain, ...]
 
     @property
     def is_closed(self) -> bool:
-        """Whether the field is Hamiltonian locally at this power of h."""
+        """Whether the field is locally Hamiltonian at this power of h."""
         return self.power < self.order
 
 
-def breaks(r: Perturbation, least: int) -> Iterator[Break]:
-    """The powers of h from `least` on at which a modified field is not Hamiltonian, to the first not even locally.
+def violations(r: Perturbation, least: int) -> Iterator[Violation]:
+    """Powers of h from `least` on at which a modified field is not Hamiltonian, up to the first not even locally.
 
-    Turns are looked at where formulas are written out.
+    In a space of states with angles a closed form is the differential of a function only if its integral over each
+    period vanishes. This integral does not depend on the path. It is the difference of two values of the local modified
+    Hamiltonian, which is constant along solutions, at the same state; the energy changes by minus the integral in every
+    period. Periods are examined if there are formulas.
 
     Raises:
-        SeriesError: The scene has no structure, or a formula has symbols and is beyond the rules of
+        SeriesError: The scene has no structure, or a formula has symbols and cannot be integrated by
             `antiderivative`.
 
     Example:
         >>> import bseries as bs
         >>> from bseries.hamiltonians.drift.perturbations import Perturbation
         >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
-        >>> next(breaks(Perturbation(bs.method("simplified-takahashi-imada"), asymmetric, 5), 1))
-        Break(power=4, order=5, turns=(Turn(variable='q', period=2*pi, gain=-pi/240, digits=None),))
+        >>> next(violations(Perturbation(bs.method("simplified-takahashi-imada"), asymmetric, 5), 1))
+        Violation(power=4, order=5, turns=(PeriodGain(variable='q', period=2*pi, gain=-pi/240, digits=None),))
     """
     order = hamiltonian_order(r.field)
     angles = angle_periods(r.scene) if r.has_formulas else {}
     for k in range(least, order):
-        turns = tuple(turn for turn in (_turn(r, k, i, period) for i, period in angles.items()) if turn.gain)
-        if turns:
-            yield Break(k, order, turns)
+        gains = tuple(gain for gain in (_period_gain(r, k, i, period) for i, period in angles.items()) if gain.gain)
+        if gains:
+            yield Violation(k, order, gains)
     if order < r.field.order:
-        yield Break(order, order, ())
+        yield Violation(order, order, ())
 
 
 def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
-    """The places of the variables in which the Hamiltonian of a scene is periodic, and their periods.
+    """The variables, by index, in which the Hamiltonian of a scene is periodic, and their periods.
 
     Example:
         >>> import bseries as bs
@@ -100,9 +97,10 @@ def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
 
 
 def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
-    """A period that formulas have in common as they are written; None if there is none, or none of them has x.
+    """A common period of formulas in x, as they are written; None if there is none or no formula contains x.
 
-    It is positive if it is a number. With symbols, absolute values would hide that its multiples are multiples of 2π.
+    It is positive if it is a number. For symbols no absolute value is taken, so that multiples of 2π remain
+    recognisable.
 
     Example:
         >>> import sympy
@@ -137,7 +135,7 @@ def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None
 
 
 def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
-    """F(period) − F(0), where all sines and cosines in F have this period in x; 0 where that cancels.
+    """F(period) − F(0), where all sines and cosines in F have this period in x; simplified to 0 if possible.
 
     Example:
         >>> import sympy
@@ -152,18 +150,18 @@ def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
     return sympy.Integer(0) if found.equals(0) else found
 
 
-def _turn(r: Perturbation, k: int, i: int, period: Any) -> Turn:
-    """The gain −∫ω_i dy_i of a turn, by an antiderivative if there is a rule for it, else by quadrature."""
+def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
+    """The gain −∫ω_i dy_i over a period, by an antiderivative if possible, else by quadrature."""
     x, name = r.scene.symbols[i], r.scene.variables[i]
     formula = r.ring.to_expression(r.form(k)[i], simplify=False)
     found = antiderivative(formula, x)
     if found is not None:
         gain = -rise(found, x, period)
         if not gain.free_symbols & set(r.scene.symbols):
-            return Turn(name, period, gain, None)
+            return PeriodGain(name, period, gain, None)
     if formula.free_symbols - set(r.scene.symbols):
         raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
-    return Turn(name, period, _by_quadrature(formula, x, period, r.scene), DIGITS)
+    return PeriodGain(name, period, _by_quadrature(formula, x, period, r.scene), DIGITS)
 
 
 def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Expr:
@@ -177,3 +175,55 @@ def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Exp
     length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
     mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
     return sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0)
+
+
+def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
+    """∫ U‴ U′² dq over a period of the potential U of a scene H = T(p) + U(q) with one degree of freedom.
+
+    With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′². In
+    every forward period the modified Hamiltonian of the symplectic method, and the energy, therefore gain −h⁴α²/2 times
+    this integral to leading order. If it is not zero, the energy drifts on rotating orbits.
+
+    Args:
+        scene: The scene; parameters may be symbols (for a period 2π/k with k taken as positive).
+
+    Returns:
+        The integral, exact.
+
+    Raises:
+        SeriesError: The scene is not of this kind, or the formula cannot be integrated.
+
+    Example:
+        >>> import bseries as bs
+        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
+        6*pi/5
+        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"], epsilon="epsilon"))
+        6*pi*epsilon
+        >>> takahashi_imada_integral(bs.scene("pendulum"))
+        0
+
+    References:
+        E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019.
+    """
+    potential, q = _potential(scene)
+    period = common_period([potential], q)
+    if period is None:
+        raise SeriesError(
+            f"scene must have a potential that is periodic in {q}, but {scene.name} has {potential!s:.60}"
+        )
+    found = antiderivative((potential.diff(q, 3) * potential.diff(q) ** 2).expand(), q)
+    if found is None:
+        raise SeriesError(f"scene must have a potential simple enough to integrate, but {scene.name} has not")
+    return rise(found, q, period)
+
+
+def _potential(scene: Scene) -> tuple[Any, sympy.Symbol]:
+    """U and q."""
+    energy = scene.hamiltonian
+    if energy is None or scene.poisson is not None or scene.dimension != 2:
+        raise SeriesError(f"scene must be canonical with one degree of freedom, but {scene.name} is not")
+    p, q = scene.symbols
+    potential = energy.subs(p, 0)
+    if (energy - potential).expand().has(q):
+        raise SeriesError(f"scene must have a Hamiltonian T(p) + U(q), but {scene.name} has {energy!s:.60}")
+    return potential, q

@@ -1,4 +1,4 @@
-"""Whether the energy drifts: the first power of h at which a modified field is not Hamiltonian, and what that does."""
+"""Energy drift of a method on a scene: violations of the Hamiltonian structure, and the mean rates that they cause."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.drift.forms import Break, angle_periods, breaks
+from bseries.hamiltonians.drift.forms import Violation, angle_periods, violations
 from bseries.hamiltonians.drift.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.drift.perturbations import Perturbation
 from bseries.hamiltonians.drift.report import DriftReport
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 STEPS = 100_000
 CHUNK = 8192
-"""How many states of a trajectory are kept at a time."""
+"""Number of states of a trajectory in memory at a time."""
 REASONS = {
     LINEAR: "the mean of dH~/dt along the trajectory is not zero",
     SQUARE_ROOT: "the mean of dH~/dt along the trajectory is zero within its error, but its integral spreads",
@@ -56,25 +56,25 @@ def energy_drift(
     """Whether the energy error of a method on a scene stays bounded, drifts linearly, or like a random walk.
 
     Formally the method follows y' = B ∇H̃ + r, and r begins with the first power h^K at which the modified field is not
-    the field of a function that is globally defined. To leading order H̃ changes at the rate ∇H · r, and what counts is
-    its mean. "Bounded" means that no drift shows through the powers of h that are looked at.
+    the field of a globally defined function. To leading order H̃ changes at the rate ∇H · r, whose mean decides.
+    "Bounded" means that there is no drift through the powers of h examined.
 
     With one degree of freedom there are three cases. If the one-form B^(−1) r is closed, it is the differential of a
-    function, unless variables are angles: then the gain of energy per turn, minus its integral over a period, decides
-    for all orbits (for the simplified Takahashi–Imada method it is −h⁴α²/2 ∫U‴U′² dq). If it is not closed, the mean is
-    taken along the orbit of y' = f(y) through `y0`, power by power. With several degrees of freedom it is taken along
-    `steps` steps of the method, and compared with its standard error. A mean of zero alone does not make a random walk:
-    the variance of the integral tells one, which needs correlations that decay, from bounded oscillations.
+    function, unless variables are angles: then the energy gained per period, minus the integral of the form over a
+    period, decides for all orbits (for the simplified Takahashi–Imada method it is −h⁴α²/2 ∫U‴U′² dq). If it is not
+    closed, the mean is taken along the orbit of y' = f(y) through `y0`, power by power. With several degrees of freedom
+    it is taken along `steps` steps of the method, and compared with its standard error. A zero mean alone does not make
+    a random walk: the variance of the integral distinguishes one, whose correlations decay, from bounded oscillations.
 
     Args:
         method: A method, or a modified field.
         scene: The scene, with a Hamiltonian.
         order: The largest number of nodes N: powers h^0 … h^(N−1); by default three more than the order of the method,
             and at least 7; for a series its own.
-        y0: The start. With one degree of freedom and a closed form the verdict is about all orbits if it is None;
-            otherwise None means the start of the scene.
+        y0: The start. With one degree of freedom and a closed form None gives a verdict about all orbits; otherwise it
+            means the start of the scene.
         h: The step size, for predicted slopes; needed with several degrees of freedom.
-        steps: How long the trajectory is with several degrees of freedom.
+        steps: The length of the trajectory with several degrees of freedom.
         parts: As for `modified_field`.
 
     Returns:
@@ -97,34 +97,35 @@ def energy_drift(
         E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019;
         E. Faou, E. Hairer, T.-L. Pham, BIT 44 (2004) 699–709; E. Hairer, lecture on long-time behaviour, section 4.
     """
-    accuracy, least_steps = _accuracy(method), BLOCKS * 2**HALVINGS
+    order_of_method, least_steps = _order_of(method), BLOCKS * 2**HALVINGS
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < least_steps:
         raise SeriesError(f"steps must be a whole number from {least_steps} on, but was {steps!r:.60}")
     if order is None and not isinstance(method, BSeries):
-        order = max(7, accuracy + 3)
+        order = max(7, order_of_method + 3)
     r = Perturbation(method, scene, order, parts=parts)
     far = f"through h^{r.field.order - 1}"
     report = DriftReport(r, _step_size(h), BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
-    least = accuracy
+    least = order_of_method
     if scene.poisson is None:
         found = energy_trees(method, scene, r.field.order, parts).verdict
         if found.breaks is None:
             return report
         report, least = report._replace(breaks=found.breaks), found.order
-    later = breaks(r, least)
+    later = violations(r, least)
     broken = next(later, None)
     if broken is None:
         return report._replace(reason=f"on this scene the modified field is Hamiltonian {far}, and globally so")
     report = report._replace(broken=broken)
     if scene.dimension == 2:
         if broken.is_closed and y0 is None:
-            return _on_all_orbits(report, broken)
-        return _on_one_orbit(report, chain([broken], later), accuracy, y0)
-    powers = range(broken.power, min(broken.power + accuracy, r.field.order))
-    return _wandering(report, powers, method, y0, steps, parts)
+            elsewhere = f"nothing before h^{broken.order} on orbits that do not go round"
+            return report._replace(verdict=LINEAR, reason=f"the energy gains {_gains(broken)}, and {elsewhere}")
+        return _on_one_orbit(report, chain([broken], later), order_of_method, y0)
+    powers = range(broken.power, min(broken.power + order_of_method, r.field.order))
+    return _along_trajectory(report, powers, method, y0, steps, parts)
 
 
-def _accuracy(method: Method | BSeries) -> int:
+def _order_of(method: Method | BSeries) -> int:
     """The order of the method: the first power of h with a term in the modified field."""
     if not isinstance(method, BSeries):
         return order_of(method)
@@ -144,7 +145,7 @@ def _step_size(h: Any) -> float | None:
 
 
 def _state(scene: Scene, y0: Any) -> list[float]:
-    """A start as floats, that of the scene if it is None."""
+    """A start as floats; that of the scene if it is None."""
     if y0 is None:
         return scene.y0.tolist()
     import numpy as np
@@ -158,26 +159,20 @@ def _state(scene: Scene, y0: Any) -> list[float]:
     return start.tolist()
 
 
-def _on_all_orbits(report: DriftReport, broken: Break) -> DriftReport:
-    """The verdict with one degree of freedom if the form is closed: every turn of an angle has the same gain."""
-    reason = f"the energy gains {_gains(broken)}, and nothing before h^{broken.order} on orbits that do not go round"
-    return report._replace(verdict=LINEAR, reason=reason)
-
-
-def _gains(broken: Break) -> str:
+def _gains(broken: Violation) -> str:
     gains = (f"{turn.gain} h^{broken.power} with every forward turn of {turn.variable}" for turn in broken.turns)
     return " and ".join(gains)
 
 
-def _on_one_orbit(report: DriftReport, found: Iterable[Break], accuracy: int, y0: Any) -> DriftReport:
-    """The verdict with one degree of freedom on the orbit through y0: the first mean rate that is not zero."""
+def _on_one_orbit(report: DriftReport, found: Iterable[Violation], order: int, y0: Any) -> DriftReport:
+    """The verdict with one degree of freedom on the orbit through y0: the first nonzero mean rate."""
     r, last = report.perturbation, report.perturbation.field.order - 1
     if y0 is None and r.scene.start is None:
         return report._replace(verdict=UNDECIDED, reason="the mean rate depends on the orbit: y0 must be given")
     orbit, means = closed_orbit(r.scene, _state(r.scene, y0), angle_periods(r.scene)), list[tuple[int, Any]]()
     for broken in found:
         if not broken.is_closed:
-            last = min(broken.power + accuracy - 1, last)
+            last = min(broken.power + order - 1, last)
         for k, mean in _means(r, broken, orbit, last):
             means.append((k, mean))
             if mean:
@@ -190,23 +185,20 @@ def _on_one_orbit(report: DriftReport, found: Iterable[Break], accuracy: int, y0
     return report._replace(reason=reason, orbit=orbit, means=tuple(means))
 
 
-def _means(r: Perturbation, broken: Break, orbit: Orbit, last: int) -> Iterator[tuple[int, Any]]:
-    """The mean rates along an orbit that a break makes: its own, and if the form is not closed those to a last power.
-
-    Along orbits that gain nothing from the turns H̃ is a function as far as the form is closed, as it is without turns.
-    """
+def _means(r: Perturbation, broken: Violation, orbit: Orbit, last: int) -> Iterator[tuple[int, Any]]:
+    """Mean rates along an orbit due to a violation: at its power, and if the form is not closed up to a last power."""
     if broken.is_closed:
-        gain = sum(turn.gain * orbit.turns[r.scene.places[turn.variable]] for turn in broken.turns)
+        gain = sum(turn.gain * orbit.revolutions[r.scene.places[turn.variable]] for turn in broken.turns)
         yield broken.power, gain / orbit.period if gain else 0
     else:
         for k in filter(r.has_terms, range(broken.power, last + 1)):
             yield k, orbit.mean(r.rate(k)) if orbit.period else 0
 
 
-def _wandering(
+def _along_trajectory(
     report: DriftReport, powers: Sequence[int], method: Method | BSeries, y0: Any, steps: int, parts: Any
 ) -> DriftReport:
-    """The verdict with several degrees of freedom: the rate along a trajectory of the method."""
+    """The verdict with several degrees of freedom, from the rates along a trajectory of the method."""
     r, h = report.perturbation, report.h
     if (y0 is None and r.scene.start is None) or h is None or isinstance(method, BSeries):
         reason = "mean rates are taken along a trajectory: a method, a step size and a start must be given"
@@ -227,7 +219,7 @@ def _wandering(
 def _rates(
     r: Perturbation, powers: Sequence[int], method: Method, state: Any, h: float, steps: int, parts: Any
 ) -> np.ndarray:
-    """The rates by power at every step of a trajectory, of which only a piece is kept at a time."""
+    """The rates by power at every step of a trajectory, computed piece by piece."""
     import numpy as np
 
     from integrators import integrate

@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
 
 DIGITS = 15
-"""Digits that means are certain to."""
+"""Digits of accuracy of means."""
 WORKING_DIGITS = 30
 LEAST_POINTS, MOST_POINTS = 64, 2**14
 
 
 def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
-    """The mean of a smooth periodic function, by the trapezoidal rule: for such functions it converges exponentially.
+    """The mean of a smooth periodic function, by the trapezoidal rule, which converges exponentially.
 
     Args:
-        samples: Gives the values at so many equally spaced points of a period, as numbers of mpmath.
+        samples: Gives the values at n equidistant points of a period, as numbers of mpmath.
 
     Returns:
-        The mean; 0 where it is below 10^−15 of the mean size.
+        The mean; 0 if it is below 10^−15 of the mean of absolute values.
 
     Raises:
-        SeriesError: The points that are allowed do not suffice.
+        SeriesError: The largest number of points is not sufficient.
 
     Example:
         >>> import mpmath
@@ -56,11 +56,11 @@ def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
 
 
 GRID = 256
-"""At how many times a return is looked for: in the last window a period has at least half as many."""
+"""Number of times in a window at which a return is sought: at least half as many per period in the last window."""
 FIRST_WINDOW, MOST_DOUBLINGS = 1 / 64, 16
-"""The first window, at most so much of the shortest period there can be, and how often it is doubled."""
+"""First window, as a part of the shortest possible period, and most doublings of it."""
 STEP_DIGITS = 15
-"""A step of a Taylor series with so many digits is no longer than the first window, either."""
+"""Digits of a Taylor step, which is another bound of the first window."""
 CORRECTIONS, CLOSED, CERTAIN, AT_REST = 7, 1e-20, 1e-15, 1e-13
 
 
@@ -69,28 +69,28 @@ class Orbit(NamedTuple):
 
     Attributes:
         scene: The scene.
-        y0: Where it starts.
-        period: The time of a revolution, to 15 digits or (away from separatrices) some 25; 0 at an equilibrium.
-        turns: How often the variables that are angles go round in that time, with their signs.
+        y0: The initial state.
+        period: The time of a revolution, to 15 digits or (away from separatrices) about 25; 0 at an equilibrium.
+        revolutions: The signed number of periods that each angle completes in that time.
     """
 
     scene: Scene
     y0: tuple[float, ...]
     period: Any
-    turns: dict[int, int]
+    revolutions: dict[int, int]
 
     @property
     def kind(self) -> str:
         """``"rotating"``, ``"oscillating"`` or ``"equilibrium"``."""
         if not self.period:
             return "equilibrium"
-        return "rotating" if any(self.turns.values()) else "oscillating"
+        return "rotating" if any(self.revolutions.values()) else "oscillating"
 
     def mean(self, formula: sympy.Expr) -> Any:
-        """The mean of a function over time; 0 where it is below 10^−15 of the mean size.
+        """The time average of a function; 0 if it is below 10^−15 of the average of absolute values.
 
         Raises:
-            SeriesError: The formula has parameters, or changes too fast.
+            SeriesError: The formula has parameters or varies too fast.
         """
         import mpmath
         import sympy
@@ -111,16 +111,16 @@ class Orbit(NamedTuple):
 
 
 def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.Expr]) -> Orbit:
-    """The orbit of a scene of two variables through a point, followed by Taylor series until it closes.
+    """The closed orbit of a scene of two variables through a point, followed by Taylor series.
 
-    No period is shorter than 2π/L, L being the Lipschitz constant of the field. Windows of time begin with a part of
-    that, L taken at the start, or with a step of the Taylor series where L is much larger elsewhere on the orbit. They
-    are doubled until there is a return in one.
+    No period is shorter than 2π/L, L being the Lipschitz constant of the field. The first window of time is a part of
+    that, with L at the start, or a step of the Taylor series if L is much larger elsewhere on the orbit. Windows are
+    doubled until one contains a return.
 
     Args:
         scene: The scene.
         y0: The point.
-        periods: Those of the variables that are angles, by their places.
+        periods: The periods of angles, by index of the variable.
 
     Raises:
         SeriesError: The orbit does not close, or takes too long; rounding decides when it returns, as on a separatrix;
@@ -161,12 +161,11 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
 
 def _states(scene: Scene, y0: Any, times: Sequence[Any]) -> np.ndarray:
     """The solution at some times as numbers of mpmath, a row for each time."""
-
     return reference_solution(scene, times, y0=y0, full=True).numbers().T
 
 
 def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
-    """The field at the start (0 if it is but rounding errors), and where to look first for a return."""
+    """The field at the start (0 if it is rounding only), and the first window for a return."""
     import numpy as np
     import sympy
 
@@ -197,38 +196,38 @@ def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, lengths:
 def _refined(
     scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, lengths: Mapping[int, Any]
 ) -> tuple[Any, dict[int, int]] | None:
-    """The period and the turns, by Newton's method; None if the orbit does not close at that time.
+    """The period and the revolutions, by Newton's method; None if the orbit does not close at that time.
 
-    Near a saddle rounding errors grow until they decide when a solution leaves it. Two solutions with different
-    rounding errors then do not return together.
+    Near a saddle rounding errors decide when a solution leaves it: solutions with different rounding do not return
+    together.
     """
     import mpmath
     import numpy as np
 
     period = mpmath.mpf(guess)
-    away, turns, error = _displacement(scene, start, period, lengths)
+    away, revolutions, error = _displacement(scene, start, period, lengths)
     for _ in range(CORRECTIONS):
         period -= mpmath.fdot(away, field) / mpmath.fdot(field, field)
         if period <= 0:
             return None
-        away, turns, error = _displacement(scene, start, period, lengths)
+        away, revolutions, error = _displacement(scene, start, period, lengths)
     if np.linalg.norm(error) > CERTAIN * float(period) * np.linalg.norm(field):
         raise SeriesError(
             f"y0 must lie on a closed orbit, but from {start.tolist()!s:.60} rounding decides when it returns, as on a "
             "separatrix"
         )
-    return (period, turns) if max(map(abs, away)) <= CLOSED * max(1, *map(abs, start)) else None
+    return (period, revolutions) if max(map(abs, away)) <= CLOSED * max(1, *map(abs, start)) else None
 
 
 def _displacement(
     scene: Scene, start: np.ndarray, time: Any, lengths: Mapping[int, Any]
 ) -> tuple[list[Any], dict[int, int], np.ndarray]:
-    """How far the solution is from its start after a time but for turns, these turns, and the error."""
+    """The displacement from the start after a time, modulo periods of angles; their numbers; and the error."""
     import mpmath
 
-    solution, turns = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
+    solution, revolutions = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
     away = list(solution.numbers()[:, 0] - start)
     for i, length in lengths.items():
-        turns[i] = int(mpmath.nint(away[i] / length))
-        away[i] -= turns[i] * length
-    return away, turns, solution.error
+        revolutions[i] = int(mpmath.nint(away[i] / length))
+        away[i] -= revolutions[i] * length
+    return away, revolutions, solution.error

@@ -1,4 +1,4 @@
-"""What a method adds to a Hamiltonian field: y' = B(y) ∇H̃(y) + r(y), and how fast it changes H̃."""
+"""The non-Hamiltonian part r of a modified field, y' = B(y) ∇H̃(y) + r(y), and the rate at which it changes H̃."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 
 MOST_VARIABLES = 6
-"""Formulas are written out for so many variables."""
+"""Largest number of variables for which there are formulas."""
 
 
 class Perturbation:
     """The part r of a modified field f_h = B ∇H̃ + r, and the rate ∇H̃ · r at which H̃ changes.
 
-    Where a method is known as a symplectic one and a perturbation, like the simplified method of Takahashi and Imada, r
-    is the difference of the two modified fields. For others it is f_h itself, of which a Hamiltonian part adds total
-    derivatives to the rate, which no mean sees. Of the rate only ∇H · r is given: in means along solutions of
-    y' = f(y) what is missing has a factor h^p more, p being the order of the method.
+    If a method is a known perturbation of a symplectic one, like the simplified Takahashi–Imada method, r is the
+    difference of the two modified fields. For others it is f_h itself, whose Hamiltonian part contributes only total
+    derivatives to the rate, which have no mean. The rate is given as ∇H · r: for means along solutions of y' = f(y) the
+    omitted part is smaller by a factor h^p, p being the order of the method.
 
     Args:
         method: The method, or its modified field.
@@ -44,12 +44,12 @@ class Perturbation:
 
     Attributes:
         scene: The scene.
-        twin: The symplectic method that r is measured from; None where there is none.
+        twin: The symplectic method that r is relative to; None if there is none.
         field: The modified field f_h.
         series: r, as a function on the scene.
 
     Raises:
-        SeriesError: The scene has no Hamiltonian, or the method's parts are not clear.
+        SeriesError: The scene has no Hamiltonian, or the assignment of the method's parts is ambiguous.
 
     Example:
         >>> import bseries as bs
@@ -78,7 +78,7 @@ class Perturbation:
 
     @property
     def has_formulas(self) -> bool:
-        """Whether formulas are written out: there are few variables, and no decimals."""
+        """Whether there are formulas: few variables, and no decimals."""
         series = self.field.series
         return self.scene.dimension <= MOST_VARIABLES and series.is_exact and series.digits is None
 
@@ -98,11 +98,7 @@ class Perturbation:
             return self.ring.to_expression(self.ring.dot(products))
 
     def rates(self, y: np.ndarray, k: int) -> np.ndarray:
-        """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled.
-
-        Raises:
-            SeriesError: The scene is not canonical.
-        """
+        """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled."""
         pair = canonical_blocks(self.scene.blocks)
         if self.scene.poisson is not None or pair is None:
             raise SeriesError(f"scene must be canonical, but {self.scene.name} is not")
@@ -111,7 +107,7 @@ class Perturbation:
         return (f[q] * r[p] - f[p] * r[q]).sum(axis=0)
 
     def hamiltonian(self, power: int | None) -> ModifiedHamiltonian:
-        """H̃: that of the twin to the order of f_h, or what f_h comes from before a power of h (None: to its order).
+        """H̃: that of the twin to the order of f_h, or the terms of f_h below a power of h (None: all).
 
         Raises:
             SeriesError: It has no formula.
@@ -121,12 +117,12 @@ class Perturbation:
         return modified_hamiltonian(method, self.scene, order, parts=self._parts)
 
     def form(self, k: int) -> list[Element]:
-        """The one-form B^(−1) r at h^k, the differential of K where r is B ∇K."""
+        """The one-form B^(−1) r at h^k, the differential of K if r = B ∇K."""
         return covector(self.series, self._inverse, k)
 
     @property
     def ring(self) -> DifferentialRing:
-        """The ring that the formulas live in."""
+        """The ring of the formulas."""
         return self.series.formulas.ring
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What `energy_drift` found."""
+"""Report of `energy_drift`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.hamiltonians.drift.forms import Break, Turn
+    from bseries.hamiltonians.drift.forms import PeriodGain, Violation
     from bseries.hamiltonians.drift.orbits import Orbit
     from bseries.hamiltonians.drift.perturbations import Perturbation
     from bseries.hamiltonians.drift.statistics import RateStatistics
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 
 LONGEST_FORMULA = 300
 LEADING_DIGITS = 2
-"""Digits of what is known to leading order in h only."""
+"""Digits shown of values that are known to leading order in h."""
 
 
 class DriftReport(NamedTuple):
-    """Whether the energy, or a modified Hamiltonian H̃ that is a function on the space of states, drifts, and how fast.
+    """Whether the energy, or a globally defined modified Hamiltonian H̃, drifts, and how fast.
 
     Attributes:
-        perturbation: What is not Hamiltonian in the modified field, with its formulas `terms(k)` and `rate(k)`.
+        perturbation: The non-Hamiltonian part of the modified field, with its formulas `terms(k)` and `rate(k)`.
         h: The step size, if one was given.
-        verdict: ``"bounded"``, ``"linear drift"``, ``"square-root drift"``, or ``"undecided"`` where data is missing.
-        reason: Why, in one sentence.
-        breaks: The first tree for which the modified field is not Hamiltonian whatever H is.
+        verdict: ``"bounded"``, ``"linear drift"``, ``"square-root drift"``, or ``"undecided"`` if data is missing.
+        reason: The reason in a sentence.
+        breaks: The first tree for which the modified field is not Hamiltonian for every H.
         broken: The first power of h at which it is not Hamiltonian on this scene.
-        orbit: With one degree of freedom the orbit that was looked at.
-        means: The mean rates along that orbit, by power of h.
-        statistics: With several degrees of freedom the rates along a trajectory, by power of h.
+        orbit: The orbit, with one degree of freedom.
+        means: The mean rates along this orbit, by power of h.
+        statistics: The statistics of rates along a trajectory, with several degrees of freedom, by power of h.
 
     Example:
         >>> import bseries as bs
@@ -49,7 +49,7 @@ class DriftReport(NamedTuple):
     verdict: str
     reason: str
     breaks: Tree | None = None
-    broken: Break | None = None
+    broken: Violation | None = None
     orbit: Orbit | None = None
     means: tuple[tuple[int, Any], ...] = ()
     statistics: tuple[tuple[int, RateStatistics], ...] = ()
@@ -60,8 +60,8 @@ class DriftReport(NamedTuple):
         return None if self.broken is None else self.broken.power
 
     @property
-    def turns(self) -> tuple[Turn, ...]:
-        """What the energy gains in a turn of an angle, at h^power."""
+    def turns(self) -> tuple[PeriodGain, ...]:
+        """The energy gained per period of each angle, at h^power."""
         return () if self.broken is None else self.broken.turns
 
     @property
@@ -71,7 +71,7 @@ class DriftReport(NamedTuple):
 
     @property
     def hamiltonian(self) -> ModifiedHamiltonian:
-        """H̃ as far as it is meant: that of the symplectic form, or the terms before h^power.
+        """H̃ up to the violation: that of the symplectic form, or the terms before h^power.
 
         Raises:
             SeriesError: It has no formula.
@@ -80,21 +80,21 @@ class DriftReport(NamedTuple):
 
     @property
     def drift(self) -> tuple[int, Any] | None:
-        """The power of h and its coefficient in the mean of dH̃/dt; None where none is predicted."""
+        """The power of h and its coefficient in the mean of dH̃/dt; None if no drift is predicted."""
         means = self.means or [(k, s.mean) for k, s in self.statistics if s.kind == LINEAR]
         return next(((k, mean) for k, mean in means if mean), None)
 
     @property
     def spread(self) -> tuple[int, float] | None:
-        """The power k of h and D in the variance h^2k · 2 D t of a random walk; None where none was seen."""
+        """The power k of h and D in the variance h^2k · 2 D t of a random walk; None if there is none."""
         found = ((k, s.diffusion) for k, s in self.statistics if s.kind == SQUARE_ROOT)
         return next(found, None)
 
     def slope(self, h: float | None = None) -> float:
-        """The predicted slope of the energy error to leading order in h, by default for the step size that was given.
+        """The predicted slope of the energy error to leading order in h, by default for the given step size.
 
         Raises:
-            SeriesError: There is no step size, or nothing to predict it from.
+            SeriesError: There is no step size, or the slope depends on the orbit.
         """
         h = self.h if h is None else h
         if h is None:
@@ -109,7 +109,7 @@ class DriftReport(NamedTuple):
         return 0.0
 
     def deviation(self, t: float, h: float | None = None) -> float:
-        """The predicted standard deviation of the energy error at a time, of a random walk.
+        """The predicted standard deviation of the energy error of a random walk at a time.
 
         Raises:
             SeriesError: There is no step size, or no random walk.

@@ -1,4 +1,4 @@
-"""The mean of a rate along a long trajectory, its standard error, and how its integral spreads."""
+"""Statistics of a rate along a long trajectory: its mean, the standard error, and the variance of its integral."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ if TYPE_CHECKING:
 
 BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
 BLOCKS = 32
-"""The number of blocks that a trajectory is cut into for its standard error."""
+"""Number of blocks of a trajectory for the standard error."""
 HALVINGS = 4
-"""How often blocks are cut into halves, to see how spread grows with time."""
+"""Number of times that blocks are halved, for the growth of the variance with time."""
 CERTAIN = 4.0
-"""What is so many standard errors from zero is not zero."""
+"""Number of standard errors that is significant."""
 MOST_OF_ALL = 0.7
-"""A block that has so much of the sum of squares is not one of many."""
+"""Largest part of a block in the sum of squares of a stationary rate."""
 STEEPEST = 1.5
-"""Variances that grow faster than t to this power (t² for what goes one way) are those of blocks that are too short."""
+"""Largest growth exponent of variances (2 for a linear drift); above it correlations are longer than blocks."""
 
 
 class RateStatistics(NamedTuple):
-    """What a rate r, sampled along a trajectory, tells about its integral W(t) = ∫ r dt.
+    """Statistics of a rate r sampled along a trajectory, and of its integral W(t) = ∫ r dt.
 
     Over times that are longer than correlations last, W has the mean m t and the variance c + 2 D t: c comes from the
     part of r that is a derivative of a bounded function, and D from what is left.
 
     Attributes:
-        time: How long the trajectory is.
+        time: The length of the trajectory.
         mean: m, the mean of the rate.
         error: Its standard error, from the longest blocks.
         diffusion: D, from the variances of blocks of several lengths.
         diffusion_error: Its standard error.
         growth: The exponent γ of the power t^γ that fits the variances of blocks.
-        largest: The part of a single block in the sum of squares of all: near 1, the rate is not stationary.
+        largest: The largest part of a block in the sum of squares of all: near 1, the rate is not stationary.
 
     Example:
         >>> import numpy as np
@@ -59,8 +59,8 @@ class RateStatistics(NamedTuple):
     def kind(self) -> str:
         """``"linear drift"``, ``"square-root drift"``, ``"bounded"`` or ``"undecided"``.
 
-        Bounded are rates of which neither drift is seen within this time. Undecided are those that have not the same
-        law all the time, as when a trajectory leaves its energy, or whose correlations last longer than blocks.
+        A rate is bounded if neither drift is significant within this time, and undecided if it is not stationary, as
+        when a trajectory leaves its energy, or has correlations longer than the blocks.
         """
         if self.largest > MOST_OF_ALL or self.growth > STEEPEST:
             return UNDECIDED
@@ -74,10 +74,7 @@ def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
 
     Args:
         rates: The rate at equidistant times, (n,).
-        dt: The time between two.
-
-    Raises:
-        SeriesError: There are too few values, or some are not finite.
+        dt: The time between two values.
 
     References:
         H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
@@ -102,7 +99,7 @@ def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
 
 
 def _slope(times: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
-    """D and its error, of c + 2 D t fitted to variances whose relative errors are those of so many blocks."""
+    """D and its error, of c + 2 D t fitted to variances with the relative errors of their numbers of blocks."""
     import numpy as np
 
     if not variances.all():

@@ -14,24 +14,24 @@ from bseries.advice.growth import (
     change_after,
     energy_after,
     from_parts,
-    goes_on,
+    is_unbounded,
     size_after,
     size_of_states_after,
     window_means,
 )
 from bseries.advice.modified_terms import modified_terms
-from bseries.advice.prediction import perturbation_run as pilots
-from bseries.advice.prediction.perturbation_run import pilot
+from bseries.advice.prediction import perturbation_run as runs_module
+from bseries.advice.prediction.perturbation_run import perturbation_run
 
 FACTOR = 3.0
 PENDULUM = bs.scene("pendulum")
-SHIPPED = pilots.MOST_POINTS
+SHIPPED = runs_module.MOST_POINTS
 
 
 @pytest.fixture(autouse=True)
 def short_pilots(monkeypatch):
     """Half as long as they are otherwise."""
-    monkeypatch.setattr(pilots, "MOST_POINTS", SHIPPED // 2)
+    monkeypatch.setattr(runs_module, "MOST_POINTS", SHIPPED // 2)
 
 
 def predicted(scene, method, h, steps, **options):
@@ -85,7 +85,7 @@ def test_errors_are_within_a_factor_of_three(name, method, h, steps, finer):
     ],
 )  # fmt: skip
 def test_errors_with_the_pilots_that_are_shipped(name, method, h, steps, finer, monkeypatch):
-    monkeypatch.setattr(pilots, "MOST_POINTS", SHIPPED)
+    monkeypatch.setattr(runs_module, "MOST_POINTS", SHIPPED)
     test_errors_are_within_a_factor_of_three(name, method, h, steps, finer)
 
 
@@ -142,7 +142,7 @@ def test_a_wrong_order_would_be_noticed():
 def test_extrapolation_by_a_wrong_law_fails():
     """Rk4 loses energy, and its solution error is quadratic: the linear law of symplectic methods is far off."""
     kepler, h, steps = bs.scene("kepler"), 0.01, 500_000
-    found = pilot(modified_terms(bs.method("rk4"), kepler), kepler.y0, h, h * steps)
+    found = perturbation_run(modified_terms(bs.method("rk4"), kepler), kepler.y0, h, h * steps)
     assert found is not None
     sizes, times = np.linalg.norm(found.errors, axis=0), h * steps / found.t[-1]
     assert size_after(sizes, times, 2) > 5 * size_after(sizes, times, 1)
@@ -558,7 +558,7 @@ class TestGrowth:
 
     def test_states_that_go_on(self):
         angle, radius = 0.5 * self.t + np.sin(self.t), 2 + np.cos(self.t)
-        assert [goes_on(row) for row in (angle, radius)] == [True, False]
+        assert [is_unbounded(row) for row in (angle, radius)] == [True, False]
         later = size_of_states_after(np.array([angle, radius]), 50.0)
         assert later.value == pytest.approx(50 * 100, rel=0.01)
         assert later.disagreement < EVEN
@@ -568,7 +568,7 @@ class TestGrowth:
     def test_states_that_only_seem_to_go_on(self, turns):
         """Less than a turn of an oscillation looks like a way to infinity, but not like an even one."""
         y = np.array([np.sin(2 * np.pi * turns * self.t / 200)])
-        assert goes_on(y[0])
+        assert is_unbounded(y[0])
         assert size_of_states_after(y, 50.0).disagreement > EVEN
         assert size_of_states_after(self.t[None] ** 2, 50.0).disagreement > EVEN
 

@@ -15,12 +15,12 @@ from bseries.advice.distances import relative_distance
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision import run_errors
 from bseries.advice.work_precision.candidates import candidate, candidates, modifying_scene
+from bseries.advice.work_precision.curves import Curve, Extrapolation, Row
 from bseries.advice.work_precision.dense_reference import DenseReference
-from bseries.advice.work_precision.extrapolation import outlook
-from bseries.advice.work_precision.outlooks import Outlook
+from bseries.advice.work_precision.extrapolation import fitted_extrapolation
 from bseries.advice.work_precision.recommendation import largest_step
 from bseries.advice.work_precision.run_errors import Judge, RunErrors
-from bseries.advice.work_precision.sweeps import Curve, Row, time_scale
+from bseries.advice.work_precision.sweeps import time_scale
 
 METHODS = ("stormer-verlet", "rk4", "gauss2")
 ROTATING = bs.scene("pendulum").with_start(p=[3], q=[0])
@@ -242,7 +242,7 @@ def test_modifying_fields_are_refused_where_formulas_would_be_long():
 @pytest.mark.parametrize("error", [1e-2, 1e-4, 1e-6])
 def test_the_step_is_the_largest_that_meets_the_error(pendulum, judge, error):
     for found in pendulum.curves:
-        step = largest_step(judge, found, Outlook(), error, "solution")
+        step = largest_step(judge, found, Extrapolation(), error, "solution")
         if step is None:
             assert found.candidate.name == "stormer-verlet"
             assert error == 1e-6
@@ -254,7 +254,7 @@ def test_the_step_is_the_largest_that_meets_the_error(pendulum, judge, error):
 
 @pytest.mark.usefixtures("laws")
 def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
-    ahead = [outlook(judge, found, 4.0) for found in pendulum.curves]
+    ahead = [fitted_extrapolation(judge, found, 4.0) for found in pendulum.curves]
     assert [until[:3] for until in ahead] == [(4.0, drifts, 1.0) for drifts in (False, True, False)]
     whole = Judge(pendulum.scene, 80.0, ("solution",))
     known = 0
@@ -275,7 +275,7 @@ def test_longer_spans_follow_the_growth_of_errors(pendulum, judge):
 @pytest.fixture
 def laws(monkeypatch):
     """The modified equation says nothing, so that laws count."""
-    monkeypatch.setattr("bseries.advice.work_precision.extrapolation.foreseen", lambda *_: None)
+    monkeypatch.setattr("bseries.advice.work_precision.extrapolation.predicted_factor", lambda *_: None)
 
 
 @pytest.mark.slow
@@ -363,27 +363,27 @@ def test_energies_may_drift_where_modified_terms_cannot_be_had(pendulum, judge, 
         raise bs.SeriesError("too high an order")
 
     verlet = curve(pendulum, "stormer-verlet")
-    assert not outlook(judge, verlet, 4.0).drifts
+    assert not fitted_extrapolation(judge, verlet, 4.0).drifts
     monkeypatch.setattr(run_errors, "modified_terms", refuse)
-    assert outlook(judge, verlet, 4.0).drifts
-    assert outlook(judge, verlet, 1.0) == Outlook()
+    assert fitted_extrapolation(judge, verlet, 4.0).drifts
+    assert fitted_extrapolation(judge, verlet, 1.0) == Extrapolation()
 
 
 def test_modifying_integrators_drift_as_their_methods_do():
     found = bs.work_precision(bs.scene("pendulum"), "modifying-midpoint4", span=5, errors=(1e-1, 1e-3), budget=BUDGET)
-    assert not outlook(Judge(found.scene, found.span), found.curves[0], 2.0).drifts
+    assert not fitted_extrapolation(Judge(found.scene, found.span), found.curves[0], 2.0).drifts
 
 
 def test_errors_that_grow_exponentially_are_noticed():
     times = np.linspace(0, 1, 201)
 
     def after(course, drifts):
-        return Outlook(4.0, drifts).error(RunErrors(solution=1.0, courses={"solution": course}), "solution")
+        return Extrapolation(4.0, drifts).error(RunErrors(solution=1.0, courses={"solution": course}), "solution")
 
     assert after(times, False) == pytest.approx(4, rel=0.3)
     assert after(times**2, True) == pytest.approx(16, rel=0.3)
     assert after(np.exp(20 * (times - 1)), True) is None
-    uneven = Outlook(4.0, growth=None)
+    uneven = Extrapolation(4.0, growth=None)
     assert uneven.error(RunErrors(solution=1.0, courses={"solution": times}), "solution") is None
 
 

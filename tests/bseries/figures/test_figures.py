@@ -29,8 +29,8 @@ from bseries.figures import (
     toda,
     truncation,
 )
+from bseries.figures.helpers import truncated_scene
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
-from bseries.figures.truncated_scenes import truncated_scene
 from bseries.plotting import FORMATS, new_figure, picture, picture_format
 
 pytest.importorskip("matplotlib")

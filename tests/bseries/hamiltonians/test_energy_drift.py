@@ -14,12 +14,11 @@ import sympy
 
 import bseries as bs
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.drift.forms import breaks, common_period
+from bseries.hamiltonians.drift.forms import common_period, takahashi_imada_integral, violations
 from bseries.hamiltonians.drift.mean_rates import energy_drift
 from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.drift.perturbations import Perturbation
 from bseries.hamiltonians.drift.statistics import rate_statistics
-from bseries.hamiltonians.drift.takahashi_imada import takahashi_imada_integral
 from integrators.methods.kinds.force_gradient import TakahashiImada
 
 REFERENCE = Path(__file__).parents[2] / "reference"
@@ -221,7 +220,7 @@ def test_the_gain_of_a_turn_is_the_flux_of_the_map():
     f = -scene.hamiltonian.subs(P, 0).diff(Q)
     r = Perturbation(ANY_SIMPLIFIED, scene, 7)
     for k, least in ((4, 1), (6, 5)):
-        found = next(breaks(r, least))
+        found = next(violations(r, least))
         m = k // 2
         term = sympy.lambdify(Q, f.diff(Q, m) * f**m / sympy.factorial(m), "mpmath")
         flux = mpmath.quad(term, mpmath.linspace(0, 2 * mpmath.pi, 9))
@@ -378,7 +377,9 @@ def test_periods_of_the_pendulum(p0):
     m = mpmath.mpf(p0) ** 2 / 4
     expected = 4 * mpmath.ellipk(m) if m < 1 else 2 * mpmath.ellipk(1 / m) / mpmath.sqrt(m)
     assert abs(orbit.period / expected - 1) < 1e-14
-    assert (orbit.kind, orbit.turns) == (("rotating", {1: int(np.sign(p0))}) if m > 1 else ("oscillating", {1: 0}))
+    assert (orbit.kind, orbit.revolutions) == (
+        ("rotating", {1: int(np.sign(p0))}) if m > 1 else ("oscillating", {1: 0})
+    )
 
 
 def test_an_orbit_that_is_a_point():

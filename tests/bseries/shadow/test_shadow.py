@@ -16,10 +16,10 @@ from shadow_oracles import evaluated
 import bseries as bs
 from bseries.shadow import files, kernels, trajectory_energies
 from bseries.shadow.formulas import shadow_formula
-from bseries.shadow.measurement import formula_arrays
 from bseries.shadow.report import check_picture
 from bseries.shadow.roundings import written
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
+from bseries.shadow.trajectory_energies import formula_arrays
 from integrators.core import stored_arrays, text_files
 
 H = 0.1
