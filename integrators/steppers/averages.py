@@ -82,7 +82,7 @@ def _count(call: Call, writer: StepWriter) -> int:
     for term, output in writer.structure.outputs(call.node.piece, call.blocks):
         found = degree(output_formula(term, output), [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))])
         if found is None:
-            return writer.average_nodes or NODES
+            return writer.options.average_nodes or NODES
         highest = max(highest, found)
     return (highest * length + max(length - 1, int(call.node.detail))) // 2 + 1
 

@@ -55,7 +55,7 @@ def flow_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     structure = writer.structure
     forced = {block for point in forcing for block, form in point if form.terms}
     moving = [block for block, _ in start if block in forced or block in structure.writes(piece)]
-    linear = None if writer.varies else _linear_flow(call, moving, structure)
+    linear = None if writer.options.control is not None else _linear_flow(call, moving, structure)
     if linear is not None:
         return _linear_lines(call, target, linear, writer)
     if len(forcing) <= 1 and is_diagonal(structure, piece, moving):

@@ -77,7 +77,12 @@ class NewtonMatrix:
             for a, b in self.structure.blocks[block]:
                 self.unknowns.append(UnknownRange(e, block, a, b, self.size))
                 self.size += b - a
-        check_matrix(self.size, self.structure.scene.name)
+        refuse_beyond_memory(
+            16 * self.size**2,  # this matrix, and about the same size for Jacobians
+            IntegratorError,
+            f"scene must be smaller for Newton's method: {self.size} unknown stage derivatives in a step of "
+            f"{self.structure.scene.name}",
+        )
         self._jacobians: dict[Jacobian, int] = {}
         self._products: dict[Path, int] = {}
         self._keys = set(group.unknowns)
@@ -160,14 +165,6 @@ class NewtonMatrix:
                 for a, b, c in product(blocks[rows], blocks[inner], blocks[path[-1][2]])
             ]
         return self._products[path]
-
-
-def check_matrix(size: int, scene: str) -> None:
-    """Refuse dense matrices beyond memory: that of the unknowns, and about as much for Jacobians."""
-    refuse_beyond_memory(
-        16 * size**2, IntegratorError,
-        f"scene must be smaller for Newton's method: {size} unknown stage derivatives in a step of {scene}",
-    )  # fmt: skip
 
 
 def _arguments(node: Node) -> Iterator[tuple[Fraction, Point]]:

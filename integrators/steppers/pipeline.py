@@ -17,21 +17,12 @@ from integrators.steppers.source import KERNELS, StepSource, step_source
 from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
-    import sympy
-
     from integrators.methods.program.program import Method
     from integrators.scenes.scene import Scene
+    from integrators.steppers.step_model import Options
 
 
-def compile_step(
-    method: Method,
-    scene: Scene,
-    parts: Mapping[str, Any] | None,
-    *,
-    solver: str,
-    control: sympy.Expr | None,
-    **options: Any,
-) -> CompiledStep:
+def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> CompiledStep:
     """Compile one step of a method on a scene.
 
     ::
@@ -58,14 +49,12 @@ def compile_step(
         method: The method.
         scene: The scene.
         parts: The pieces of the field for the parts of the method, as for `stepper`.
-        solver: The solver of implicit stages, ``fixed-point`` or ``newton``.
-        control: The step size function; None for constant steps.
-        **options: The other options of `step_source`.
+        options: The options of the source.
     """
     structure = Structure(scene, method_pieces(method, scene, parts))
     nodes = Nodes(method, structure)
-    step = plan(nodes, stagger=control is None)
-    source = step_source(nodes, step, solver=solver, control=control, **options)
+    step = plan(nodes, stagger=options.control is None)
+    source = step_source(nodes, step, options)
     return CompiledStep(source)
 
 

@@ -20,12 +20,11 @@ from integrators.steppers.flows import flow_lines
 from integrators.steppers.functions import diagonal
 from integrators.steppers.implicit_stages import first_values, fixed_point_lines, newton_lines
 from integrators.steppers.plan import allocate
-from integrators.steppers.step_model import Call, Form, Group, Key, Plan
+from integrators.steppers.step_model import Call, Form, Group, Key, Options, Plan
 from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
 
 if TYPE_CHECKING:
     import numpy as np
-    import sympy
 
     from integrators.steppers.nodes import Nodes
 
@@ -90,56 +89,24 @@ class StepSource(NamedTuple):
     iterates: bool
 
 
-def step_source(
-    nodes: Nodes,
-    plan: Plan,
-    *,
-    compensated: bool,
-    split: bool,
-    solver: str,
-    average_nodes: int | None = None,
-    control: sympy.Expr | None = None,
-) -> StepSource:
+def step_source(nodes: Nodes, plan: Plan, options: Options) -> StepSource:
     """Write the source of a step.
-
-    Args:
-        nodes: The nodes of the method on the scene.
-        plan: The plan of the step.
-        compensated: Whether sums y + increment are compensated.
-        split: Whether coefficients of implicit methods are split into a short head and a tail, so that their rounding
-            errors are as random as all others.
-        solver: The solver of implicit stages, ``fixed-point`` or ``newton``.
-        average_nodes: The number of nodes for averages of fields that are no polynomials.
-        control: The step size function; None for constant steps.
 
     References:
         Hairer, McLachlan, Razakarivony, BIT 48 (2008) 231–243, doi:10.1007/s10543-008-0170-3 (split coefficients,
         compensation, iteration until stagnation).
     """
 
-    def step(once: frozenset[Key]) -> _Step:
-        writer = StepWriter(
-            nodes,
-            plan,
-            CALLS,
-            compensated=compensated,
-            split=split,
-            average_nodes=average_nodes,
-            varies=control is not None,
-            once=once,
-        )
-        return _Step(writer, solver, control)
-
     # the first pass finds stage derivatives that are read once, and the second substitutes them where they are read
-    return step(once=step(once=frozenset()).read_once()).source()
+    once = _Step(StepWriter(nodes, plan, CALLS, options, once=frozenset())).read_once()
+    return _Step(StepWriter(nodes, plan, CALLS, options, once)).source()
 
 
 class _Step:
     """A planned step and the writer of its module."""
 
-    def __init__(self, writer: StepWriter, solver: str, control: sympy.Expr | None):
+    def __init__(self, writer: StepWriter):
         self.writer, self.plan, self.structure, self.forms = writer, writer.plan, writer.structure, writer.forms
-        self.solver, self.control = solver, control
 
     def read_once(self) -> frozenset[Key]:
         """Stage derivatives of diagonal pieces that only the next call reads and that can be substituted there."""
@@ -175,7 +142,8 @@ class _Step:
             writer.array(f"k{register}")
         load, store, memory = self._memory_lines()
         body = [*(line for lines in pieces for line in lines), *self._reuse_lines(registers)]
-        control = ControlText() if self.control is None else control_text(self.control, writer)
+        formula = writer.options.control
+        control = ControlText() if formula is None else control_text(formula, writer)
         first += self._kick_lines()
         start = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         start += ["else:", *indented(load)] if memory else []
@@ -200,7 +168,7 @@ class _Step:
     def _work_lines(self, work: Call | Group) -> list[str]:
         if isinstance(work, Call):
             return self.writer.call_lines(work)
-        return GROUPS[self.solver](work, self.writer)
+        return GROUPS[self.writer.options.solver](work, self.writer)
 
     def _first_lines(self) -> list[str]:
         """Statements before the first step, for stage derivatives that each step takes over from the one before."""
@@ -261,7 +229,7 @@ class _Step:
 
     def _state_lines(self, line: str, compensating: str) -> list[str]:
         """Loops over the whole state, one for each block, as in the step itself."""
-        lines = [line, *([compensating] * self.writer.compensated)]
+        lines = [line, *([compensating] * self.writer.options.compensated)]
         return [text for block in range(len(self.structure.blocks)) for text in self.forms.loop(block, lines)]
 
 

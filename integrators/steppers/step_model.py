@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import sympy
 
 DECIMALS = 40
 """Relative accuracy of the rational coefficients: 10^-40."""
@@ -130,6 +133,16 @@ class Plan(NamedTuple):
         """How many points a step computes in each block."""
         calls = (work for work in self.computed if isinstance(work, Call))
         return Counter(block for call in calls for point in call.node.points for block, _ in point)
+
+
+class Options(NamedTuple):
+    """Options of the source of a step, as for `stepper`; the solver is ``fixed-point`` or ``newton``."""
+
+    solver: str
+    compensated: bool
+    split: bool
+    average_nodes: int | None
+    control: sympy.Expr | None
 
 
 def fraction(number: Any) -> Fraction:

@@ -26,6 +26,7 @@ from integrators.steppers.run_input import (
     rows_from,
 )
 from integrators.steppers.states import State, StepError
+from integrators.steppers.step_model import Options
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,19 +54,17 @@ class Stepper:
         True
     """
 
-    def __init__(self, scene: Scene, method: Method, parts: Any, control: Any, options: Mapping[str, Any]):
-        self.scene, self.method = scene, method
-        self.control = control
-        self._parts, self._options = parts, dict(options)
-        solver = self._options.pop("solver")
-        self._is_free = solver == "auto"
-        self._first_solver = "fixed-point" if self._is_free else solver
+    def __init__(self, scene: Scene, method: Method, parts: Any, options: Options):
+        self.scene, self.method, self.control = scene, method, options.control
+        self._parts, self._options = parts, options
+        self._is_free = options.solver == "auto"
+        self._first_solver = "fixed-point" if self._is_free else options.solver
         self.source = self._compiled(self._first_solver).source.text
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
     @remembered
     def _compiled(self, solver: str) -> CompiledStep:
-        return compile_step(self.method, self.scene, self._parts, solver=solver, control=self.control, **self._options)
+        return compile_step(self.method, self.scene, self._parts, self._options._replace(solver=solver))
 
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
@@ -130,13 +129,7 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
-        steps = self._checked(state, steps)
-        while steps > 0:
-            before = state.copy()
-            if self._run(state, steps):
-                break
-            steps -= self._go_back(state, before, steps)
-            self._change_solver(state)
+        self.record(state, steps)
 
     def record(
         self,
@@ -370,13 +363,11 @@ def stepper(
     if average_nodes is not None and (type(average_nodes) is not int or not 1 <= average_nodes <= MOST_NODES):
         given = shorten(repr(average_nodes))
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
-    options = {"compensated": compensated, "split": split, "solver": solver, "average_nodes": average_nodes}
     formula = None if control is None else read_control(control, scene)
-    return _stepper(scene, scene.name, method, parts_key(parts), formula, tuple(options.items()))
+    options = Options(solver, compensated, split, average_nodes, formula)
+    return _stepper(scene, scene.name, method, parts_key(parts), options)
 
 
 @lru_cache(maxsize=256)
-def _stepper(
-    scene: Scene, name: str, method: Any, parts: Any, control: Any, options: tuple[tuple[str, Any], ...]
-) -> Stepper:
-    return Stepper(scene, method, None if parts is None else dict(parts), control, dict(options))
+def _stepper(scene: Scene, name: str, method: Any, parts: Any, options: Options) -> Stepper:
+    return Stepper(scene, method, None if parts is None else dict(parts), options)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from integrators.steppers.functions import Diagonal
     from integrators.steppers.nodes import Nodes
-    from integrators.steppers.step_model import Call, Key, Plan
+    from integrators.steppers.step_model import Call, Key, Options, Plan
 
 
 MOST_STACK = 32_768
@@ -92,10 +92,7 @@ class StepWriter(WorkArrays):
         nodes: The nodes of the method on the scene.
         plan: The plan of the step.
         calls: The writers of calls, by the kind of node.
-        compensated: Whether sums are compensated.
-        split: Whether coefficients of implicit methods are split.
-        average_nodes: The number of nodes for averages of fields that are no polynomials.
-        varies: Whether the step size varies.
+        options: The options of the step.
         once: Stage derivatives that only the next call reads, and that are substituted into its point.
 
     Attributes:
@@ -113,18 +110,12 @@ class StepWriter(WorkArrays):
         nodes: Nodes,
         plan: Plan,
         calls: Mapping[str, CallWriter],
-        *,
-        compensated: bool,
-        split: bool,
-        average_nodes: int | None,
-        varies: bool,
+        options: Options,
         once: frozenset[Key],
     ):
         structure = nodes.structure
         super().__init__(structure.scene.dimension, ModuleText(precise=False, lanes=True, plain=True))
-        self.nodes, self.structure, self.plan = nodes, structure, plan
-        self.average_nodes, self.varies, self.once = average_nodes, varies, once
-        self.compensated = compensated
+        self.nodes, self.structure, self.plan, self.options, self.once = nodes, structure, plan, options, once
         self.averaged: object = None
         self.known: dict[object, str] = {}
         self.matrices: dict[object, str] = {}
@@ -133,8 +124,8 @@ class StepWriter(WorkArrays):
         self.functions = Functions(structure, self.module)
         iterates = bool(plan.groups)
         points = None if iterates else plan.points()
-        self.forms = FormWriter(structure, plan.result, points, compensated, split and iterates)
-        for name in ("y", "z", "d", *(["e"] * compensated)):
+        self.forms = FormWriter(structure, plan.result, points, options.compensated, options.split and iterates)
+        for name in ("y", "z", "d", *(["e"] * options.compensated)):
             self.array(name)
 
     def call_lines(self, call: Call, target: str | None = None) -> list[str]:
