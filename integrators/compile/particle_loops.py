@@ -1,4 +1,7 @@
-"""Sums over sites as lines of Python: loops around formulas in local variables, without arrays of their own."""
+"""Sums over particles in Python: loops around local formulas, or passes over SIMD lanes.
+
+A site is the position of a particle in the arrays of a scene, and a row of sites holds the particles of one summand.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,8 @@ from integrators.scenes.model.terms import Sites
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.scenes.model.local_terms import Argument, Data, LocalTerm, Place
+    from integrators.scenes.model.local_terms import Data, LocalTerm
     from integrators.scenes.model.system import System
-    from integrators.scenes.model.terms import Sites
 
 
 INDICES = ("i", "j", "k", "l")
@@ -24,7 +26,7 @@ INDICES = ("i", "j", "k", "l")
 
 
 class Context(Protocol):
-    """What lines need from the text around them."""
+    """The module that the lines are written for, `ModuleText`."""
 
     number: str | None
     zero: str
@@ -44,9 +46,9 @@ class SiteSum:
 
     Attributes:
         sites: The rows.
-        outputs: A formula for each place it is added at; what else a key can be is up to the user of the class.
+        outputs: Formulas by the place to which they are added, or by another key of the caller.
         arguments: The symbol of each local variable.
-        data: The symbol of each parameter that differs from site to site.
+        data: The symbol of each parameter that differs between particles.
     """
 
     def __init__(self, sites: Sites):
@@ -57,8 +59,7 @@ class SiteSum:
 
     @classmethod
     def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
-        """Formulas in the variables of a scene, summed over nothing."""
-
+        """Formulas in the variables of a scene, without a sum."""
         total = cls(Sites("single"))
         names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}
         total.outputs = {key: formula.xreplace(names) for key, formula in outputs.items()}
@@ -81,7 +82,7 @@ class SiteSum:
         return self.arguments.setdefault(argument, sympy.Symbol(name))
 
     def _datum(self, data: Data) -> sympy.Expr:
-        """The symbol of a parameter with a value for each site; the value itself where all sites have the same."""
+        """The symbol of a parameter of particles; its value if it is the same for all."""
         import sympy
 
         if len(set(data.values)) == 1:
@@ -89,7 +90,7 @@ class SiteSum:
         return self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}"))
 
     def covered(self, place: Place) -> set[int]:
-        """The entries that one pass over the rows writes once each at a place; none if it may write one twice."""
+        """The entries that a pass over the rows writes at a place; empty if it may write one twice."""
         if self.sites.kind == "single":
             return {place.offset}
         if self.sites.kind == "each" and place.stride:
@@ -97,14 +98,14 @@ class SiteSum:
         return set()
 
     def lines(self, targets: Mapping[Any, str], context: Context) -> list[str]:
-        """The statements.
+        """Statements for the sum.
 
         Args:
-            targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``, in the order wanted.
-            context: How numbers are written.
+            targets: Left-hand sides with ``=`` or ``+=`` by the keys of the outputs, in order of computation.
+            context: The module under construction.
 
         Returns:
-            The lines, indented from 0. Over pairs, what belongs to the first site is read before the inner loop and
+            The lines, indented from 0. For pairs, data of the first particle are read before the inner loop and
             written after it.
         """
         if not self.outputs:
@@ -139,12 +140,12 @@ class SiteSum:
         return self.loop(before, body, after, context)
 
     def names(self) -> dict[Any, str]:
-        """What the formulas use."""
+        """The texts of the symbols that the formulas contain."""
         free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
         return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
 
     def loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
-        """A loop over the rows, with statements before and after the inner loop over second sites of pairs."""
+        """A loop over the rows; for pairs with statements before and after the inner loop."""
         kind, n = self.sites.kind, self.sites.count
         if kind == "single":
             return body
@@ -160,7 +161,7 @@ class SiteSum:
 
 
 def difference(argument: Argument, known: Mapping[Any, str] | None = None) -> str:
-    """The text of a local variable: an entry of the state, or the difference of two."""
+    """The text of a local variable: an entry of the state, or a difference of two."""
     places = [place for place in argument if place is not None]
     return " - ".join((known or {}).get(place) or entry("y", place) for place in places)
 
@@ -174,7 +175,7 @@ def entry(array: str, place: Place) -> str:
 
 
 def zeros(entries: Iterable[int], zero: str) -> list[str]:
-    """Statements that set entries of `out` to zero: consecutive ones by a loop."""
+    """Statements that set entries of `out` to zero, by loops if possible."""
     lines: list[str] = []
     for _, run in groupby(enumerate(sorted(entries)), key=lambda pair: pair[1] - pair[0]):
         places = [place for _, place in run]
@@ -192,15 +193,15 @@ def indented(lines: Iterable[str]) -> list[str]:
 
 
 FILL = 4
-"""Lanes of one loop are filled up to a multiple of so many; what idle ones give is lost."""
+"""The number of lanes is a multiple of this; results of padding lanes are not used."""
 
 
 class Ring(NamedTuple):
-    """The lanes of all pairs of n sites.
+    """SIMD lanes for all pairs of n sites, taken as a ring.
 
     Attributes:
-        rows: The pair of each lane, its smaller site first; idle lanes repeat the last one.
-        lanes: For each distance from 1 to n/2 the lane of every site with the site so far on.
+        rows: The pair of each lane, in ascending order; padding lanes repeat the last pair.
+        lanes: For each distance d from 1 to n/2 the lanes of the pairs (site, site + d mod n).
     """
 
     rows: list[tuple[int, ...]]
@@ -208,7 +209,7 @@ class Ring(NamedTuple):
 
     @classmethod
     def of(cls, n: int) -> Ring:
-        """The lanes for n sites: those of sites that fill vectors come first, distance by distance.
+        """Number the lanes by distance, first those that fill whole vectors.
 
         Example:
             >>> Ring.of(3)
@@ -221,19 +222,19 @@ class Ring(NamedTuple):
                 for site in sites:
                     numbers.setdefault(_pair(site, distance, n), len(numbers))
         return cls(
-            filled([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
+            padded([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
         )
 
 
-def filled(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """The rows of all lanes, idle ones among them."""
+def padded(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The rows of all lanes, with padding."""
     return rows + rows[-1:] * (-len(rows) % FILL)
 
 
 def lane_data(
     total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], context: Context
 ) -> dict[sympy.Symbol, str]:
-    """How lanes, each for a row of sites, read parameters that differ from site to site."""
+    """The texts of parameters of particles in lane r."""
     return {
         symbol: f"{context.numbers([data.values[row[data.role]] for row in rows])}[r]"
         for data, symbol in total.data.items()
@@ -247,7 +248,7 @@ def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
 
 
 def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
-    """Whether all is added up over pairs, or to entries of both sites, the same but for the sign."""
+    """Whether each output is a sum over all pairs, or is added to both particles up to a sign."""
     if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
         return False
     at_sites = {key: target for key, target in targets.items() if not _is_total(target)}
@@ -258,7 +259,7 @@ def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any,
 
 
 def _is_total(target: str) -> bool:
-    """Whether all pairs are added up, for a variable that is no entry of an array."""
+    """Whether a target is a scalar, to which all pairs are added."""
     return "[" not in target
 
 
@@ -269,16 +270,15 @@ def ring_lines(
     scatter: Mapping[Any, tuple[int, str]],
     context: Context,
 ) -> list[str]:
-    """The statements of a sum that suits.
+    """Statements for a sum over pairs in a ring.
 
     Args:
-        total: The sum.
-        targets: For keys of the outputs the left-hand side.
+        total: The sum, which `suits_ring`.
+        targets: Left-hand sides by the keys of the outputs.
         values: The formulas.
-        scatter: For each output its formula's number and its sign.
-        context: How numbers are written.
+        scatter: For each output the number of its formula, and a sign.
+        context: The module under construction.
     """
-
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
     copies, differences = _gather(arguments, ring, n, context)
@@ -302,7 +302,7 @@ def _over_pairs(number: int, sign: str, count: int) -> str:
 
 
 def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
-    """For each place in the sites, its offset and stride, what the two sites of a pair are given."""
+    """For each offset and stride, the contributions to the two particles of a pair."""
     found: dict[tuple[int, int], dict[int, tuple[int, str]]] = {}
     for place, value in scatter.items():
         found.setdefault((place.offset, place.stride), {})[place.role] = value
@@ -310,7 +310,7 @@ def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], d
 
 
 def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Context) -> tuple[list[str], list[str]]:
-    """Statements that copy entries of all sites to arrays, and those that make local variables of lanes."""
+    """Statements that gather entries of all particles, and those that compute the local variables of a lane."""
     sites = [context.sites(column) for column in zip(*ring.rows, strict=True)]
     arrays: dict[tuple[int, int], str] = {}
 
@@ -332,7 +332,7 @@ def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Cont
 def _sum_lines(
     place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, context: Context
 ) -> list[str]:
-    """Statements that add to every site what its pairs give it."""
+    """Statements that add to each particle the contributions of its pairs."""
     (number, first), (_, second) = roles[0], roles[1]
     terms = [
         _term(f"v{number}[{context.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], context)
@@ -343,10 +343,10 @@ def _sum_lines(
 
 
 def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]]:
-    """For all sites a lane each, and whether the site is the first of that pair; over again until they had all."""
+    """Sets of one pair for each site, as lanes and whether the site is the first of its pair; in all, every pair."""
     for distance, lanes in enumerate(ring.lanes, 1):
         yield lanes, [site + distance < n for site in range(n)]
-        if 2 * distance < n:  # otherwise the site so far back is the one so far on
+        if 2 * distance < n:  # otherwise both neighbours at this distance are the same
             yield [lanes[site - distance] for site in range(n)], [site < distance for site in range(n)]
 
 
@@ -359,7 +359,7 @@ def _term(value: str, signs: Sequence[str], context: Context) -> str:
 
 
 def _balanced(terms: Sequence[str]) -> str:
-    """A sum in which no term waits for more than the logarithm of their number of others."""
+    """A sum as a balanced tree, of logarithmic depth."""
     if len(terms) < 3:
         return " + ".join(terms)
     half = len(terms) // 2
@@ -370,11 +370,11 @@ FEWEST_LANES, FEWEST_PAIRS = 8, 3
 MOST_FLAT = MOST_PERMUTED
 MOST_LANES = 4096
 SLOW = {"call", "power"}
-"""Operations that have no vector instructions: they take so long that nothing else matters."""
+"""Operations without vector instructions, which dominate the time."""
 
 
 def suits_lanes(total: SiteSum) -> bool:
-    """Whether three passes are faster than one."""
+    """Whether three passes (gather, formula, scatter) are faster than one."""
     kind, n = total.sites.kind, total.sites.count
     if kind in ("single", "each") or total.sites.size < (FEWEST_PAIRS if kind == "pairs" else FEWEST_LANES):
         return False
@@ -385,14 +385,7 @@ def suits_lanes(total: SiteSum) -> bool:
 
 
 def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> list[str]:
-    """The statements of a sum in three passes.
-
-    Args:
-        total: The sum.
-        targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``.
-        context: How numbers are written.
-    """
-
+    """Statements for a sum in three passes over its lanes: gather, formula, scatter."""
     flat = total.sites.size <= MOST_FLAT
     lane = "r" if flat else "j"
     values, scatter = _values({key: total.outputs[key] for key in targets})
@@ -401,7 +394,7 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
-    rows = filled([*total.sites.rows()]) if flat else []
+    rows = padded([*total.sites.rows()]) if flat else []
     data, row = (lane_data(total, names, rows, context), []) if flat else _data(total, names, context)
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
@@ -427,7 +420,7 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
 
 
 def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[Any, tuple[int, str]]]:
-    """Different values up to their sign, and for each output which of them it is, with the sign."""
+    """Distinct formulas up to sign, and for each output the number of its formula with a sign."""
     values: list[sympy.Expr] = []
     scatter: dict[Any, tuple[int, str]] = {}
     for key, formula in outputs.items():
@@ -443,7 +436,7 @@ def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[A
 def _sums(
     scatter: Mapping[Any, tuple[int, str]], targets: Mapping[Any, str], lane: str, first: int | None
 ) -> tuple[list[str], list[str], list[str]]:
-    """Statements before, in and after the loop over lanes: what goes to the first site of a row is summed up first."""
+    """Statements before, in and after the loop over lanes; the first particle has its own variable."""
     before: list[str] = []
     body: list[str] = []
     after: list[str] = []
@@ -466,7 +459,7 @@ def _sums(
 def _data(
     total: SiteSum, names: Mapping[sympy.Symbol, str], context: Context
 ) -> tuple[dict[sympy.Symbol, str], list[str]]:
-    """How the lanes of a row read parameters of sites, and statements that read those of its first site."""
+    """The texts of parameters of particles in a row of lanes, and statements that read those of the first particle."""
     found: dict[sympy.Symbol, str] = {}
     row: list[str] = []
     for data, symbol in total.data.items():

@@ -1,8 +1,7 @@
-"""From a scene to the source of its compiled functions.
+"""Functions of a scene: its field, Hamiltonian and first integrals, compiled or for numbers of mpmath.
 
-Terms over single variables become scalar code, terms over sites loops around local formulas; nothing is allocated.
-The text depends on formulas, blocks and numbers only: not on what scene and effects are called, nor on effects that are
-off. In double precision numba compiles it; exact text runs on numbers of mpmath.
+Terms over single variables become scalar code, and terms over particles loops around local formulas. Nothing is
+allocated. The text depends on formulas, blocks and numbers only, not on names or on effects that are off.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from integrators.scenes.model.system import System
 
 MAX_KEPT_DATA = 100_000
-"""Numbers in one constant array above which machine code cannot be kept on disk (a megabyte)."""
+"""Numbers in a constant array beyond which machine code is not cached on disk (a megabyte)."""
 KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
 
@@ -61,15 +60,15 @@ def number(p, q):
 
 
 def compiled_scene(scene: System) -> ModuleType:
-    """The compiled functions of a scene, from the cache on disk if they are known.
+    """Compile the functions of a scene, or load them from the cache on disk.
 
     Args:
         scene: The scene; its parameters must be numbers.
 
     Returns:
         A module with ``field(y, out)``, ``energy(y)`` if the scene has a Hamiltonian, and ``invariants(y, out)`` if it
-        has first integrals; `y` and `out` are different contiguous arrays of doubles. Outside the domain results are
-        infinite or nan; nothing is raised.
+        has first integrals, where `y` and `out` are different contiguous arrays of doubles. Outside the domain the
+        results are infinite or nan.
 
     Raises:
         IntegratorError: A parameter is a symbol, or a number beyond the range of doubles.
@@ -88,7 +87,7 @@ def compiled_scene(scene: System) -> ModuleType:
 
 
 def precise_scene(scene: System) -> ModuleType:
-    """The same functions for lists of mpmath numbers, in the precision that mpmath has when they are called.
+    """The same functions for lists of mpmath numbers, in mpmath's precision at the time of the call.
 
     Example:
         >>> import mpmath
@@ -104,11 +103,11 @@ def precise_scene(scene: System) -> ModuleType:
 
 
 def scene_source(scene: System, *, precise: bool = False) -> str:
-    """The source of the functions of a scene.
+    """Write the source of the functions of a scene.
 
     Args:
         scene: The scene; its parameters must be numbers.
-        precise: Whether it is for mpmath instead of numba.
+        precise: Whether the text is for mpmath instead of numba.
 
     Returns:
         The text of a module; see `compiled_scene`.
@@ -127,21 +126,24 @@ def scene_source(scene: System, *, precise: bool = False) -> str:
         ...
     """
     writer = ModuleText(precise)
-    writer.function("field(y, out)", "Put f(y) in out.", _field(scene, writer))
+    field = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
+    writer.function("field(y, out)", "Put f(y) in out.", field)
     if scene.is_hamiltonian:
         writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer))
     if scene.invariants:
-        writer.function("invariants(y, out)", "Put the first integrals in out.", _invariants(scene, writer))
+        total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
+        lines = total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
+        writer.function("invariants(y, out)", "Put the first integrals in out.", lines)
     return writer.source(scene)
 
 
 class ModuleText:
-    """The functions of a module, and the constant arrays that they use.
+    """Functions of a module, and their constant arrays.
 
     Args:
-        precise: Whether it is for mpmath instead of numba.
-        lanes: Whether sums over many sites are written for vector instructions, with work arrays on the stack.
-        plain: Whether functions are not compiled one by one, but lowered with what calls them.
+        precise: Whether the text is for mpmath instead of numba.
+        lanes: Whether sums over many particles are written for SIMD instructions, with work arrays on the stack.
+        plain: Whether functions are lowered with their callers instead of being compiled one by one.
     """
 
     def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
@@ -151,12 +153,12 @@ class ModuleText:
         self._arrays: dict[tuple[str, ...], str] = {}
 
     def numbers(self, values: Sequence[sympy.Expr]) -> str:
-        """The name of a constant array of exact numbers."""
+        """Define a constant array of exact numbers and return its name."""
         exact = map(simplest, values)
         return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
 
     def sites(self, values: Sequence[int]) -> str:
-        """The name of a constant array of integers."""
+        """Define a constant array of integers and return its name."""
         return self._array(map(str, values))
 
     def _array(self, texts: Iterable[str]) -> str:
@@ -170,7 +172,7 @@ class ModuleText:
         return lines
 
     def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
-        """Add a function. Exact numbers are made when it is called, since their precision may change."""
+        """Add a function; exact numbers are created in its body, since their precision may change between calls."""
         decorator = self.decorator if decorator is None else f"{decorator}\n"
         if self.number is not None:
             body = [*self._definitions("(", ")"), *body]
@@ -184,12 +186,7 @@ class ModuleText:
         return "\n\n\n".join(self._functions)
 
     def source(self, scene: System, template: str | None = None) -> str:
-        """The text of the module.
-
-        Args:
-            scene: The scene.
-            template: What comes before the functions; as a rule that of a scene's functions.
-        """
+        """The text of the module; the template of its head is by default that of a scene's functions."""
         bodies = self.bodies
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
         if self.number is None:
@@ -210,26 +207,20 @@ def _shown(names: Sequence[str]) -> str:
     return ", ".join(names if len(names) < 8 else (*names[:4], "…", names[-1]))
 
 
-def _field(scene: System, writer: ModuleText) -> list[str]:
-    """Statements for the field."""
-    return field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
-
-
 def field_lines(
     terms: Iterable[LocalTerm],
     outputs: Callable[[LocalTerm], Iterable[Output]],
     entries: Iterable[int],
     writer: ModuleText,
 ) -> list[str]:
-    """Statements for a field, or a piece of it: what is written first is assigned, everything else added.
+    """Statements for a field, or a piece of it: first contributions are assigned, others added.
 
     Args:
         terms: The terms of the field.
-        outputs: Which outputs of a term belong to the piece.
-        entries: The entries of ``out`` that the piece is responsible for.
-        writer: The module that the lines are for.
+        outputs: Maps a term to its outputs in the piece.
+        entries: The entries of ``out`` in the piece.
+        writer: The module under construction.
     """
-
     lines: list[str] = []
     assigned: set[int] = set()
     touched: set[int] = set()
@@ -257,15 +248,8 @@ def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     return [*lines, "return total"]
 
 
-def _invariants(scene: System, writer: ModuleText) -> list[str]:
-    """Statements for the first integrals."""
-
-    total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
-    return total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
-
-
 def _constant(scene: System) -> sympy.Expr:
-    """What the Hamiltonian has besides its local terms, which make up its field."""
+    """The constant part of the Hamiltonian, which local terms omit because the field does not need it."""
     import sympy
 
     of_sites = {name for name, value in scene.parameters.items() if isinstance(value, tuple)}
@@ -283,7 +267,7 @@ def _constant(scene: System) -> sympy.Expr:
 def gathered(
     terms: Iterable[LocalTerm], outputs: Callable[[LocalTerm], Iterable[Any]], first: SiteSum | None = None
 ) -> list[SiteSum]:
-    """The sums of terms over the same sites: over single variables, then over each site, then over several sites."""
+    """Sums of terms over the same sites: over single variables, then over each particle, then over several."""
     sums = {} if first is None else {first.sites: first}
     for term in terms:
         sums.setdefault(term.sites, SiteSum(term.sites)).add(term, outputs(term))
