@@ -7,38 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
-from integrators.compile.printer import count_operations, source_lines
+from integrators.compile.printer import count_operations, indented, source_lines
 from integrators.scenes.model.local_terms import Argument, Place
 from integrators.scenes.model.terms import Sites
 
 if TYPE_CHECKING:
     import sympy
 
+    from integrators.compile.printer import ModuleText
     from integrators.scenes.model.local_terms import Data, LocalTerm
     from integrators.scenes.model.system import System
 
 
 INDICES = ("i", "j", "k", "l")
 """The loop variables for the sites of a row, by role."""
-
-
-class Context(Protocol):
-    """The module that the lines are written for, `ModuleText`."""
-
-    number: str | None
-    zero: str
-    lanes: bool
-
-    def numbers(self, values: Sequence[sympy.Expr]) -> str:
-        """The name of a constant array of exact numbers."""
-        ...
-
-    def sites(self, values: Sequence[int]) -> str:
-        """The name of a constant array of integers."""
-        ...
 
 
 class SiteSum:
@@ -97,12 +82,12 @@ class SiteSum:
             return set(range(place.offset, place.offset + place.stride * self.sites.count, place.stride))
         return set()
 
-    def lines(self, targets: Mapping[Any, str], context: Context) -> list[str]:
+    def lines(self, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
         """Statements for the sum.
 
         Args:
             targets: Left-hand sides with ``=`` or ``+=`` by the keys of the outputs, in order of computation.
-            context: The module under construction.
+            module: The module under construction.
 
         Returns:
             The lines, indented from 0. For pairs, data of the first particle are read before the inner loop and
@@ -110,8 +95,8 @@ class SiteSum:
         """
         if not self.outputs:
             return []
-        if context.lanes and suits_lanes(self):
-            return lane_lines(self, targets, context)
+        if module.lanes and suits_lanes(self):
+            return lane_lines(self, targets, module)
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
@@ -127,24 +112,24 @@ class SiteSum:
                 body.append(f"{symbol} = {difference(argument, read)}")
         for data, symbol in self.data.items():
             if symbol in names:
-                line = f"{symbol} = {context.numbers(data.values)}[{INDICES[data.role]}]"
+                line = f"{symbol} = {module.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
         for key in targets:
             if first is not None and getattr(key, "role", None) == first:
                 name = f"a{len(after)}"
-                before.append(f"{name} = {context.zero}")
+                before.append(f"{name} = {module.zero}")
                 after.append(f"{targets[key]} {name}")
                 targets[key] = f"{name} +="
         assignments = [(target, self.outputs[key]) for key, target in targets.items()]
-        body += source_lines(assignments, names, number=context.number)
-        return self.loop(before, body, after, context)
+        body += source_lines(assignments, names, number=module.number)
+        return self.loop(before, body, after, module)
 
     def names(self) -> dict[Any, str]:
         """The texts of the symbols that the formulas contain."""
         free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
         return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
 
-    def loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
+    def loop(self, before: list[str], body: list[str], after: list[str], module: ModuleText) -> list[str]:
         """A loop over the rows; for pairs with statements before and after the inner loop."""
         kind, n = self.sites.kind, self.sites.count
         if kind == "single":
@@ -153,7 +138,7 @@ class SiteSum:
             inner = [f"for j in range(i + 1, {n}):", *indented(body)]
             return [f"for i in range({n - 1}):", *indented([*before, *inner, *after])]
         if kind == "table":
-            columns = [context.sites(column) for column in zip(*self.sites.table, strict=True)]
+            columns = [module.sites(column) for column in zip(*self.sites.table, strict=True)]
             rows = [f"{index} = {column}[row]" for index, column in zip(INDICES, columns, strict=False)]
             return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
         second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
@@ -185,11 +170,6 @@ def zeros(entries: Iterable[int], zero: str) -> list[str]:
         else:
             lines += [f"out[{place}] = {zero}" for place in places]
     return lines
-
-
-def indented(lines: Iterable[str]) -> list[str]:
-    """The lines as the body of a block."""
-    return [f"    {line}" for line in lines]
 
 
 FILL = 4
@@ -232,11 +212,11 @@ def padded(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
 
 
 def lane_data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], context: Context
+    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], module: ModuleText
 ) -> dict[sympy.Symbol, str]:
     """The texts of parameters of particles in lane r."""
     return {
-        symbol: f"{context.numbers([data.values[row[data.role]] for row in rows])}[r]"
+        symbol: f"{module.numbers([data.values[row[data.role]] for row in rows])}[r]"
         for data, symbol in total.data.items()
         if symbol in names
     }
@@ -268,7 +248,7 @@ def ring_lines(
     targets: Mapping[Any, str],
     values: Sequence[sympy.Expr],
     scatter: Mapping[Any, tuple[int, str]],
-    context: Context,
+    module: ModuleText,
 ) -> list[str]:
     """Statements for a sum over pairs in a ring.
 
@@ -277,13 +257,13 @@ def ring_lines(
         targets: Left-hand sides by the keys of the outputs.
         values: The formulas.
         scatter: For each output the number of its formula, and a sign.
-        context: The module under construction.
+        module: The module under construction.
     """
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
-    copies, differences = _gather(arguments, ring, n, context)
+    copies, differences = _gather(arguments, ring, n, module)
     entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
-    lanes = names | lane_data(total, names, ring.rows, context)
+    lanes = names | lane_data(total, names, ring.rows, module)
     formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
     return [
         *copies,
@@ -291,7 +271,7 @@ def ring_lines(
         f"for r in range({len(ring.rows)}):",
         *indented([*differences, *formula]),
         *(f"{targets[key]} {_over_pairs(*scatter[key], n * (n - 1) // 2)}" for key in targets if key not in entries),
-        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, context)),
+        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, module)),
     ]
 
 
@@ -309,9 +289,9 @@ def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], d
     return found
 
 
-def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Context) -> tuple[list[str], list[str]]:
+def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, module: ModuleText) -> tuple[list[str], list[str]]:
     """Statements that gather entries of all particles, and those that compute the local variables of a lane."""
-    sites = [context.sites(column) for column in zip(*ring.rows, strict=True)]
+    sites = [module.sites(column) for column in zip(*ring.rows, strict=True)]
     arrays: dict[tuple[int, int], str] = {}
 
     def text(place: Place) -> str:
@@ -330,12 +310,12 @@ def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Cont
 
 
 def _sum_lines(
-    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, context: Context
+    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, module: ModuleText
 ) -> list[str]:
     """Statements that add to each particle the contributions of its pairs."""
     (number, first), (_, second) = roles[0], roles[1]
     terms = [
-        _term(f"v{number}[{context.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], context)
+        _term(f"v{number}[{module.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], module)
         for lanes, firsts in _pairs_of_sites(ring, n)
     ]
     offset, stride = place
@@ -350,12 +330,12 @@ def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]
             yield [lanes[site - distance] for site in range(n)], [site < distance for site in range(n)]
 
 
-def _term(value: str, signs: Sequence[str], context: Context) -> str:
+def _term(value: str, signs: Sequence[str], module: ModuleText) -> str:
     import sympy
 
     if len(set(signs)) == 1:
         return value if signs[0] == "+" else f"-{value}"
-    return f"{context.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
+    return f"{module.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
 
 
 def _balanced(terms: Sequence[str]) -> str:
@@ -384,18 +364,18 @@ def suits_lanes(total: SiteSum) -> bool:
     return not SLOW & count_operations(source_lines(formulas, total.names())).keys()
 
 
-def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> list[str]:
+def lane_lines(total: SiteSum, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
     """Statements for a sum in three passes over its lanes: gather, formula, scatter."""
     flat = total.sites.size <= MOST_FLAT
     lane = "r" if flat else "j"
     values, scatter = _values({key: total.outputs[key] for key in targets})
     if flat and suits_ring(total, targets, scatter):
-        return ring_lines(total, targets, values, scatter, context)
+        return ring_lines(total, targets, values, scatter, module)
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
     rows = padded([*total.sites.rows()]) if flat else []
-    data, row = (lane_data(total, names, rows, context), []) if flat else _data(total, names, context)
+    data, row = (lane_data(total, names, rows, module), []) if flat else _data(total, names, module)
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
     gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
@@ -408,11 +388,11 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
             *arrays,
             *idle,
             "r = 0",
-            *total.loop([], gather + following, [], context),
+            *total.loop([], gather + following, [], module),
             f"for r in range({size}):",
             *indented(formula),
             "r = 0",
-            *total.loop(before, body + following, after, context),
+            *total.loop(before, body + following, after, module),
         ]
     lanes_of_row = f"for j in range(i + 1, {size}):"
     passes = [line for lines in (gather, formula, body) for line in (lanes_of_row, *indented(lines))]
@@ -457,7 +437,7 @@ def _sums(
 
 
 def _data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], context: Context
+    total: SiteSum, names: Mapping[sympy.Symbol, str], module: ModuleText
 ) -> tuple[dict[sympy.Symbol, str], list[str]]:
     """The texts of parameters of particles in a row of lanes, and statements that read those of the first particle."""
     found: dict[sympy.Symbol, str] = {}
@@ -467,7 +447,7 @@ def _data(
             continue
         if data.role == 0:
             found[symbol] = names[symbol]
-            row.append(f"{names[symbol]} = {context.numbers(data.values)}[i]")
+            row.append(f"{names[symbol]} = {module.numbers(data.values)}[i]")
         else:
-            found[symbol] = f"{context.numbers(data.values)}[j]"
+            found[symbol] = f"{module.numbers(data.values)}[j]"
     return found, row

@@ -6,17 +6,13 @@ allocated. The text depends on formulas, blocks and numbers only, not on names o
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Sequence
-from textwrap import wrap
+from collections.abc import Callable, Iterable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from integrators.compile.modules import load_module
-from integrators.compile.operation_graph import simplest
-from integrators.compile.particle_loops import INDICES, SiteSum, entry, indented, zeros
-from integrators.compile.printer import FUNCTIONS
-from integrators.exact.number_text import exact_text, literal
+from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
+from integrators.compile.printer import KEPT, ModuleText
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.expansion import filled, written_out
 from integrators.scenes.particles.local_form import independent_pieces
@@ -26,37 +22,6 @@ if TYPE_CHECKING:
 
     from integrators.scenes.model.local_terms import LocalTerm, Output
     from integrators.scenes.model.system import System
-
-MAX_KEPT_DATA = 100_000
-"""Numbers in a constant array beyond which machine code is not cached on disk (a megabyte)."""
-KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
-MAX_WIDTH = 100
-
-DOUBLE = '''\
-"""The field f of y' = f(y) and its observables in double precision.
-
-{state}
-"""
-
-{imports}
-
-compiled = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
-{constants}
-'''
-
-EXACT = '''\
-"""The field f of y' = f(y) and its observables for numbers of mpmath, in its current precision.
-
-{state}
-"""
-
-{imports}
-
-
-def number(p, q):
-    """The fraction p/q."""
-    return mpf(p) / q
-'''
 
 
 def compiled_scene(scene: System) -> ModuleType:
@@ -135,76 +100,6 @@ def scene_source(scene: System, *, precise: bool = False) -> str:
         lines = total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
         writer.function("invariants(y, out)", "Put the first integrals in out.", lines)
     return writer.source(scene)
-
-
-class ModuleText:
-    """Functions of a module, and their constant arrays.
-
-    Args:
-        precise: Whether the text is for mpmath instead of numba.
-        lanes: Whether sums over many particles are written for SIMD instructions, with work arrays on the stack.
-        plain: Whether functions are lowered with their callers instead of being compiled one by one.
-    """
-
-    def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
-        self.number, self.zero = ("number", "0") if precise else (None, "0.0")
-        self.lanes, self.decorator = lanes, "" if plain or precise else "@compiled\n"
-        self._functions: list[str] = []
-        self._arrays: dict[tuple[str, ...], str] = {}
-
-    def numbers(self, values: Sequence[sympy.Expr]) -> str:
-        """Define a constant array of exact numbers and return its name."""
-        exact = map(simplest, values)
-        return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
-
-    def sites(self, values: Sequence[int]) -> str:
-        """Define a constant array of integers and return its name."""
-        return self._array(map(str, values))
-
-    def _array(self, texts: Iterable[str]) -> str:
-        return self._arrays.setdefault(tuple(texts), f"D{len(self._arrays)}")
-
-    def _definitions(self, opening: str, closing: str) -> list[str]:
-        """The constant arrays, a few numbers on each line."""
-        lines = []
-        for texts, name in self._arrays.items():
-            lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
-        return lines
-
-    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
-        """Add a function; exact numbers are created in its body, since their precision may change between calls."""
-        decorator = self.decorator if decorator is None else f"{decorator}\n"
-        if self.number is not None:
-            body = [*self._definitions("(", ")"), *body]
-            self._arrays.clear()
-        lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
-        self._functions.append("\n".join(lines))
-
-    @property
-    def bodies(self) -> str:
-        """The functions so far."""
-        return "\n\n\n".join(self._functions)
-
-    def source(self, scene: System, template: str | None = None) -> str:
-        """The text of the module; the template of its head is by default that of a scene's functions."""
-        bodies = self.bodies
-        called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
-        if self.number is None:
-            imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-            if template is None:
-                imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
-        else:
-            imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
-        head = (template or (DOUBLE if self.number is None else EXACT)).format(
-            state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
-            imports="\n".join(imports),
-            constants="\n".join(self._definitions("np.array([", "])")),
-        )
-        return f"{head.rstrip()}\n\n\n{bodies}\n"
-
-
-def _shown(names: Sequence[str]) -> str:
-    return ", ".join(names if len(names) < 8 else (*names[:4], "…", names[-1]))
 
 
 def field_lines(

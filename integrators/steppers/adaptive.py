@@ -125,7 +125,7 @@ def _rate_lines(formula: sympy.Expr, writer: StepWriter) -> tuple[str, ...]:
     writer.module.function(
         "density_rate(y, f)", "The rate of change of the density of steps.", [*body, f"return -({total})/sigma"]
     )
-    blocks = sorted({structure.block_of(k) for k in used})
+    blocks = sorted({structure.block_of[k] for k in used})
     field = writer.functions.field(whole, blocks)
     value = writer.array("field")
     return f"{field}(y, {value})", f"rate = density_rate(y, {value})"

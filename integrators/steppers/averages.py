@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import degree
 from integrators.steppers.step_model import DECIMALS

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.exact.entries import round_entry
 from integrators.steppers.step_model import Form, Key, Point
 
@@ -95,10 +95,6 @@ class FormWriter:
                 )
                 self._content[array, block] = form
         return lines, array
-
-    def assignments(self, point: Point, array: str) -> list[tuple[int, str]]:
-        """A statement for each block of a point, in terms of y and stage derivatives alone."""
-        return [(block, f"{array}[i] = {self.entry(block, form)}") for block, form in point]
 
     def _is_end(self, point: Point) -> bool:
         """Whether a point is the end of the step and y is no longer needed, so that it may be overwritten."""

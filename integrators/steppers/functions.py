@@ -14,7 +14,7 @@ from integrators.steppers.structure import entries
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.compile.scene_source import ModuleText
+    from integrators.compile.printer import ModuleText
     from integrators.steppers.structure import Structure
 
     Outputs = Callable[[LocalTerm], Iterable[Output]]

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.steppers.forms import scaled, tidy
 from integrators.steppers.newton_matrix import NewtonMatrix
 
@@ -70,8 +70,8 @@ def _fixed_point_iteration(group: Group, new: Mapping[int, str], writer: StepWri
             writer.call_lines(call)
             continue
         array = writer.array(f"z{call.evaluation}")
-        for block, line in writer.forms.assignments(call.node.points[0], array):
-            points.setdefault(block, []).append(line)
+        for block, form in call.node.points[0]:
+            points.setdefault(block, []).append(f"{array}[i] = {writer.forms.entry(block, form)}")
         fields.append(f"{writer.functions.field(call.node.piece, call.blocks)}({array}, {new[call.evaluation]})")
     return [*(line for block, lines in points.items() for line in writer.forms.loop(block, lines)), *fields]
 

@@ -8,7 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from foundation.memory import refuse_beyond_memory
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError
 from integrators.steppers.step_model import Key, Node, Point
 

@@ -16,24 +16,9 @@ def recorded(
     The machine code of the steps is called, not inlined: inlined into different loops, sums and products might fuse in
     different ways, and storing states would change the run.
 
-    Args:
-        advance: The address of the C function that makes steps (see `steps_in_c`).
-        state: The state, changed in place; so are `compensation`, `memory` and `control`.
-        control: The state of the step size control; empty for constant steps.
-        numbers: The numbers that depend on h only.
-        work: Work arrays.
-        h: The step size.
-        t0: The time at step 0.
-        first: The number of earlier steps.
-        steps: The number of steps.
-        fresh: 1 if `memory` must be computed first, otherwise 0.
-        y_every: Steps between stored states, counted from step 0; 0 stores none.
-        y_rows: An array (rows, variables) for the states.
-        y_times: An array for their times; may be empty.
-        observer: The address of a C function void (double t, double *y, double *out).
-        o_every: Steps between calls of the observer.
-        o_rows: An array for its output.
-        o_times: An array for its times; may be empty.
+    The arguments are the address of the steps and those of `steps_in_c`, of which `state`, `compensation`, `memory` and
+    `control` are changed in place; the time at step 0 and the number of earlier steps; and those of `Stepper.record`,
+    with empty arrays instead of None.
 
     Returns:
         The number of steps made; fewer if one failed, or if a state to be stored or observed was not finite.
@@ -86,22 +71,7 @@ def repeated(
     advance, start, start_compensation, start_memory, start_control, state, compensation, memory, control,
     numbers, work, h, steps, fresh, times,
 ):  # fmt: skip
-    """Repeat steps from the same start, without the cost of a call from Python.
-
-    Args:
-        advance: The address of the C function that makes steps (see `steps_in_c`).
-        start: The initial state, with `start_compensation`, `start_memory` and `start_control`.
-        state: The present state, with `compensation`, `memory` and `control`.
-        numbers: The numbers that depend on h only.
-        work: Work arrays.
-        h: The step size.
-        steps: The number of steps.
-        fresh: 1 if `memory` must be computed first, otherwise 0.
-        times: The number of repetitions.
-
-    Returns:
-        The number of repetitions in which all steps succeeded.
-    """
+    """Repeat steps from the same start, without calls from Python; returns how often all of them succeeded."""
     for done in range(times):
         copy(start, state)
         copy(start_compensation, compensation)

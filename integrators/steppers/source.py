@@ -13,7 +13,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.averages import average_lines
 from integrators.steppers.flows import flow_lines

@@ -53,14 +53,14 @@ class Structure:
     @cached_property
     def blocks(self) -> tuple[tuple[Range, ...], ...]:
         """The blocks as ranges of indices."""
-        number = self._block_of
+        number = self.block_of
         found: dict[int, list[int]] = {}
         for index in range(self.scene.dimension):
             found.setdefault(number[index], []).append(index)
         return tuple(tuple(_ranges(found[block])) for block in sorted(found))
 
     @cached_property
-    def _block_of(self) -> list[int]:
+    def block_of(self) -> list[int]:
         """The block of each variable."""
         dimension = self.scene.dimension
         writers: list[set[int]] = [set() for _ in range(dimension)]
@@ -90,13 +90,9 @@ class Structure:
                 if len({frozenset(writers[index]) for index in entries(output.place, term.sites)}) > 1:
                     yield output.place, term.sites
 
-    def block_of(self, index: int) -> int:
-        """The block of a variable."""
-        return self._block_of[index]
-
     def blocks_at(self, place: Place, sites: Sites) -> frozenset[int]:
         """The blocks of the entries at a place of a term."""
-        return frozenset(self._block_of[index] for index in entries(place, sites))
+        return frozenset(self.block_of[index] for index in entries(place, sites))
 
     def outputs(self, piece: int, blocks: Iterable[int]) -> Iterator[tuple[LocalTerm, Output]]:
         """Terms and outputs of a piece of the field in some blocks."""
@@ -109,16 +105,8 @@ class Structure:
     @remembered
     def writes(self, piece: int) -> tuple[int, ...]:
         """The blocks in which a piece of the field has entries."""
-        return tuple(sorted({block for block, *_ in self._writings(piece)}))
-
-    @remembered
-    def _writings(self, piece: int) -> tuple[tuple[int, LocalTerm, Output], ...]:
-        return tuple(
-            (block, term, output)
-            for term in self.scene.numeric_terms
-            for output in self.pieces[piece].outputs(term, self.scene)
-            for block in self.blocks_at(output.place, term.sites)
-        )
+        outputs = self.outputs(piece, range(len(self.blocks)))
+        return tuple(sorted({block for term, x in outputs for block in self.blocks_at(x.place, term.sites)}))
 
     @remembered
     def dependence(self, piece: int, block: int) -> Dependence:
@@ -154,16 +142,13 @@ def entries(place: Place, sites: Sites) -> Sequence[int]:
     """Indices of the state at a place, over all rows of sites."""
     if place.stride == 0:
         return (place.offset,)
-    return [place.offset + place.stride * site for site in sites_of_role(sites, place.role)]
-
-
-def sites_of_role(sites: Sites, role: int) -> Sequence[int]:
-    """The sites that occur in one role."""
     if sites.kind == "table":
-        return sorted({row[role] for row in sites.table})
-    first = role if sites.kind in ("pairs", "chain") else 0
-    last = sites.count - (1 - role) if sites.kind in ("pairs", "chain") else sites.count
-    return range(first, last)
+        particles = sorted({row[place.role] for row in sites.table})
+    elif sites.kind in ("pairs", "chain"):
+        particles = range(place.role, sites.count - 1 + place.role)
+    else:
+        particles = range(sites.count)
+    return [place.offset + place.stride * particle for particle in particles]
 
 
 def _ranges(indices: Sequence[int]) -> Iterable[Range]:

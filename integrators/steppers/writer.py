@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from integrators.compile.operation_graph import simplest
-from integrators.compile.scene_source import ModuleText
+from integrators.compile.printer import ModuleText
 from integrators.exact.entries import round_entry
 from integrators.exact.number_text import literal
 from integrators.steppers.forms import FormWriter, grouped

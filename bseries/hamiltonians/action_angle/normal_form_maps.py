@@ -15,8 +15,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.sparse_polynomials import exponents
 from bseries.hamiltonians.action_angle import normal_form_kernels
 from integrators.compile.modules import load_module
-from integrators.compile.particle_loops import indented
-from integrators.compile.printer import source_lines
+from integrators.compile.printer import indented, source_lines
 
 if TYPE_CHECKING:
     import numpy as np
