@@ -6,6 +6,7 @@ cheaper arguments than NumPy arrays, which consist of seven words.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -52,12 +53,12 @@ def stack(typing_context: Any, size: Any) -> Any:
     if not isinstance(size, types.IntegerLiteral):
         return None
 
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def emit(builder: Any, _: Any) -> Any:
         place = cgutils.alloca_once(builder, ir.DoubleType(), size=ir.Constant(ir.IntType(64), size.literal_value))
         place.align = CACHE_LINE
         return place
 
-    return DOUBLES(size), codegen
+    return _emitted(DOUBLES(size), emit)
 
 
 @intrinsic
@@ -73,11 +74,7 @@ def pointer(typing_context: Any, array: Any) -> Any:
 @intrinsic
 def shifted(typing_context: Any, start: Any, offset: Any) -> Any:
     """The pointer `offset` doubles further."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.gep(arguments[0], [arguments[1]])
-
-    return DOUBLES(DOUBLES, types.intp), codegen
+    return _emitted(DOUBLES(DOUBLES, types.intp), lambda builder, start, offset: builder.gep(start, [offset]))
 
 
 @intrinsic
@@ -87,31 +84,19 @@ def bits(typing_context: Any, number: Any) -> Any:
     The order of nonnegative doubles is that of their bits, with infinity and nan at the top. Maxima of integers, unlike
     those of doubles, may be reordered, and hence vectorised.
     """
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.IntType(64))
-
-    return types.int64(types.float64), codegen
+    return _emitted(WHOLE(DOUBLE), lambda builder, number: builder.bitcast(number, ir.IntType(64)))
 
 
 @intrinsic
 def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c, rounded once, by an instruction or the C library."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), codegen
+    return _emitted(DOUBLE(DOUBLE, DOUBLE, DOUBLE), lambda builder, a, b, c: builder.fma(a, b, c))
 
 
 @intrinsic
 def value_of(typing_context: Any, number: Any) -> Any:
     """The double with these bits."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), codegen
+    return _emitted(DOUBLE(WHOLE), lambda builder, number: builder.bitcast(number, ir.DoubleType()))
 
 
 @intrinsic
@@ -119,10 +104,10 @@ def call_observer(typing_context: Any, address: Any, t: Any, y: Any, out: Any) -
     """Call the C function void (double t, double *y, double *out) at an address."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        _call(builder, ir.VoidType(), arguments)
+        _call(builder, ir.VoidType(), *arguments)
         return context.get_dummy_value()
 
-    return types.void(types.int64, types.float64, DOUBLES, DOUBLES), codegen
+    return types.void(WHOLE, DOUBLE, DOUBLES, DOUBLES), codegen
 
 
 @intrinsic
@@ -131,15 +116,15 @@ def call_steps(
     work: Any, h: Any, steps: Any, fresh: Any,
 ) -> Any:  # fmt: skip
     """Call the function of `steps_in_c` at an address."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _call(builder, ir.IntType(64), arguments)
-
-    return types.int64(types.int64, *[DOUBLES] * 6, types.float64, types.int64, types.int64), codegen
+    return _emitted(WHOLE(WHOLE, *STEPS.args), lambda builder, *arguments: _call(builder, ir.IntType(64), *arguments))
 
 
-def _call(builder: Any, value: ir.Type, arguments: Any) -> Any:
+def _emitted(signature: Any, emit: Callable[..., Any]) -> tuple[Any, Any]:
+    """An intrinsic from its signature and a function of the builder and the arguments."""
+    return signature, lambda context, builder, signature, arguments: emit(builder, *arguments)
+
+
+def _call(builder: Any, value: ir.Type, address: Any, *arguments: Any) -> Any:
     """Call a C function at an address."""
-    address, *others = arguments
-    function = ir.FunctionType(value, [argument.type for argument in others]).as_pointer()
-    return builder.call(builder.inttoptr(address, function), others)
+    function = ir.FunctionType(value, [argument.type for argument in arguments]).as_pointer()
+    return builder.call(builder.inttoptr(address, function), arguments)

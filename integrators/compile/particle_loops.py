@@ -100,8 +100,7 @@ class SiteSum:
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
-        after: list[str] = []
-        names, targets = self.names(), dict(targets)
+        names = self.names()
         read: dict[Place | None, str] = {}
         for argument, symbol in self.arguments.items():
             if symbol in names:
@@ -114,12 +113,8 @@ class SiteSum:
             if symbol in names:
                 line = f"{symbol} = {module.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
-        for key in targets:
-            if first is not None and getattr(key, "role", None) == first:
-                name = f"a{len(after)}"
-                before.append(f"{name} = {module.zero}")
-                after.append(f"{targets[key]} {name}")
-                targets[key] = f"{name} +="
+        targets, zeroed, after = _accumulators(targets, first, module.zero)
+        before += zeroed
         assignments = [(target, self.outputs[key]) for key, target in targets.items()]
         body += source_lines(assignments, names, number=module.number)
         return self.loop(before, body, after, module)
@@ -416,24 +411,33 @@ def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[A
 def _sums(
     scatter: Mapping[Any, tuple[int, str]], targets: Mapping[Any, str], lane: str, first: int | None
 ) -> tuple[list[str], list[str], list[str]]:
-    """Statements before, in and after the loop over lanes; the first particle has its own variable."""
-    before: list[str] = []
+    """Statements before, in and after the loop over lanes that adds the values to the targets."""
+    targets, before, after = _accumulators(targets, first, "0.0")
     body: list[str] = []
-    after: list[str] = []
     for key, target in targets.items():
         number, sign = scatter[key]
         left, operation = target.rsplit(" ", 1)
-        if first is not None and getattr(key, "role", None) == first:
-            name = f"a{len(after)}"
-            before.append(f"{name} = 0.0")
-            after.append(f"{target} {name}")
-            left, operation = name, "+="
         value = f"v{number}[{lane}]"
         if operation == "+=":
             body.append(f"{left} {sign}= {value}")
         else:
             body.append(f"{left} = {value if sign == '+' else f'-{value}'}")
     return before, body, after
+
+
+def _accumulators(
+    targets: Mapping[Any, str], first: int | None, zero: str
+) -> tuple[dict[Any, str], list[str], list[str]]:
+    """Targets with variables for the first particle of a row, and statements before and after the inner loop."""
+    before: list[str] = []
+    after: list[str] = []
+    changed = dict(targets)
+    for key, target in targets.items():
+        if first is not None and getattr(key, "role", None) == first:
+            changed[key] = f"a{len(after)} +="
+            before.append(f"a{len(after)} = {zero}")
+            after.append(f"{target} a{len(after)}")
+    return changed, before, after
 
 
 def _data(

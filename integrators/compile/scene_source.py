@@ -14,7 +14,7 @@ from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
 from integrators.compile.printer import KEPT, ModuleText
 from integrators.scenes.model.local_terms import output_formula
-from integrators.scenes.particles.expansion import filled, written_out
+from integrators.scenes.particles.expansion import filled, flat_hamiltonian, written_out
 from integrators.scenes.particles.local_form import independent_pieces
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def field_lines(
 def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the Hamiltonian."""
     if scene.poisson is not None:
-        sums = [SiteSum.flat(scene, {"energy": scene.hamiltonian})]  # its terms are those of the field
+        sums = [SiteSum.flat(scene, {"energy": flat_hamiltonian(scene.summands, scene)})]  # local terms give the field
     else:
         constant = SiteSum.flat(scene, {"energy": _constant(scene)})
         sums = gathered(scene.numeric_terms, lambda term: [("energy", term.formula)], constant)
