@@ -95,10 +95,7 @@ def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
     """Statements of steps with a step size function."""
     rate = _rate_lines(formula, writer)
     return ControlText(
-        load=(
-            "epsilon = h",
-            f"density, rate, time, time_compensation = {_CONTROL}",
-        ),
+        load=("epsilon = h", f"density, rate, time, time_compensation = {_CONTROL}"),
         fresh=rate,
         before=("middle = density + 0.5*epsilon*rate", "if not middle > 0.0:", "    break", "h = epsilon/middle"),
         after=(

@@ -270,10 +270,7 @@ def _union(one: Point, other: Point) -> Point:
 
 
 def allocate(
-    reads: Sequence[Collection[int]],
-    writes: Sequence[Collection[int]],
-    kept: Iterable[int],
-    joined: Mapping[int, int],
+    reads: Sequence[Collection[int]], writes: Sequence[Collection[int]], kept: Iterable[int], joined: Mapping[int, int]
 ) -> dict[int, int]:
     """Allocate registers to stage derivatives.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -129,7 +129,7 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
-        self.record(state, steps)
+        self._make(state, self._checked(state, steps), lambda n: ())
 
     def record(
         self,
@@ -168,13 +168,15 @@ class Stepper:
             check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
         if o_every and (not observer or o_rows is None):
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
-        while steps > 0:
-            before = state.copy()
-            stored = *rows_from(y_every, y_rows, y_times, state.n, first), observer
-            if self._run(state, steps, *stored, *rows_from(o_every, o_rows, o_times, state.n, first)):
-                break
-            steps -= self._go_back(state, before, steps)
-            self._change_solver(state)
+        self._make(
+            state,
+            steps,
+            lambda n: (
+                *rows_from(y_every, y_rows, y_times, n, first),
+                observer,
+                *rows_from(o_every, o_rows, o_times, n, first),
+            ),
+        )
 
     def repeat(self, state: State, steps: int, times: int) -> None:
         """Repeat the same steps to measure their cost, without changing the run.
@@ -206,6 +208,15 @@ class Stepper:
         )  # fmt: skip
         if made < times:
             raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
+
+    def _make(self, state: State, steps: int, stored: Callable[[int], tuple[Any, ...]]) -> None:
+        """Make steps, with a change of solver if needed; `stored` maps n to the last arguments of `recorded`."""
+        while steps > 0:
+            before = state.copy()
+            if self._run(state, steps, *stored(state.n)):
+                break
+            steps -= self._go_back(state, before, steps)
+            self._change_solver(state)
 
     def _run(self, state: State, steps: int, *stored: Any) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""

@@ -106,12 +106,7 @@ class StepWriter(WorkArrays):
     """
 
     def __init__(
-        self,
-        nodes: Nodes,
-        plan: Plan,
-        calls: Mapping[str, CallWriter],
-        options: Options,
-        once: frozenset[Key],
+        self, nodes: Nodes, plan: Plan, calls: Mapping[str, CallWriter], options: Options, once: frozenset[Key]
     ):
         structure = nodes.structure
         super().__init__(structure.scene.dimension, ModuleText(precise=False, lanes=True, plain=True))
