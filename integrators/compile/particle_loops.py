@@ -133,7 +133,7 @@ class SiteSum:
             inner = [f"for j in range(i + 1, {n}):", *indented(body)]
             return [f"for i in range({n - 1}):", *indented([*before, *inner, *after])]
         if kind == "table":
-            columns = [module.sites(column) for column in zip(*self.sites.table, strict=True)]
+            columns = [module.integers(column) for column in zip(*self.sites.table, strict=True)]
             rows = [f"{index} = {column}[row]" for index, column in zip(INDICES, columns, strict=False)]
             return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
         second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
@@ -286,7 +286,7 @@ def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], d
 
 def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, module: ModuleText) -> tuple[list[str], list[str]]:
     """Statements that gather entries of all particles, and those that compute the local variables of a lane."""
-    sites = [module.sites(column) for column in zip(*ring.rows, strict=True)]
+    sites = [module.integers(column) for column in zip(*ring.rows, strict=True)]
     arrays: dict[tuple[int, int], str] = {}
 
     def text(place: Place) -> str:
@@ -310,7 +310,7 @@ def _sum_lines(
     """Statements that add to each particle the contributions of its pairs."""
     (number, first), (_, second) = roles[0], roles[1]
     terms = [
-        _term(f"v{number}[{module.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], module)
+        _term(f"v{number}[{module.integers(lanes)}[i]]", [first if is_first else second for is_first in firsts], module)
         for lanes, firsts in _pairs_of_sites(ring, n)
     ]
     offset, stride = place

@@ -236,7 +236,7 @@ class _Printer:
         return f"{text}/{divisor if len(below) == 1 and below[0][1] != PRODUCT else f'({divisor})'}", PRODUCT
 
     def divides(self, coefficient: Coefficient) -> bool:
-        """Whether a number is written as a division: 1/n, unless it is a double or n is not."""
+        """Whether 1/n is written as a division: always in exact mode, otherwise if n is a double and 1/n is not."""
         if not isinstance(coefficient, Fraction) or coefficient.numerator != 1 or coefficient.denominator == 1:
             return False
         n = coefficient.denominator
@@ -299,7 +299,7 @@ class ModuleText:
         exact = map(simplest, values)
         return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
 
-    def sites(self, values: Sequence[int]) -> str:
+    def integers(self, values: Sequence[int]) -> str:
         """Define a constant array of integers and return its name."""
         return self._array(map(str, values))
 

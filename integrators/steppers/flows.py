@@ -99,7 +99,7 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter)
     if flow.constants:
         vectors.append(module.numbers([sympy.Rational(x.numerator, x.denominator) for x in flow.constants]))
     lines.append(f"elements = {writer.known[key]}")
-    pattern = ", ".join([str(len(flow.rows)), *map(module.sites, (flow.rows, flow.starts, flow.columns))])
+    pattern = ", ".join([str(len(flow.rows)), *map(module.integers, (flow.rows, flow.starts, flow.columns))])
     for k, vector in enumerate([at, *vectors]):
         heads, tails = (f"shifted(elements, {(2 * k + half) * size})" for half in (0, 1))
         lines.append(f"add_products({pattern}, {heads}, {tails}, {vector}, {target})")
@@ -156,7 +156,7 @@ def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepWriter) -
         Stoer).
     """
     piece, moving, time, powers = key
-    n, index = len(indices), writer.module.sites(indices)
+    n, index = len(indices), writer.module.integers(indices)
     sizes = {"drive": powers * n, "origin": n, "means": n, "table": COLUMNS * n, "before": n, "now": n, "value": 0}
     offsets = accumulate(sizes.values(), initial=0)
     dimension = writer.structure.scene.dimension

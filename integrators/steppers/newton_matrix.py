@@ -142,7 +142,7 @@ class NewtonMatrix:
             factors.append(sympy.Rational(factor.numerator, factor.denominator))
         writer.array("jacobians", n * n * (len(self._jacobians) + len(self._products)))
         matrix, pivots = writer.array("matrix", self.size**2), writer.array("pivots", self.size)
-        table = f"{writer.module.sites(parts)}, {writer.module.numbers(factors)}"
+        table = f"{writer.module.integers(parts)}, {writer.module.numbers(factors)}"
         return [
             *lines,
             f"assemble({matrix}, {self.size}, jacobians, {n}, h, {table})",

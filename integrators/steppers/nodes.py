@@ -49,7 +49,7 @@ class Nodes:
         self.nodes: dict[Key, Node] = {}
         for e, evaluation in enumerate(program.evaluations):
             for block in sorted(self._moved(e)):
-                node, factor = self._lowered(e, evaluation, block)
+                node, factor = self._node(e, evaluation, block)
                 self.nodes[e, block], self._factors[e, block] = node, factor
         self._finish(program)
 
@@ -157,7 +157,7 @@ class Nodes:
                 waiting += [f for form in operands(self._program.evaluations[other]) for f in form.terms]
         return e in along.terms and e not in seen
 
-    def _lowered(self, e: int, evaluation: Evaluation, block: int) -> tuple[Node, Fraction]:
+    def _node(self, e: int, evaluation: Evaluation, block: int) -> tuple[Node, Fraction]:
         """The node of an evaluation in a block, and the factor of its stage derivative."""
         piece, one = self._piece(evaluation), Fraction(1)
         dependence = self.structure.dependence(piece, block)

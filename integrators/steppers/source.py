@@ -96,7 +96,6 @@ def step_source(nodes: Nodes, plan: Plan, options: Options) -> StepSource:
         Hairer, McLachlan, Razakarivony, BIT 48 (2008) 231–243, doi:10.1007/s10543-008-0170-3 (split coefficients,
         compensation, iteration until stagnation).
     """
-
     # the first pass finds stage derivatives that are read once, and the second substitutes them where they are read
     once = _Step(StepWriter(nodes, plan, CALLS, options, once=frozenset())).read_once()
     return _Step(StepWriter(nodes, plan, CALLS, options, once)).source()
