@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import method as named
 from integrators.methods.program.program import Method
 from integrators.scenes.scene import Scene

@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import degree
 
@@ -102,7 +102,7 @@ class Structure:
                 if self.blocks_at(output.place, term.sites) <= wanted:
                     yield term, output
 
-    @remembered
+    @cached_method
     def writes(self, piece: int) -> tuple[int, ...]:
         """The blocks in which a piece of the field has entries."""
         outputs = self.outputs(piece, range(len(self.blocks)))

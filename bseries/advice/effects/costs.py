@@ -10,7 +10,7 @@ from bseries.advice.timing import Timing
 from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.fields.scene_trees import trees_of_method
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.methods.catalogue.registry import method as named
 from integrators.steppers.run_input import read_number
 
@@ -50,7 +50,7 @@ class CostRow(NamedTuple):
         return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
 
 
-class EffectCosts(Frozen, Sequence[CostRow]):
+class EffectCosts(ImmutableValue, Sequence[CostRow]):
     """What the effects of a scene cost, as `effect_costs` measures it: a sequence of rows.
 
     Attributes:
