@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.compile.particle_loops import INDICES
 from integrators.compile.scene_source import field_lines, gathered
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
 from integrators.steppers.structure import entries
 
@@ -89,7 +89,7 @@ class Diagonal(NamedTuple):
     factors: tuple[sympy.Expr, ...]
 
 
-@remembered
+@cached_method
 def diagonal(structure: Structure, piece: int, block: int) -> Diagonal | None:
     """A piece of the field in a block, if it is a diagonal matrix times another block."""
     dependence = structure.dependence(piece, block)

@@ -62,7 +62,7 @@ class Stepper:
         self.source = self._compiled(self._first_solver).source.text
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
-    @remembered
+    @cached_method
     def _compiled(self, solver: str) -> CompiledStep:
         return compile_step(self.method, self.scene, self._parts, self._options._replace(solver=solver))
 

@@ -108,7 +108,7 @@ class Structure:
         outputs = self.outputs(piece, range(len(self.blocks)))
         return tuple(sorted({block for term, x in outputs for block in self.blocks_at(x.place, term.sites)}))
 
-    @remembered
+    @cached_method
     def dependence(self, piece: int, block: int) -> Dependence:
         """Arguments of a piece of the field in one block."""
         import sympy
