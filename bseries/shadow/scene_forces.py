@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from integrators import Scene
 from integrators.compile.modules import load_module
-from integrators.compile.scene_source import ModuleText, energy_lines, field_lines
+from integrators.compile.printer import ModuleText
+from integrators.compile.scene_source import energy_lines, field_lines
 from integrators.scenes.particles.degrees import Piece, degrees
 
 if TYPE_CHECKING:

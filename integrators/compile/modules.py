@@ -1,8 +1,8 @@
-"""Modules made from generated source, in memory.
+"""Modules in memory from generated source.
 
-The name of a module is a key that covers all that machine code depends on: the text, the sources of the helpers that it
-calls (numba does not notice edits of those) and the version of this package; `foundation.machine_code` keeps the code
-of its functions under it. Modules without machine code to keep go when nothing uses them any more.
+The name of a module contains a hash of everything its machine code depends on: the text, the sources of imported
+helpers (whose edits numba does not notice) and the version of this package. `foundation.machine_code` caches the code
+of its functions under this name.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ _PASSING: WeakValueDictionary[str, ModuleType] = WeakValueDictionary()
 def load_module(
     source: str, *, helpers: Sequence[ModuleType | str | os.PathLike[str]] = (), keep: bool = True
 ) -> ModuleType:
-    """The module with this source; the same source gives the same module.
+    """Load generated source as a module; the same source gives the same module.
 
     Args:
         source: The text of the module.
-        helpers: Modules that it imports, or their files, whose edits must not go unnoticed.
-        keep: Whether the module stays for as long as the process, as machine code that is kept on disk needs it to.
+        helpers: Modules that it imports, or their files.
+        keep: Whether the module lives until the process ends, as cached machine code requires, or until its last
+            reference is gone.
 
     Returns:
-        The module, executed once: in this process, or, if it is not kept, for as long as anything holds it.
+        The module, executed once in its lifetime.
 
     Example:
         >>> module = load_module("def twice(x):\\n    return 2*x\\n")
@@ -67,7 +68,7 @@ def _key(data: bytes, helpers: Sequence[Path]) -> str:
 
 
 class _Loader(SourceLoader):
-    """Executes a text in memory; tracebacks ask it for the text, and so does `foundation.machine_code`."""
+    """Executes source in memory, and returns it to tracebacks and `foundation.machine_code`."""
 
     def __init__(self, data: bytes):
         self._source = data

@@ -1,16 +1,16 @@
-"""Formulas as a graph of operations, in which nothing is written down twice.
+"""Formulas as a graph of operations without common subexpressions.
 
-A value is a term (coefficient, node): an exact number times a node. Nodes are numbered and equal ones are one node:
+A value is a term (coefficient, node): an exact number times a node. Nodes are numbered, and equal ones are identified:
 
     ("name", text)             a variable
     ("call", function, term)   an elementary function
     ("power", term, term)      a power that is not a product of integer powers and square roots
-    ("sum", (term, …))         the first coefficient is positive, and they have no common absolute value
+    ("sum", (term, …))         the first coefficient is positive, and their absolute values are not all equal
     ("product", ((node, n), …), ((node, n), …))   powers of nodes over powers of nodes, n > 0
 
 Node 0 is the empty product, so a number x is the term (x, 0).
 
-Reading keeps rational exponents; `lowered` replaces them by multiplications, divisions and square roots.
+`Reader` keeps rational exponents; `expand_powers` replaces them by multiplications, divisions and square roots.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ONE = 0
 
 
 class OperationGraph:
-    """Numbered nodes; a node only refers to nodes with smaller numbers."""
+    """Numbered nodes, each of which refers to nodes with smaller numbers only."""
 
     def __init__(self) -> None:
         self.nodes: list[tuple[Any, ...]] = []
@@ -59,12 +59,12 @@ class OperationGraph:
         return self.node("product", tuple(sorted(above.items())), tuple(sorted((below or {}).items())))
 
     def sum(self, terms: Iterable[Term]) -> Term:
-        """The sum of terms, with the sign of the first and the common size of all taken out."""
+        """The sum of terms, with the sign of the first and a common absolute value factored out."""
         collected: dict[int, Coefficient] = {}
         for coefficient, node in terms:
             collected[node] = simplest(collected[node] + coefficient) if node in collected else coefficient
         kept = [(coefficient, node) for node, coefficient in sorted(collected.items()) if coefficient != 0]
-        kept.sort(key=lambda term: term[1] == ONE)  # numbers go last
+        kept.sort(key=lambda term: term[1] == ONE)  # numbers last
         if len(kept) < 2:
             return kept[0] if kept else (Fraction(0), ONE)
         first = kept[0][0]
@@ -75,12 +75,12 @@ class OperationGraph:
         return scale, self.node("sum", tuple((simplest(coefficient / scale), node) for coefficient, node in kept))
 
     def factors(self, node: int) -> dict[int, Any]:
-        """The powers of nodes that a node is the product of (products that are only read have nothing below)."""
+        """The factors of a node with their powers; before `expand_powers` products have no denominators."""
         content = self.nodes[node]
         return dict(content[1]) if content[0] == "product" else {node: Fraction(1)}
 
     def children(self, node: int) -> list[tuple[int, Any]]:
-        """The nodes that a node is computed from, each with the number of times."""
+        """The operands of a node, with multiplicities."""
         kind, *content = self.nodes[node]
         if kind == "product":
             return [*content[0], *content[1]]
@@ -89,7 +89,7 @@ class OperationGraph:
 
 
 def simplest(number: Any) -> Coefficient:
-    """A rational number as a `Fraction`, any other as it is."""
+    """Convert a rational number to a `Fraction`."""
     return Fraction(int(number.p), int(number.q)) if getattr(number, "is_Rational", False) else number
 
 
@@ -99,7 +99,7 @@ def is_negative(number: Coefficient) -> bool:
 
 
 class Reader:
-    """Reads SymPy expressions into a graph."""
+    """Converts SymPy expressions to terms of a graph."""
 
     def __init__(self, graph: OperationGraph, names: Mapping[sympy.Symbol, str]) -> None:
         self.graph, self.names = graph, names
@@ -148,7 +148,7 @@ class Reader:
         if power.denominator == 1:
             factors = {factor: n * power for factor, n in self.graph.factors(node).items()}
             return scale**power.numerator, self.graph.product(factors)
-        if is_negative(scale):  # (−x)^(1/2) is no multiple of x^(1/2)
+        if is_negative(scale):  # (−x)^(1/2) is not a multiple of x^(1/2)
             scale, node = -scale, self.graph.node("sum", ((Fraction(-1), node),))
         return _root(scale, power), self.graph.product({node: power})
 
@@ -160,7 +160,7 @@ def _root(number: Coefficient, power: Fraction) -> Coefficient:
 
 
 def exact_number(expression: Any) -> Coefficient:
-    """The number that an expression without symbols is; a float stands for its exact value."""
+    """The value of an expression without symbols; a float has its exact value."""
     import sympy
 
     if not getattr(expression, "is_number", False):
@@ -173,23 +173,23 @@ def exact_number(expression: Any) -> Coefficient:
     return simplest(sympy.Rational(expression) if expression.is_Float else expression)
 
 
-def lowered(graph: OperationGraph, terms: Sequence[Term], *, horner: bool) -> tuple[OperationGraph, list[Term]]:
-    """The same values computed by additions, multiplications, divisions, roots and calls.
+def expand_powers(graph: OperationGraph, terms: Sequence[Term], *, horner: bool) -> tuple[OperationGraph, list[Term]]:
+    """Express values by additions, multiplications, divisions, roots and calls.
 
     Args:
-        graph: A graph as it is read, with rational exponents.
-        terms: The values wanted.
+        graph: A graph with rational exponents, from `Reader`.
+        terms: The values.
         horner: Whether sums are nested by Horner's rule.
 
     Returns:
         A new graph and the values in it.
     """
-    lowering = _Lowering(graph, [node for _, node in terms], horner)
-    return _with_shared_pairs(lowering.result, [lowering.lower(term) for term in terms])
+    expansion = _Expansion(graph, [node for _, node in terms], horner)
+    return _with_shared_pairs(expansion.result, [expansion.expand(term) for term in terms])
 
 
 def reachable(graph: OperationGraph, nodes: Iterable[int]) -> list[int]:
-    """The nodes that these are computed from, and these, in ascending order (the order of computation)."""
+    """These nodes and all their operands, in order of computation."""
     found, waiting = set(), list(nodes)
     while waiting:
         node = waiting.pop()
@@ -199,23 +199,23 @@ def reachable(graph: OperationGraph, nodes: Iterable[int]) -> list[int]:
     return sorted(found)
 
 
-class _Lowering:
-    """One way from a graph with powers to one with multiplications."""
+class _Expansion:
+    """Converts a graph with powers to one with multiplications."""
 
     def __init__(self, graph: OperationGraph, wanted: Iterable[int], horner: bool):
         self.graph, self.horner, self.result = graph, horner, OperationGraph()
         self.reciprocals = _shared_reciprocals(graph, reachable(graph, wanted))
         self._known: dict[int, Term] = {}
 
-    def lower(self, term: Term) -> Term:
-        """The term of the new graph with the value of this term of the old one."""
+    def expand(self, term: Term) -> Term:
+        """The term of the new graph for a term of the old one."""
         coefficient, node = term
         if node not in self._known:
-            self._known[node] = self._lower(node)
+            self._known[node] = self._expand(node)
         scale, node = self._known[node]
         return simplest(coefficient * scale), node
 
-    def _lower(self, node: int) -> Term:
+    def _expand(self, node: int) -> Term:
         kind, *content = self.graph.nodes[node]
         if kind == "product":
             coefficient, above, below = self._powers(content[0])
@@ -223,14 +223,14 @@ class _Lowering:
         if kind == "sum":
             products = [self._factors(*term) for term in content[0]]
             return self.result.sum(self._horner(products) if self.horner else map(self._term, products))
-        return Fraction(1), self.result.node(kind, *(x if isinstance(x, str) else self.lower(x) for x in content))
+        return Fraction(1), self.result.node(kind, *(x if isinstance(x, str) else self.expand(x) for x in content))
 
     def _factors(self, coefficient: Coefficient, node: int) -> Product:
         kind, *content = self.graph.nodes[node]
         if kind == "product":
             scale, above, below = self._powers(content[0])
         else:
-            scale, node = self.lower((Fraction(1), node))
+            scale, node = self.expand((Fraction(1), node))
             above, below = Counter({node: 1}), Counter()
         return simplest(coefficient * scale), above, below
 
@@ -239,7 +239,7 @@ class _Lowering:
         return coefficient, self.result.product(above, below)
 
     def _powers(self, powers: Iterable[tuple[int, Fraction]]) -> Product:
-        """A number and the factors above and below the line for a product of rational powers."""
+        """Coefficient, numerator and denominator of a product of rational powers."""
         scale: Any = Fraction(1)
         above: Counter[int] = Counter()
         below: Counter[int] = Counter()
@@ -257,8 +257,8 @@ class _Lowering:
         return simplest(scale), above, below
 
     def _multiply(self, factors: Counter[int], node: int, power: Fraction) -> Any:
-        """Put a positive power of a node among the factors, x^(11/4) = x · x · √x · √√x; returns a number besides."""
-        term = self.lower((Fraction(1), node))
+        """Add a positive power of a node to the factors, x^(11/4) = x · x · √x · √√x; returns the coefficient."""
+        term = self.expand((Fraction(1), node))
         whole, rest = divmod(power, 1)
         if whole:
             factors[term[1]] += int(whole)
@@ -273,7 +273,7 @@ class _Lowering:
         return term[0] ** int(whole)
 
     def _horner(self, products: list[Product]) -> list[Term]:
-        """The terms of a sum after taking out common factors, the most frequent first."""
+        """The terms of a sum with common factors factored out, the most frequent first."""
         terms: list[Term] = []
         while True:
             counts = Counter(node for _, above, _ in products for node in above)
@@ -288,18 +288,18 @@ class _Lowering:
 
 
 def _shared_reciprocals(graph: OperationGraph, nodes: Iterable[int]) -> dict[int, Fraction]:
-    """The nodes with negative powers in two products or more, each with the largest step that all these powers have."""
+    """Nodes with several negative powers, each with the greatest common divisor of these."""
     powers: defaultdict[int, list[Fraction]] = defaultdict(list)
     for node in nodes:
         if graph.nodes[node][0] == "product":
             for factor, power in graph.nodes[node][1]:
                 if power < 0:
                     powers[factor].append(-power)
-    return {node: _common_step(found) for node, found in powers.items() if len(found) > 1}
+    return {node: _common_divisor(found) for node, found in powers.items() if len(found) > 1}
 
 
-def _common_step(numbers: Iterable[Fraction]) -> Fraction:
-    """The largest fraction of which all these are multiples."""
+def _common_divisor(numbers: Iterable[Fraction]) -> Fraction:
+    """The greatest common divisor of fractions."""
     step = Fraction(0)
     for number in numbers:
         while number:
@@ -308,7 +308,7 @@ def _common_step(numbers: Iterable[Fraction]) -> Fraction:
 
 
 def _with_shared_pairs(graph: OperationGraph, terms: Sequence[Term]) -> tuple[OperationGraph, list[Term]]:
-    """The graph with each pair of factors that two products contain as a node of its own."""
+    """The graph with a node for each pair of factors that two products share."""
     nodes = reachable(graph, [node for _, node in terms])
     sides = [(node, side) for node in nodes for side in (1, 2) if graph.nodes[node][0] == "product"]
     factors = [Counter(dict(graph.nodes[node][side])) for node, side in sides]
@@ -341,15 +341,7 @@ def _with_shared_pairs(graph: OperationGraph, terms: Sequence[Term]) -> tuple[Op
 
 
 def _extract_pairs(groups: Sequence[Counter[int]], *, first_new: int) -> dict[int, tuple[int, ...]]:
-    """Replace frequent pairs of factors by new ones, in place.
-
-    Args:
-        groups: Products as factors with multiplicities; they are changed.
-        first_new: The number that the first new factor gets.
-
-    Returns:
-        The two factors of each new one.
-    """
+    """Replace frequent pairs of factors in products by new factors numbered from `first_new`; returns the pairs."""
     counts: Counter[tuple[int, int]] = Counter()
     holders: defaultdict[int, set[int]] = defaultdict(set)
     for index, group in enumerate(groups):
@@ -388,7 +380,7 @@ def _extract_pairs(groups: Sequence[Counter[int]], *, first_new: int) -> dict[in
 
 
 def _pairs(group: Counter[int]) -> Counter[tuple[int, int]]:
-    """How often each pair of factors can be taken out of a product."""
+    """The multiplicity of each pair of factors in a product."""
     factors = sorted(group)
     pairs = {(a, b): min(group[a], group[b]) for i, a in enumerate(factors) for b in factors[i + 1 :]}
     return Counter(pairs | {(a, a): group[a] // 2 for a in factors if group[a] > 1})

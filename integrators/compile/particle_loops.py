@@ -1,42 +1,29 @@
-"""Sums over sites as lines of Python: loops around formulas in local variables, without arrays of their own."""
+"""Sums over particles in Python: loops around local formulas, or passes over SIMD lanes.
+
+A site is the position of a particle in the arrays of a scene, and a row of sites holds the particles of one summand.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
-from integrators.compile.printer import count_operations, source_lines
+from integrators.compile.printer import count_operations, indented, source_lines
 from integrators.scenes.model.local_terms import Argument, Place
 from integrators.scenes.model.terms import Sites
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.scenes.model.local_terms import Argument, Data, LocalTerm, Place
+    from integrators.compile.printer import ModuleText
+    from integrators.scenes.model.local_terms import Data, LocalTerm
     from integrators.scenes.model.system import System
-    from integrators.scenes.model.terms import Sites
 
 
 INDICES = ("i", "j", "k", "l")
 """The loop variables for the sites of a row, by role."""
-
-
-class Context(Protocol):
-    """What lines need from the text around them."""
-
-    number: str | None
-    zero: str
-    lanes: bool
-
-    def numbers(self, values: Sequence[sympy.Expr]) -> str:
-        """The name of a constant array of exact numbers."""
-        ...
-
-    def sites(self, values: Sequence[int]) -> str:
-        """The name of a constant array of integers."""
-        ...
 
 
 class SiteSum:
@@ -44,9 +31,9 @@ class SiteSum:
 
     Attributes:
         sites: The rows.
-        outputs: A formula for each place it is added at; what else a key can be is up to the user of the class.
+        outputs: Formulas by the place to which they are added, or by another key of the caller.
         arguments: The symbol of each local variable.
-        data: The symbol of each parameter that differs from site to site.
+        data: The symbol of each parameter that differs between particles.
     """
 
     def __init__(self, sites: Sites):
@@ -57,8 +44,7 @@ class SiteSum:
 
     @classmethod
     def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
-        """Formulas in the variables of a scene, summed over nothing."""
-
+        """Formulas in the variables of a scene, without a sum."""
         total = cls(Sites("single"))
         names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}
         total.outputs = {key: formula.xreplace(names) for key, formula in outputs.items()}
@@ -81,7 +67,7 @@ class SiteSum:
         return self.arguments.setdefault(argument, sympy.Symbol(name))
 
     def _datum(self, data: Data) -> sympy.Expr:
-        """The symbol of a parameter with a value for each site; the value itself where all sites have the same."""
+        """The symbol of a parameter of particles; its value if it is the same for all."""
         import sympy
 
         if len(set(data.values)) == 1:
@@ -89,33 +75,32 @@ class SiteSum:
         return self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}"))
 
     def covered(self, place: Place) -> set[int]:
-        """The entries that one pass over the rows writes once each at a place; none if it may write one twice."""
+        """The entries that a pass over the rows writes at a place; empty if it may write one twice."""
         if self.sites.kind == "single":
             return {place.offset}
         if self.sites.kind == "each" and place.stride:
             return set(range(place.offset, place.offset + place.stride * self.sites.count, place.stride))
         return set()
 
-    def lines(self, targets: Mapping[Any, str], context: Context) -> list[str]:
-        """The statements.
+    def lines(self, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
+        """Statements for the sum.
 
         Args:
-            targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``, in the order wanted.
-            context: How numbers are written.
+            targets: Left-hand sides with ``=`` or ``+=`` by the keys of the outputs, in order of computation.
+            module: The module under construction.
 
         Returns:
-            The lines, indented from 0. Over pairs, what belongs to the first site is read before the inner loop and
+            The lines, indented from 0. For pairs, data of the first particle are read before the inner loop and
             written after it.
         """
         if not self.outputs:
             return []
-        if context.lanes and suits_lanes(self):
-            return lane_lines(self, targets, context)
+        if module.lanes and suits_lanes(self):
+            return lane_lines(self, targets, module)
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
-        after: list[str] = []
-        names, targets = self.names(), dict(targets)
+        names = self.names()
         read: dict[Place | None, str] = {}
         for argument, symbol in self.arguments.items():
             if symbol in names:
@@ -126,25 +111,21 @@ class SiteSum:
                 body.append(f"{symbol} = {difference(argument, read)}")
         for data, symbol in self.data.items():
             if symbol in names:
-                line = f"{symbol} = {context.numbers(data.values)}[{INDICES[data.role]}]"
+                line = f"{symbol} = {module.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
-        for key in targets:
-            if first is not None and getattr(key, "role", None) == first:
-                name = f"a{len(after)}"
-                before.append(f"{name} = {context.zero}")
-                after.append(f"{targets[key]} {name}")
-                targets[key] = f"{name} +="
+        targets, zeroed, after = _accumulators(targets, first, module.zero)
+        before += zeroed
         assignments = [(target, self.outputs[key]) for key, target in targets.items()]
-        body += source_lines(assignments, names, number=context.number)
-        return self.loop(before, body, after, context)
+        body += source_lines(assignments, names, number=module.number)
+        return self.loop(before, body, after, module)
 
     def names(self) -> dict[Any, str]:
-        """What the formulas use."""
+        """The texts of the symbols that the formulas contain."""
         free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
         return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
 
-    def loop(self, before: list[str], body: list[str], after: list[str], context: Context) -> list[str]:
-        """A loop over the rows, with statements before and after the inner loop over second sites of pairs."""
+    def loop(self, before: list[str], body: list[str], after: list[str], module: ModuleText) -> list[str]:
+        """A loop over the rows; for pairs with statements before and after the inner loop."""
         kind, n = self.sites.kind, self.sites.count
         if kind == "single":
             return body
@@ -152,7 +133,7 @@ class SiteSum:
             inner = [f"for j in range(i + 1, {n}):", *indented(body)]
             return [f"for i in range({n - 1}):", *indented([*before, *inner, *after])]
         if kind == "table":
-            columns = [context.sites(column) for column in zip(*self.sites.table, strict=True)]
+            columns = [module.integers(column) for column in zip(*self.sites.table, strict=True)]
             rows = [f"{index} = {column}[row]" for index, column in zip(INDICES, columns, strict=False)]
             return [f"for row in range({self.sites.size}):", *indented([*rows, *body])]
         second = {"each": [], "chain": ["j = i + 1"], "ring": [f"j = i + 1 if i < {n - 1} else 0"]}[kind]
@@ -160,7 +141,7 @@ class SiteSum:
 
 
 def difference(argument: Argument, known: Mapping[Any, str] | None = None) -> str:
-    """The text of a local variable: an entry of the state, or the difference of two."""
+    """The text of a local variable: an entry of the state, or a difference of two."""
     places = [place for place in argument if place is not None]
     return " - ".join((known or {}).get(place) or entry("y", place) for place in places)
 
@@ -174,7 +155,7 @@ def entry(array: str, place: Place) -> str:
 
 
 def zeros(entries: Iterable[int], zero: str) -> list[str]:
-    """Statements that set entries of `out` to zero: consecutive ones by a loop."""
+    """Statements that set entries of `out` to zero, by loops if possible."""
     lines: list[str] = []
     for _, run in groupby(enumerate(sorted(entries)), key=lambda pair: pair[1] - pair[0]):
         places = [place for _, place in run]
@@ -186,21 +167,16 @@ def zeros(entries: Iterable[int], zero: str) -> list[str]:
     return lines
 
 
-def indented(lines: Iterable[str]) -> list[str]:
-    """The lines as the body of a block."""
-    return [f"    {line}" for line in lines]
-
-
 FILL = 4
-"""Lanes of one loop are filled up to a multiple of so many; what idle ones give is lost."""
+"""The number of lanes is a multiple of this; results of padding lanes are not used."""
 
 
 class Ring(NamedTuple):
-    """The lanes of all pairs of n sites.
+    """SIMD lanes for all pairs of n sites, taken as a ring.
 
     Attributes:
-        rows: The pair of each lane, its smaller site first; idle lanes repeat the last one.
-        lanes: For each distance from 1 to n/2 the lane of every site with the site so far on.
+        rows: The pair of each lane, in ascending order; padding lanes repeat the last pair.
+        lanes: For each distance d from 1 to n/2 the lanes of the pairs (site, site + d mod n).
     """
 
     rows: list[tuple[int, ...]]
@@ -208,7 +184,7 @@ class Ring(NamedTuple):
 
     @classmethod
     def of(cls, n: int) -> Ring:
-        """The lanes for n sites: those of sites that fill vectors come first, distance by distance.
+        """Number the lanes by distance, first those that fill whole vectors.
 
         Example:
             >>> Ring.of(3)
@@ -221,21 +197,21 @@ class Ring(NamedTuple):
                 for site in sites:
                     numbers.setdefault(_pair(site, distance, n), len(numbers))
         return cls(
-            filled([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
+            padded([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
         )
 
 
-def filled(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """The rows of all lanes, idle ones among them."""
+def padded(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The rows of all lanes, with padding."""
     return rows + rows[-1:] * (-len(rows) % FILL)
 
 
 def lane_data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], context: Context
+    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], module: ModuleText
 ) -> dict[sympy.Symbol, str]:
-    """How lanes, each for a row of sites, read parameters that differ from site to site."""
+    """The texts of parameters of particles in lane r."""
     return {
-        symbol: f"{context.numbers([data.values[row[data.role]] for row in rows])}[r]"
+        symbol: f"{module.numbers([data.values[row[data.role]] for row in rows])}[r]"
         for data, symbol in total.data.items()
         if symbol in names
     }
@@ -247,7 +223,7 @@ def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
 
 
 def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
-    """Whether all is added up over pairs, or to entries of both sites, the same but for the sign."""
+    """Whether each output is a sum over all pairs, or is added to both particles up to a sign."""
     if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
         return False
     at_sites = {key: target for key, target in targets.items() if not _is_total(target)}
@@ -258,7 +234,7 @@ def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any,
 
 
 def _is_total(target: str) -> bool:
-    """Whether all pairs are added up, for a variable that is no entry of an array."""
+    """Whether a target is a scalar, to which all pairs are added."""
     return "[" not in target
 
 
@@ -267,23 +243,22 @@ def ring_lines(
     targets: Mapping[Any, str],
     values: Sequence[sympy.Expr],
     scatter: Mapping[Any, tuple[int, str]],
-    context: Context,
+    module: ModuleText,
 ) -> list[str]:
-    """The statements of a sum that suits.
+    """Statements for a sum over pairs in a ring.
 
     Args:
-        total: The sum.
-        targets: For keys of the outputs the left-hand side.
+        total: The sum, which `suits_ring`.
+        targets: Left-hand sides by the keys of the outputs.
         values: The formulas.
-        scatter: For each output its formula's number and its sign.
-        context: How numbers are written.
+        scatter: For each output the number of its formula, and a sign.
+        module: The module under construction.
     """
-
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
-    copies, differences = _gather(arguments, ring, n, context)
+    copies, differences = _gather(arguments, ring, n, module)
     entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
-    lanes = names | lane_data(total, names, ring.rows, context)
+    lanes = names | lane_data(total, names, ring.rows, module)
     formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
     return [
         *copies,
@@ -291,7 +266,7 @@ def ring_lines(
         f"for r in range({len(ring.rows)}):",
         *indented([*differences, *formula]),
         *(f"{targets[key]} {_over_pairs(*scatter[key], n * (n - 1) // 2)}" for key in targets if key not in entries),
-        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, context)),
+        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, n, module)),
     ]
 
 
@@ -302,16 +277,16 @@ def _over_pairs(number: int, sign: str, count: int) -> str:
 
 
 def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
-    """For each place in the sites, its offset and stride, what the two sites of a pair are given."""
+    """For each offset and stride, the contributions to the two particles of a pair."""
     found: dict[tuple[int, int], dict[int, tuple[int, str]]] = {}
     for place, value in scatter.items():
         found.setdefault((place.offset, place.stride), {})[place.role] = value
     return found
 
 
-def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Context) -> tuple[list[str], list[str]]:
-    """Statements that copy entries of all sites to arrays, and those that make local variables of lanes."""
-    sites = [context.sites(column) for column in zip(*ring.rows, strict=True)]
+def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, module: ModuleText) -> tuple[list[str], list[str]]:
+    """Statements that gather entries of all particles, and those that compute the local variables of a lane."""
+    sites = [module.integers(column) for column in zip(*ring.rows, strict=True)]
     arrays: dict[tuple[int, int], str] = {}
 
     def text(place: Place) -> str:
@@ -330,12 +305,12 @@ def _gather(arguments: Mapping[Argument, str], ring: Ring, n: int, context: Cont
 
 
 def _sum_lines(
-    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, context: Context
+    place: tuple[int, int], roles: Mapping[int, tuple[int, str]], ring: Ring, n: int, module: ModuleText
 ) -> list[str]:
-    """Statements that add to every site what its pairs give it."""
+    """Statements that add to each particle the contributions of its pairs."""
     (number, first), (_, second) = roles[0], roles[1]
     terms = [
-        _term(f"v{number}[{context.sites(lanes)}[i]]", [first if is_first else second for is_first in firsts], context)
+        _term(f"v{number}[{module.integers(lanes)}[i]]", [first if is_first else second for is_first in firsts], module)
         for lanes, firsts in _pairs_of_sites(ring, n)
     ]
     offset, stride = place
@@ -343,23 +318,23 @@ def _sum_lines(
 
 
 def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]]:
-    """For all sites a lane each, and whether the site is the first of that pair; over again until they had all."""
+    """Sets of one pair for each site, as lanes and whether the site is the first of its pair; in all, every pair."""
     for distance, lanes in enumerate(ring.lanes, 1):
         yield lanes, [site + distance < n for site in range(n)]
-        if 2 * distance < n:  # otherwise the site so far back is the one so far on
+        if 2 * distance < n:  # otherwise both neighbours at this distance are the same
             yield [lanes[site - distance] for site in range(n)], [site < distance for site in range(n)]
 
 
-def _term(value: str, signs: Sequence[str], context: Context) -> str:
+def _term(value: str, signs: Sequence[str], module: ModuleText) -> str:
     import sympy
 
     if len(set(signs)) == 1:
         return value if signs[0] == "+" else f"-{value}"
-    return f"{context.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
+    return f"{module.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"
 
 
 def _balanced(terms: Sequence[str]) -> str:
-    """A sum in which no term waits for more than the logarithm of their number of others."""
+    """A sum as a balanced tree, of logarithmic depth."""
     if len(terms) < 3:
         return " + ".join(terms)
     half = len(terms) // 2
@@ -370,11 +345,11 @@ FEWEST_LANES, FEWEST_PAIRS = 8, 3
 MOST_FLAT = MOST_PERMUTED
 MOST_LANES = 4096
 SLOW = {"call", "power"}
-"""Operations that have no vector instructions: they take so long that nothing else matters."""
+"""Operations without vector instructions, which dominate the time."""
 
 
 def suits_lanes(total: SiteSum) -> bool:
-    """Whether three passes are faster than one."""
+    """Whether three passes (gather, formula, scatter) are faster than one."""
     kind, n = total.sites.kind, total.sites.count
     if kind in ("single", "each") or total.sites.size < (FEWEST_PAIRS if kind == "pairs" else FEWEST_LANES):
         return False
@@ -384,25 +359,18 @@ def suits_lanes(total: SiteSum) -> bool:
     return not SLOW & count_operations(source_lines(formulas, total.names())).keys()
 
 
-def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> list[str]:
-    """The statements of a sum in three passes.
-
-    Args:
-        total: The sum.
-        targets: For keys of the outputs the left-hand side with its ``=`` or ``+=``.
-        context: How numbers are written.
-    """
-
+def lane_lines(total: SiteSum, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
+    """Statements for a sum in three passes over its lanes: gather, formula, scatter."""
     flat = total.sites.size <= MOST_FLAT
     lane = "r" if flat else "j"
     values, scatter = _values({key: total.outputs[key] for key in targets})
     if flat and suits_ring(total, targets, scatter):
-        return ring_lines(total, targets, values, scatter, context)
+        return ring_lines(total, targets, values, scatter, module)
     before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
     names = total.names()
     local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
-    rows = filled([*total.sites.rows()]) if flat else []
-    data, row = (lane_data(total, names, rows, context), []) if flat else _data(total, names, context)
+    rows = padded([*total.sites.rows()]) if flat else []
+    data, row = (lane_data(total, names, rows, module), []) if flat else _data(total, names, module)
     lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
     formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
     gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
@@ -415,11 +383,11 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
             *arrays,
             *idle,
             "r = 0",
-            *total.loop([], gather + following, [], context),
+            *total.loop([], gather + following, [], module),
             f"for r in range({size}):",
             *indented(formula),
             "r = 0",
-            *total.loop(before, body + following, after, context),
+            *total.loop(before, body + following, after, module),
         ]
     lanes_of_row = f"for j in range(i + 1, {size}):"
     passes = [line for lines in (gather, formula, body) for line in (lanes_of_row, *indented(lines))]
@@ -427,7 +395,7 @@ def lane_lines(total: SiteSum, targets: Mapping[Any, str], context: Context) -> 
 
 
 def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[Any, tuple[int, str]]]:
-    """Different values up to their sign, and for each output which of them it is, with the sign."""
+    """Distinct formulas up to sign, and for each output the number of its formula with a sign."""
     values: list[sympy.Expr] = []
     scatter: dict[Any, tuple[int, str]] = {}
     for key, formula in outputs.items():
@@ -443,18 +411,12 @@ def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[A
 def _sums(
     scatter: Mapping[Any, tuple[int, str]], targets: Mapping[Any, str], lane: str, first: int | None
 ) -> tuple[list[str], list[str], list[str]]:
-    """Statements before, in and after the loop over lanes: what goes to the first site of a row is summed up first."""
-    before: list[str] = []
+    """Statements before, in and after the loop over lanes that adds the values to the targets."""
+    targets, before, after = _accumulators(targets, first, "0.0")
     body: list[str] = []
-    after: list[str] = []
     for key, target in targets.items():
         number, sign = scatter[key]
         left, operation = target.rsplit(" ", 1)
-        if first is not None and getattr(key, "role", None) == first:
-            name = f"a{len(after)}"
-            before.append(f"{name} = 0.0")
-            after.append(f"{target} {name}")
-            left, operation = name, "+="
         value = f"v{number}[{lane}]"
         if operation == "+=":
             body.append(f"{left} {sign}= {value}")
@@ -463,10 +425,25 @@ def _sums(
     return before, body, after
 
 
+def _accumulators(
+    targets: Mapping[Any, str], first: int | None, zero: str
+) -> tuple[dict[Any, str], list[str], list[str]]:
+    """Targets with variables for the first particle of a row, and statements before and after the inner loop."""
+    before: list[str] = []
+    after: list[str] = []
+    changed = dict(targets)
+    for key, target in targets.items():
+        if first is not None and getattr(key, "role", None) == first:
+            changed[key] = f"a{len(after)} +="
+            before.append(f"a{len(after)} = {zero}")
+            after.append(f"{target} a{len(after)}")
+    return changed, before, after
+
+
 def _data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], context: Context
+    total: SiteSum, names: Mapping[sympy.Symbol, str], module: ModuleText
 ) -> tuple[dict[sympy.Symbol, str], list[str]]:
-    """How the lanes of a row read parameters of sites, and statements that read those of its first site."""
+    """The texts of parameters of particles in a row of lanes, and statements that read those of the first particle."""
     found: dict[sympy.Symbol, str] = {}
     row: list[str] = []
     for data, symbol in total.data.items():
@@ -474,7 +451,7 @@ def _data(
             continue
         if data.role == 0:
             found[symbol] = names[symbol]
-            row.append(f"{names[symbol]} = {context.numbers(data.values)}[i]")
+            row.append(f"{names[symbol]} = {module.numbers(data.values)}[i]")
         else:
-            found[symbol] = f"{context.numbers(data.values)}[j]"
+            found[symbol] = f"{module.numbers(data.values)}[j]"
     return found, row

@@ -1,8 +1,8 @@
-"""Formulas as lines of Python, for numba and for mpmath.
+"""Formulas as assignments in Python, and functions as modules, for numba and for mpmath.
 
-The same formulas give the same text in every process. In double precision every number is a correctly rounded literal;
-in exact mode integers stay integers, fractions are made by a function that is named, and irrational numbers are written
-out, so that the lines run with the functions and the precision of mpmath.
+The text depends on the formulas only. In double precision every number is a correctly rounded literal. In exact mode
+fractions are calls of a function, and irrational numbers are expressions, so that mpmath evaluates them in its present
+precision.
 """
 
 from __future__ import annotations
@@ -11,27 +11,37 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from integrators.compile.operation_graph import ONE, OperationGraph, Reader, is_negative, lowered, reachable
+from integrators.compile.operation_graph import (
+    ONE,
+    OperationGraph,
+    Reader,
+    expand_powers,
+    is_negative,
+    reachable,
+    simplest,
+)
 from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import ELEMENTARY
-from integrators.exact.number_text import ATOM, PRODUCT, SUM, bound_text, literal, within
+from integrators.exact.number_text import ATOM, PRODUCT, SUM, bound_text, exact_text, literal, within
 
 if TYPE_CHECKING:
     import sympy
 
     from integrators.compile.operation_graph import Term
     from integrators.exact.number_text import Coefficient
+    from integrators.scenes.model.system import System
 
 FUNCTIONS = (*ELEMENTARY, "sqrt")
-"""What the lines call, by the names that the modules math and mpmath have for it."""
+"""The functions that lines may call, with their names in the modules math and mpmath."""
 
 COSTS = {"add": 1, "multiply": 1, "divide": 4, "sqrt": 5, "call": 20, "power": 40}
-"""What operations cost, in additions; square roots and divisions overlap with other work."""
+"""Costs of operations in units of an addition; square roots and divisions overlap with other operations."""
 
 MAX_LENGTH = 90
-"""Longer expressions are cut by one more temporary variable."""
+"""Length beyond which an expression gets a temporary variable."""
 
 
 def source_lines(
@@ -41,17 +51,17 @@ def source_lines(
     number: str | None = None,
     temporary: str = "c",
 ) -> list[str]:
-    """Assignments as lines of Python in which nothing is computed twice.
+    """Write formulas as assignments in Python, without common subexpressions.
 
     Args:
-        assignments: Targets and formulas. A target is text to the left of ``=``; if it ends in ``=`` it is an augmented
-            one, such as ``"out[0] +="``.
-        names: What the symbols are called: a variable, or an entry such as ``y[0]``.
-        number: None for double precision; for exact lines the name of a function that makes p/q of integers p, q.
-        temporary: The beginning of the names of temporary variables.
+        assignments: Targets and formulas. A target is the text to the left of ``=``, or an augmented one such as
+            ``"out[0] +="``.
+        names: The text of each symbol: a variable, or an entry such as ``y[0]``.
+        number: None for double precision; in exact mode the name of a function (p, q) ↦ p/q of integers.
+        temporary: The prefix of temporary variables.
 
     Returns:
-        The lines, without indentation. They call the `FUNCTIONS`, and exact lines also ``pi``.
+        The lines, without indentation. They call the `FUNCTIONS`, and in exact mode also ``pi``.
 
     Raises:
         IntegratorError: A formula uses other symbols or functions, or a number that is not real and finite.
@@ -73,23 +83,23 @@ def source_lines(
     reader = Reader(graph, names)
     try:
         terms = [reader.read(sympy.sympify(formula, strict=True)) for _, formula in assignments]
-        graphs = [lowered(graph, terms, horner=horner) for horner in (False, True)]
-        written = [_Printer(*pair, number, temporary).print([target for target, _ in assignments]) for pair in graphs]
+        expanded = [expand_powers(graph, terms, horner=horner) for horner in (False, True)]
+        printed = [_Printer(*pair, number, temporary).print([target for target, _ in assignments]) for pair in expanded]
     except RecursionError:
         raise IntegratorError("formula must be nested less deeply, but was nested beyond the limit of Python") from None
     except ZeroDivisionError:
         raise IntegratorError("formula must not divide by zero, but does") from None
-    return min(written, key=operation_cost)
+    return min(printed, key=operation_cost)
 
 
 def count_operations(lines: Iterable[str]) -> Counter[str]:
-    """The operations that lines of Python do, by kind: those of `COSTS`.
+    """Count the operations in lines of Python.
 
     Args:
-        lines: What `source_lines` gives.
+        lines: Lines from `source_lines`.
 
     Returns:
-        The number of operations of each kind; signs are free.
+        The number of operations of each kind in `COSTS`; signs are free.
 
     Example:
         >>> sorted(count_operations(["c0 = sin(x)*x", "y = c0/(1.0 - c0) + x"]).items())
@@ -109,12 +119,12 @@ def count_operations(lines: Iterable[str]) -> Counter[str]:
 
 
 def operation_cost(lines: Iterable[str]) -> int:
-    """The operations that lines of Python do, weighted by `COSTS`."""
+    """The number of operations in lines of Python, weighted by `COSTS`."""
     return sum(COSTS[kind] * count for kind, count in count_operations(lines).items())
 
 
 class _Printer:
-    """Writes the values of one graph; what is used twice, or too long, gets a line of its own."""
+    """Prints a graph; nodes with several uses and long expressions get temporary variables."""
 
     def __init__(self, graph: OperationGraph, terms: Sequence[Term], number: str | None, temporary: str):
         self.graph, self.terms, self.number, self.temporary = graph, terms, number, temporary
@@ -139,7 +149,7 @@ class _Printer:
         return self.lines
 
     def named(self, text: str) -> tuple[str, int]:
-        """A new temporary variable with this value."""
+        """Assign a text to a new temporary variable."""
         name = f"{self.temporary}{self.temporaries}"
         while name in self.taken:
             self.temporaries += 1
@@ -149,22 +159,22 @@ class _Printer:
         return name, ATOM
 
     def node(self, node: int) -> tuple[str, int]:
-        """The text of a node: written out where it is used once, else its variable."""
+        """The text of a node: its expression if it has one use, otherwise its variable."""
         if node not in self.texts:
-            text, binding = self.written(node)
+            text, binding = self.expression(node)
             shared = self.uses[node] > 1 and self.graph.nodes[node][0] != "name"
             self.texts[node] = self.named(text) if shared or len(text) > MAX_LENGTH else (text, binding)
         return self.texts[node]
 
-    def written(self, node: int) -> tuple[str, int]:
-        """The text of a node, written out."""
+    def expression(self, node: int) -> tuple[str, int]:
+        """The expression of a node."""
         kind, *content = self.graph.nodes[node]
         if kind == "name":
             return content[0], ATOM
         if kind == "sum":
             return self.sum(content[0]), SUM
         if kind == "product":
-            return self.quotient(Fraction(1), *self.expanded(node))
+            return self.quotient(Fraction(1), *self.product_parts(node))
         if kind == "call":
             return f"{content[0]}({self.term(content[1])[0]})", ATOM
         base, exponent = map(self.term, content)
@@ -181,7 +191,7 @@ class _Printer:
         return f"-{within(self.scaled(-coefficient, node), PRODUCT)}", SUM
 
     def sum(self, terms: Iterable[Term]) -> str:
-        """The text of a sum that begins without a minus, if it can; a long one goes over several lines."""
+        """The text of a sum, which begins without a minus if possible; a long one uses temporary variables."""
         signed = [(is_negative(coefficient), coefficient, node) for coefficient, node in terms]
         leading = next((k for k, (negative, *_) in enumerate(signed) if not negative), 0)
         text = ""
@@ -199,13 +209,13 @@ class _Printer:
         return self.quotient(coefficient, *self.factors(node))
 
     def factors(self, node: int) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
-        """The texts that a node multiplies and divides by: those of a product that is used once are its factors."""
+        """Numerator and denominator of a node; a product with one use is split into its factors."""
         if node == ONE or (self.graph.nodes[node][0] == "product" and self.uses[node] == 1):
-            return self.expanded(node)
+            return self.product_parts(node)
         return [self.node(node)], []
 
-    def expanded(self, product: int) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
-        """The texts of the factors above and below the line of a product."""
+    def product_parts(self, product: int) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+        """Numerator and denominator of a product."""
         above, below = [], []
         for sides, powers in zip(((above, below), (below, above)), self.graph.nodes[product][1:], strict=True):
             for child, times in powers:
@@ -214,7 +224,7 @@ class _Printer:
         return above, below
 
     def quotient(self, coefficient: Coefficient, above: list[Any], below: list[Any]) -> tuple[str, int]:
-        """The text of a positive number times factors over divisors; x/3 is rounded once, x·(1/3) twice."""
+        """The text of a positive number times a quotient; x/3 is rounded once, x·(1/3) twice."""
         if above and coefficient != 1 and self.divides(coefficient):
             below = [(self.constant(1 / coefficient), ATOM), *below]
         elif coefficient != 1 or not above:
@@ -226,7 +236,7 @@ class _Printer:
         return f"{text}/{divisor if len(below) == 1 and below[0][1] != PRODUCT else f'({divisor})'}", PRODUCT
 
     def divides(self, coefficient: Coefficient) -> bool:
-        """Whether a number is written as a division: 1/n, unless it is a double or n is none."""
+        """Whether 1/n is written as a division: always in exact mode, otherwise if n is a double and 1/n is not."""
         if not isinstance(coefficient, Fraction) or coefficient.numerator != 1 or coefficient.denominator == 1:
             return False
         n = coefficient.denominator
@@ -235,3 +245,110 @@ class _Printer:
     def constant(self, value: Coefficient) -> str:
         """The text of a positive number."""
         return literal(value) if self.number is None else within(bound_text(value, self.number), PRODUCT)
+
+
+MAX_KEPT_DATA = 100_000
+"""Numbers in a constant array beyond which machine code is not cached on disk (a megabyte)."""
+KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
+MAX_WIDTH = 100
+
+DOUBLE = '''\
+"""The field f of y' = f(y) and its observables in double precision.
+
+{state}
+"""
+
+{imports}
+
+compiled = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
+{constants}
+'''
+
+EXACT = '''\
+"""The field f of y' = f(y) and its observables for numbers of mpmath, in its current precision.
+
+{state}
+"""
+
+{imports}
+
+
+def number(p, q):
+    """The fraction p/q."""
+    return mpf(p) / q
+'''
+
+
+class ModuleText:
+    """Functions of a module, and their constant arrays.
+
+    Args:
+        precise: Whether the text is for mpmath instead of numba.
+        lanes: Whether sums over many particles are written for SIMD instructions, with work arrays on the stack.
+        plain: Whether functions are lowered with their callers instead of being compiled one by one.
+    """
+
+    def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
+        self.number, self.zero = ("number", "0") if precise else (None, "0.0")
+        self.lanes, self.decorator = lanes, "" if plain or precise else "@compiled\n"
+        self._functions: list[str] = []
+        self._arrays: dict[tuple[str, ...], str] = {}
+
+    def numbers(self, values: Sequence[sympy.Expr]) -> str:
+        """Define a constant array of exact numbers and return its name."""
+        exact = map(simplest, values)
+        return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
+
+    def integers(self, values: Sequence[int]) -> str:
+        """Define a constant array of integers and return its name."""
+        return self._array(map(str, values))
+
+    def _array(self, texts: Iterable[str]) -> str:
+        return self._arrays.setdefault(tuple(texts), f"D{len(self._arrays)}")
+
+    def _definitions(self, opening: str, closing: str) -> list[str]:
+        """The constant arrays, a few numbers on each line."""
+        lines = []
+        for texts, name in self._arrays.items():
+            lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
+        return lines
+
+    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
+        """Add a function; exact numbers are created in its body, since their precision may change between calls."""
+        decorator = self.decorator if decorator is None else f"{decorator}\n"
+        if self.number is not None:
+            body = [*self._definitions("(", ")"), *body]
+            self._arrays.clear()
+        lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
+        self._functions.append("\n".join(lines))
+
+    @property
+    def bodies(self) -> str:
+        """The functions so far."""
+        return "\n\n\n".join(self._functions)
+
+    def source(self, scene: System, template: str | None = None) -> str:
+        """The text of the module; the template of its head is by default that of a scene's functions."""
+        bodies = self.bodies
+        called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
+        if self.number is None:
+            imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
+            if template is None:
+                imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
+        else:
+            imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
+        head = (template or (DOUBLE if self.number is None else EXACT)).format(
+            state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
+            imports="\n".join(imports),
+            constants="\n".join(self._definitions("np.array([", "])")),
+        )
+        return f"{head.rstrip()}\n\n\n{bodies}\n"
+
+
+def _shown(names: Sequence[str]) -> str:
+    return ", ".join(names if len(names) < 8 else (*names[:4], "…", names[-1]))
+
+
+def indented(lines: Iterable[str]) -> list[str]:
+    """The lines as the body of a block."""
+    return [f"    {line}" for line in lines]

@@ -1,25 +1,20 @@
-"""From a scene to the source of its compiled functions.
+"""Functions of a scene: its field, Hamiltonian and first integrals, compiled or for numbers of mpmath.
 
-Terms over single variables become scalar code, terms over sites loops around local formulas; nothing is allocated.
-The text depends on formulas, blocks and numbers only: not on what scene and effects are called, nor on effects that are
-off. In double precision numba compiles it; exact text runs on numbers of mpmath.
+Terms over single variables become scalar code, and terms over particles loops around local formulas. Nothing is
+allocated. The text depends on formulas, blocks and numbers only, not on names or on effects that are off.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Sequence
-from textwrap import wrap
+from collections.abc import Callable, Iterable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from integrators.compile.modules import load_module
-from integrators.compile.operation_graph import simplest
-from integrators.compile.particle_loops import INDICES, SiteSum, entry, indented, zeros
-from integrators.compile.printer import FUNCTIONS
-from integrators.exact.number_text import exact_text, literal
+from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
+from integrators.compile.printer import KEPT, ModuleText
 from integrators.scenes.model.local_terms import output_formula
-from integrators.scenes.particles.expansion import filled, written_out
+from integrators.scenes.particles.expansion import filled, flat_hamiltonian, written_out
 from integrators.scenes.particles.local_form import independent_pieces
 
 if TYPE_CHECKING:
@@ -28,48 +23,17 @@ if TYPE_CHECKING:
     from integrators.scenes.model.local_terms import LocalTerm, Output
     from integrators.scenes.model.system import System
 
-MAX_KEPT_DATA = 100_000
-"""Numbers in one constant array above which machine code cannot be kept on disk (a megabyte)."""
-KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
-MAX_WIDTH = 100
-
-DOUBLE = '''\
-"""The field f of y' = f(y) and its observables in double precision.
-
-{state}
-"""
-
-{imports}
-
-compiled = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
-{constants}
-'''
-
-EXACT = '''\
-"""The field f of y' = f(y) and its observables for numbers of mpmath, in its current precision.
-
-{state}
-"""
-
-{imports}
-
-
-def number(p, q):
-    """The fraction p/q."""
-    return mpf(p) / q
-'''
-
 
 def compiled_scene(scene: System) -> ModuleType:
-    """The compiled functions of a scene, from the cache on disk if they are known.
+    """Compile the functions of a scene, or load them from the cache on disk.
 
     Args:
         scene: The scene; its parameters must be numbers.
 
     Returns:
         A module with ``field(y, out)``, ``energy(y)`` if the scene has a Hamiltonian, and ``invariants(y, out)`` if it
-        has first integrals; `y` and `out` are different contiguous arrays of doubles. Outside the domain results are
-        infinite or nan; nothing is raised.
+        has first integrals, where `y` and `out` are different contiguous arrays of doubles. Outside the domain the
+        results are infinite or nan.
 
     Raises:
         IntegratorError: A parameter is a symbol, or a number beyond the range of doubles.
@@ -88,7 +52,7 @@ def compiled_scene(scene: System) -> ModuleType:
 
 
 def precise_scene(scene: System) -> ModuleType:
-    """The same functions for lists of mpmath numbers, in the precision that mpmath has when they are called.
+    """The same functions for lists of mpmath numbers, in mpmath's precision at the time of the call.
 
     Example:
         >>> import mpmath
@@ -104,11 +68,11 @@ def precise_scene(scene: System) -> ModuleType:
 
 
 def scene_source(scene: System, *, precise: bool = False) -> str:
-    """The source of the functions of a scene.
+    """Write the source of the functions of a scene.
 
     Args:
         scene: The scene; its parameters must be numbers.
-        precise: Whether it is for mpmath instead of numba.
+        precise: Whether the text is for mpmath instead of numba.
 
     Returns:
         The text of a module; see `compiled_scene`.
@@ -127,92 +91,15 @@ def scene_source(scene: System, *, precise: bool = False) -> str:
         ...
     """
     writer = ModuleText(precise)
-    writer.function("field(y, out)", "Put f(y) in out.", _field(scene, writer))
+    field = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
+    writer.function("field(y, out)", "Put f(y) in out.", field)
     if scene.is_hamiltonian:
         writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer))
     if scene.invariants:
-        writer.function("invariants(y, out)", "Put the first integrals in out.", _invariants(scene, writer))
+        total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
+        lines = total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
+        writer.function("invariants(y, out)", "Put the first integrals in out.", lines)
     return writer.source(scene)
-
-
-class ModuleText:
-    """The functions of a module, and the constant arrays that they use.
-
-    Args:
-        precise: Whether it is for mpmath instead of numba.
-        lanes: Whether sums over many sites are written for vector instructions, with work arrays on the stack.
-        plain: Whether functions are not compiled one by one, but lowered with what calls them.
-    """
-
-    def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
-        self.number, self.zero = ("number", "0") if precise else (None, "0.0")
-        self.lanes, self.decorator = lanes, "" if plain or precise else "@compiled\n"
-        self._functions: list[str] = []
-        self._arrays: dict[tuple[str, ...], str] = {}
-
-    def numbers(self, values: Sequence[sympy.Expr]) -> str:
-        """The name of a constant array of exact numbers."""
-        exact = map(simplest, values)
-        return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
-
-    def sites(self, values: Sequence[int]) -> str:
-        """The name of a constant array of integers."""
-        return self._array(map(str, values))
-
-    def _array(self, texts: Iterable[str]) -> str:
-        return self._arrays.setdefault(tuple(texts), f"D{len(self._arrays)}")
-
-    def _definitions(self, opening: str, closing: str) -> list[str]:
-        """The constant arrays, a few numbers on each line."""
-        lines = []
-        for texts, name in self._arrays.items():
-            lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
-        return lines
-
-    def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
-        """Add a function. Exact numbers are made when it is called, since their precision may change."""
-        decorator = self.decorator if decorator is None else f"{decorator}\n"
-        if self.number is not None:
-            body = [*self._definitions("(", ")"), *body]
-            self._arrays.clear()
-        lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
-        self._functions.append("\n".join(lines))
-
-    @property
-    def bodies(self) -> str:
-        """The functions so far."""
-        return "\n\n\n".join(self._functions)
-
-    def source(self, scene: System, template: str | None = None) -> str:
-        """The text of the module.
-
-        Args:
-            scene: The scene.
-            template: What comes before the functions; as a rule that of a scene's functions.
-        """
-        bodies = self.bodies
-        called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
-        if self.number is None:
-            imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-            if template is None:
-                imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
-        else:
-            imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
-        head = (template or (DOUBLE if self.number is None else EXACT)).format(
-            state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
-            imports="\n".join(imports),
-            constants="\n".join(self._definitions("np.array([", "])")),
-        )
-        return f"{head.rstrip()}\n\n\n{bodies}\n"
-
-
-def _shown(names: Sequence[str]) -> str:
-    return ", ".join(names if len(names) < 8 else (*names[:4], "…", names[-1]))
-
-
-def _field(scene: System, writer: ModuleText) -> list[str]:
-    """Statements for the field."""
-    return field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
 
 
 def field_lines(
@@ -221,15 +108,14 @@ def field_lines(
     entries: Iterable[int],
     writer: ModuleText,
 ) -> list[str]:
-    """Statements for a field, or a piece of it: what is written first is assigned, everything else added.
+    """Statements for a field, or a piece of it: first contributions are assigned, others added.
 
     Args:
         terms: The terms of the field.
-        outputs: Which outputs of a term belong to the piece.
-        entries: The entries of ``out`` that the piece is responsible for.
-        writer: The module that the lines are for.
+        outputs: Maps a term to its outputs in the piece.
+        entries: The entries of ``out`` in the piece.
+        writer: The module under construction.
     """
-
     lines: list[str] = []
     assigned: set[int] = set()
     touched: set[int] = set()
@@ -248,7 +134,7 @@ def field_lines(
 def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the Hamiltonian."""
     if scene.poisson is not None:
-        sums = [SiteSum.flat(scene, {"energy": scene.hamiltonian})]  # its terms are those of the field
+        sums = [SiteSum.flat(scene, {"energy": flat_hamiltonian(scene.summands, scene)})]  # local terms give the field
     else:
         constant = SiteSum.flat(scene, {"energy": _constant(scene)})
         sums = gathered(scene.numeric_terms, lambda term: [("energy", term.formula)], constant)
@@ -257,15 +143,8 @@ def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     return [*lines, "return total"]
 
 
-def _invariants(scene: System, writer: ModuleText) -> list[str]:
-    """Statements for the first integrals."""
-
-    total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
-    return total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
-
-
 def _constant(scene: System) -> sympy.Expr:
-    """What the Hamiltonian has besides its local terms, which make up its field."""
+    """The constant part of the Hamiltonian, which local terms omit because the field does not need it."""
     import sympy
 
     of_sites = {name for name, value in scene.parameters.items() if isinstance(value, tuple)}
@@ -283,7 +162,7 @@ def _constant(scene: System) -> sympy.Expr:
 def gathered(
     terms: Iterable[LocalTerm], outputs: Callable[[LocalTerm], Iterable[Any]], first: SiteSum | None = None
 ) -> list[SiteSum]:
-    """The sums of terms over the same sites: over single variables, then over each site, then over several sites."""
+    """Sums of terms over the same sites: over single variables, then over each particle, then over several."""
     sums = {} if first is None else {first.sites: first}
     for term in terms:
         sums.setdefault(term.sites, SiteSum(term.sites)).add(term, outputs(term))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import SiteSum
-from integrators.compile.scene_source import ModuleText, energy_lines
+from integrators.compile.printer import ModuleText
+from integrators.compile.scene_source import energy_lines
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.particles.expansion import filled
 

@@ -1,12 +1,12 @@
-"""Variable steps that stay reversible: symmetric control of the step density.
+"""Reversible variable steps: symmetric control of the step density.
 
 Constant steps of size ε in a new time τ with dt/dτ = σ(y) have the size h = ε σ(y). The density of steps ρ = 1/σ(y)
 changes along a solution by dρ/dτ = G(y) = −∇σ(y)·f(y)/σ(y), and is integrated along with it, by the midpoint rule:
 
     ρ_(n+1/2) = ρ_n + ε/2 G(y_n),  y_(n+1) = Φ_h(y_n) with h = ε/ρ_(n+1/2),  ρ_(n+1) = ρ_(n+1/2) + ε/2 G(y_(n+1)).
 
-If Φ is symmetric, so is the whole, explicitly: going back with −ε retraces all steps. Where σ takes the same value for
-reversed momenta, energies and first integrals of integrable reversible systems do not drift.
+If Φ is symmetric, so is this explicit scheme: steps with −ε retrace those with ε. If σ is invariant under reversal of
+the momenta, energies and first integrals of integrable reversible systems do not drift.
 
 References:
     E. Hairer, G. Söderlind, SIAM J. Sci. Comput. 26 (2005) 1838–1851, doi:10.1137/04060699; HLW, section VIII.3.2.
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from integrators.steppers.writer import StepWriter
 
 
-DENSITY, RATE, TIME, TIME_CARRY = range(4)
-"""What `State.control` holds: ρ_n, G(y_n), the time, and its rounding errors so far."""
-_CONTROL = ", ".join(f"controls[{k}]" for k in (DENSITY, RATE, TIME, TIME_CARRY))
+DENSITY, RATE, TIME, TIME_COMPENSATION = range(4)
+"""Entries of `State.control`: ρ_n, G(y_n), the time, and the compensation of the time."""
+_CONTROL = ", ".join(f"controls[{k}]" for k in (DENSITY, RATE, TIME, TIME_COMPENSATION))
 
 
 class ControlText(NamedTuple):
@@ -40,8 +40,8 @@ class ControlText(NamedTuple):
 
     Attributes:
         load: Before the first step.
-        fresh: For what is not known before the first step of a run.
-        before: Before each step: its size.
+        fresh: Before the first step of a run only.
+        before: Before each step, for its size.
         after: After each step.
         store: After the last step.
     """
@@ -54,14 +54,14 @@ class ControlText(NamedTuple):
 
 
 def read_control(control: Any, scene: System) -> sympy.Expr:
-    """The function σ(y) of step sizes h = ε σ(y), as a formula in the variables.
+    """Read the step size function σ(y) of h = ε σ(y).
 
     Args:
         control: Text or a SymPy expression in the variables and parameters of the scene.
         scene: The scene.
 
     Raises:
-        IntegratorError: It is no such formula, or it is constant.
+        IntegratorError: It is not a formula in these, or it is constant.
 
     Example:
         >>> from integrators import scene
@@ -92,24 +92,21 @@ def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) 
 
 
 def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
-    """The statements of steps with this function of step sizes."""
+    """Statements of steps with a step size function."""
     rate = _rate_lines(formula, writer)
     return ControlText(
-        load=(
-            "epsilon = h",
-            f"density, rate, time, time_carry = {_CONTROL}",
-        ),
+        load=("epsilon = h", f"density, rate, time, time_compensation = {_CONTROL}"),
         fresh=rate,
         before=("middle = density + 0.5*epsilon*rate", "if not middle > 0.0:", "    break", "h = epsilon/middle"),
         after=(
             *rate,
             "density = middle + 0.5*epsilon*rate",
-            "c = h + time_carry",
+            "c = h + time_compensation",
             "x = time + c",
-            "time_carry = c - (x - time)",
+            "time_compensation = c - (x - time)",
             "time = x",
         ),
-        store=(f"{_CONTROL} = density, rate, time, time_carry",),
+        store=(f"{_CONTROL} = density, rate, time, time_compensation",),
     )
 
 
@@ -123,9 +120,9 @@ def _rate_lines(formula: sympy.Expr, writer: StepWriter) -> tuple[str, ...]:
     body = SiteSum.flat(scene, outputs).lines(targets, writer.module)
     total = " + ".join(f"s{k}*f[{k}]" for k in used)
     writer.module.function(
-        "density_rate(y, f)", "The rate at which the density of steps changes.", [*body, f"return -({total})/sigma"]
+        "density_rate(y, f)", "The rate of change of the density of steps.", [*body, f"return -({total})/sigma"]
     )
-    cells = sorted({structure.cell_of(k) for k in used})
-    field = writer.functions.field(whole, cells)
-    slope = writer.array("slope")
-    return f"{field}(y, {slope})", f"rate = density_rate(y, {slope})"
+    blocks = sorted({structure.block_of[k] for k in used})
+    field = writer.functions.field(whole, blocks)
+    value = writer.array("field")
+    return f"{field}(y, {value})", f"rate = density_rate(y, {value})"

@@ -1,19 +1,19 @@
-"""Averages of the field along polynomial paths, by Gauss's quadrature with a fixed number of nodes."""
+"""Averages of the field along polynomial paths, by Gauss quadrature with a fixed number of nodes."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from integrators.compile.particle_loops import indented
+from integrators.compile.printer import indented
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import degree
-from integrators.steppers.nodes import DECIMALS
+from integrators.steppers.step_model import DECIMALS
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.steppers.plan import Call
+    from integrators.steppers.step_model import Call
     from integrators.steppers.writer import StepWriter
 
     Rule = tuple[tuple[sympy.Rational, sympy.Rational], ...]
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 NODES = 10
-"""Nodes for fields that are no polynomials, unless another number is asked for.
+"""Default number of nodes for fields that are no polynomials.
 
 A singularity at a distance r from the middle of a path of length L leaves an error near ρ^(−2·NODES) with
-ρ = 2r/L + √(1 + 4r²/L²): rounding only, as long as a step moves by less than two thirds of r.
+ρ = 2r/L + √(1 + 4r²/L²), which is below rounding for steps shorter than two thirds of r.
 """
 MOST_NODES = 100
 
@@ -32,8 +32,8 @@ MOST_NODES = 100
 def average_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     """Statements for ∫₀¹ θ^power F(Σ θ^j path_j) dθ: exact up to rounding, so that energies are preserved as well.
 
-    They add up F(θ_1) / (power + 1) + Σ w_i θ_i^power (F(θ_i) − F(θ_1)): rounding errors of the weights, the same in
-    every step, are multiplied with small differences only. Averages with other powers use the same values.
+    The sum is F(θ_1) / (power + 1) + Σ w_i θ_i^power (F(θ_i) − F(θ_1)), so that rounding errors of weights, equal in
+    all steps, multiply small differences only. Averages with other powers share the values of F.
     """
     dimension, power = writer.structure.scene.dimension, int(call.node.detail)
     rule = gauss_legendre(_count(call, writer))
@@ -45,11 +45,11 @@ def average_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
         f"    x += {weights}[node]*(values[i + {dimension}*node] - values[i])",
         f"{target}[i] = x + values[i]" + f"/{power + 1}.0" * (power > 0),
     ]
-    return [*lines, *(line for cell in call.cells for line in writer.forms.loop(cell, total))]
+    return [*lines, *(line for block in call.blocks for line in writer.forms.loop(block, total))]
 
 
 def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
-    """Statements for the values of the field at the nodes, unless they are known from an average before."""
+    """Statements for the values of the field at the nodes, unless an average before has computed them."""
     forms, path = writer.forms, call.node.points
     lines: list[str] = []
     arrays: list[str] = []
@@ -57,7 +57,7 @@ def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
         made, array = forms.point(point, writer.array(f"path{j}"))
         lines += made
         arrays.append(array)
-    content = call.node.piece, call.cells, path
+    content = call.node.piece, call.blocks, path
     if not lines and writer.averaged == content:
         return []
     writer.averaged = content
@@ -67,29 +67,29 @@ def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
     dimension, at = writer.structure.scene.dimension, writer.array("at")
     values = writer.array("values", dimension * len(rule))
     node = [f"x = {writer.module.numbers([θ for θ, _ in rule])}[node]"]
-    for cell, _ in path[0]:
-        node += forms.loop(cell, [f"{at}[i] = {polynomial}"])
-    field = writer.functions.field(call.node.piece, call.cells)
+    for block, _ in path[0]:
+        node += forms.loop(block, [f"{at}[i] = {polynomial}"])
+    field = writer.functions.field(call.node.piece, call.blocks)
     node.append(f"{field}({at}, shifted({values}, {dimension}*node))")
     return [*lines, f"for node in range({len(rule)}):", *indented(node)]
 
 
 def _count(call: Call, writer: StepWriter) -> int:
-    """How many nodes are enough: for polynomials exactly, else as documented above."""
+    """The number of nodes: exact for polynomials, otherwise as requested."""
     import sympy
 
     length, highest = len(call.node.points) - 1, 0
-    for term, output in writer.structure.outputs(call.node.piece, call.cells):
+    for term, output in writer.structure.outputs(call.node.piece, call.blocks):
         found = degree(output_formula(term, output), [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))])
         if found is None:
-            return writer.average_nodes or NODES
+            return writer.options.average_nodes or NODES
         highest = max(highest, found)
     return (highest * length + max(length - 1, int(call.node.detail))) // 2 + 1
 
 
 @cache
 def gauss_legendre(count: int) -> Rule:
-    """Gauss's formula on [0, 1], exact for polynomials of degree 2 count − 1.
+    """Gauss–Legendre quadrature on [0, 1], exact for polynomials of degree 2 count − 1.
 
     Args:
         count: The number of nodes.
@@ -115,10 +115,10 @@ def gauss_legendre(count: int) -> Rule:
         for k in range(count, 0, -1):
             x = mpmath.cos(mpmath.pi * (k - mpmath.mpf(1) / 4) / (count + mpmath.mpf(1) / 2))
             for _ in range(8):  # Newton's iteration doubles at least two correct digits each time
-                value, slope = _legendre(count, x)
-                x -= value / slope
-            _, slope = _legendre(count, x)
-            pairs.append((rational((1 + x) / 2), rational(1 / ((1 - x * x) * slope * slope))))
+                value, derivative = _legendre(count, x)
+                x -= value / derivative
+            _, derivative = _legendre(count, x)
+            pairs.append((rational((1 + x) / 2), rational(1 / ((1 - x * x) * derivative * derivative))))
     return tuple(pairs)
 
 

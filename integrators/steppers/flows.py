@@ -1,8 +1,8 @@
-"""Flows of pieces of the field that feel what they move, such as linear ones, with forcing or without.
+"""Flows of pieces of the field that depend on the variables they move, with or without forcing.
 
-Those of linear pieces are products with φ-functions of matrices: φ_0(z) = e^z and φ_k(z) = ∫₀¹ e^((1−θ)z)
-θ^(k−1)/(k−1)! dθ solve z' = X z + Σ θ^j g_j exactly, by z(1) = z(0) + φ_1(X) X z(0) + Σ j! φ_(j+1)(X) g_j. They are
-computed in fixed-point arithmetic, with many more digits than doubles have.
+The φ-functions φ_0(z) = e^z, φ_k(z) = ∫₀¹ e^((1−θ)z) θ^(k−1)/(k−1)! dθ solve linear equations z' = X z + Σ θ^j g_j by
+z(1) = z(0) + φ_1(X) X z(0) + Σ j! φ_(j+1)(X) g_j. They are computed in fixed-point arithmetic, far beyond the precision
+of doubles.
 
 References:
     M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209–286, doi:10.1017/S0962492910000048, section 2.1;
@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators.exact.entries import round_entry
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import degree
-from integrators.steppers.nodes import fraction
+from integrators.steppers.step_model import fraction
 
 if TYPE_CHECKING:
-    from integrators.steppers.plan import Call
+    from integrators.steppers.step_model import Call
     from integrators.steppers.structure import Structure
     from integrators.steppers.writer import StepWriter
 
     FlowKey = tuple[int, tuple[int, ...], Fraction | int, int]
-    """The piece, the cells that move, the time, the number of forcing terms."""
+    """The piece, the moving blocks, the time, the number of forcing terms."""
     import numpy as np
     import sympy
 
@@ -37,25 +37,25 @@ if TYPE_CHECKING:
 
 
 COLUMNS = 7
-"""Of the extrapolation tableau; with more, its factors would blow up rounding errors."""
+"""Columns of the extrapolation tableau; more of them would amplify rounding errors."""
 WORK = COLUMNS + 4
-"""Arrays of work besides the forcing and one value of the field."""
+"""Work arrays besides the forcing and one value of the field."""
 MOST_HALVINGS = 12
-EXTRAPOLATION = "The slopes of the flow of a piece of the field; whether they could be found."
+EXTRAPOLATION = "Compute the mean derivative of the flow of a piece of the field; whether it converged."
 
 
 def flow_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     """Statements for (z(1) − z(0))/h, where z′(θ) = time · h F(z(θ)) + Σ_j θ^j forcing_j.
 
-    Where F is linear with constant coefficients, these are products with matrices that depend on h only; where each
-    variable has an equation x' = a x + b with a and b that stay the same, exponentials of numbers; anything else is
-    computed numerically up to rounding, with some 20 to 60 values of F.
+    If F is linear with constant coefficients, they are products with matrices that depend on h only. If each variable
+    has an equation x' = a x + b with constant a and b, they are exponentials of numbers. Other flows are extrapolated
+    numerically up to rounding, with some 20 to 60 evaluations of F.
     """
     piece, (start, *forcing) = call.node.piece, call.node.points
     structure = writer.structure
-    forced = {cell for point in forcing for cell, form in point if form.terms}
-    moving = [cell for cell, _ in start if cell in forced or cell in structure.writes(piece)]
-    linear = None if writer.varies else _linear_flow(call, moving, structure)
+    forced = {block for point in forcing for block, form in point if form.terms}
+    moving = [block for block, _ in start if block in forced or block in structure.writes(piece)]
+    linear = None if writer.options.control is not None else _linear_flow(call, moving, structure)
     if linear is not None:
         return _linear_lines(call, target, linear, writer)
     if len(forcing) <= 1 and is_diagonal(structure, piece, moving):
@@ -64,14 +64,14 @@ def flow_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
 
 
 def _linear_flow(call: Call, moving: list[int], structure: Structure) -> LinearFlow | None:
-    """The flow as products with matrices, if it is linear with constant coefficients and not too large."""
+    """The flow in terms of φ-functions, if it is linear with constant coefficients and not too large."""
     system = constant_system(structure, call.node.piece, moving)
     flow = None if system is None else LinearFlow(system, call, structure)
     return flow if flow is not None and flow.largest <= MOST_VARIABLES else None
 
 
 def _forcing_lines(call: Call, writer: StepWriter) -> tuple[list[str], list[str]]:
-    """Statements for forcing terms, and the arrays of these, which lie one behind the other."""
+    """Statements for forcing terms, and their arrays, which are consecutive in memory."""
     lines: list[str] = []
     dimension, terms = writer.structure.scene.dimension, call.node.points[1:]
     arrays = [f"forcing{j}" for j in range(len(terms))]
@@ -91,15 +91,15 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter)
     lines, at = writer.forms.point(call.node.points[0], "z")
     made, vectors = _forcing_lines(call, writer)
     lines += made
-    key = "linear", call.node.piece, call.cells, flow.time, flow.forcing
+    key = "linear", call.node.piece, call.blocks, flow.time, flow.forcing
     if key not in writer.known:
         writer.known[key] = writer.number_array(2 * size * flow.matrices, flow.numbers)
-    for cell in call.cells:
-        lines += writer.forms.loop(cell, [f"{target}[i] = 0.0"])
+    for block in call.blocks:
+        lines += writer.forms.loop(block, [f"{target}[i] = 0.0"])
     if flow.constants:
         vectors.append(module.numbers([sympy.Rational(x.numerator, x.denominator) for x in flow.constants]))
     lines.append(f"elements = {writer.known[key]}")
-    pattern = ", ".join([str(len(flow.rows)), *map(module.sites, (flow.rows, flow.starts, flow.columns))])
+    pattern = ", ".join([str(len(flow.rows)), *map(module.integers, (flow.rows, flow.starts, flow.columns))])
     for k, vector in enumerate([at, *vectors]):
         heads, tails = (f"shifted(elements, {(2 * k + half) * size})" for half in (0, 1))
         lines.append(f"add_products({pattern}, {heads}, {tails}, {vector}, {target})")
@@ -107,107 +107,107 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter)
 
 
 def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepWriter) -> list[str]:
-    """Statements for (x(1) − x(0))/h = (time · F(x) + forcing/h) φ_1(time · h a); a is F' times ones."""
+    """Statements for (x(1) − x(0))/h = (time · F(x) + forcing/h) φ_1(time · h a), where a is F' times ones."""
     forms, functions, dimension = writer.forms, writer.functions, writer.structure.scene.dimension
     start, piece, time = call.node.points[0], call.node.piece, round_entry(call.node.detail)
     lines, array = forms.point(start, writer.array("growing", 2 * dimension), copied=True)
     made, vectors = _forcing_lines(call, writer)
     lines += made
-    for cell, _ in start:
-        lines += forms.loop(cell, [f"{array}[i + {dimension}] = {float(cell in moving)}"])
-    slope, rate = writer.array("slope"), writer.array("rates")
-    lines.append(f"{functions.field(piece, call.cells)}({array}, {slope})")
-    lines.append(f"{functions.derivative(piece, call.cells)}({array}, {rate})")
-    driven = f"{time!r}*{slope}[i]" + "".join(f" + {vector}[i]/h" for vector in vectors)
-    for cell in call.cells:
-        lines += forms.loop(cell, [f"{target}[i] = ({driven})*growth(h*{time!r}*{rate}[i])"])
+    for block, _ in start:
+        lines += forms.loop(block, [f"{array}[i + {dimension}] = {float(block in moving)}"])
+    value, rate = writer.array("field"), writer.array("rates")
+    lines.append(f"{functions.field(piece, call.blocks)}({array}, {value})")
+    lines.append(f"{functions.derivative(piece, call.blocks)}({array}, {rate})")
+    driven = f"{time!r}*{value}[i]" + "".join(f" + {vector}[i]/h" for vector in vectors)
+    for block in call.blocks:
+        lines += forms.loop(block, [f"{target}[i] = ({driven})*growth(h*{time!r}*{rate}[i])"])
     return lines
 
 
 def _numerical_lines(call: Call, target: str, moving: list[int], writer: StepWriter) -> list[str]:
-    """Statements for extrapolation."""
+    """Statements for the call of an extrapolated flow."""
     structure, forms = writer.structure, writer.forms
     dimension, powers = structure.scene.dimension, len(call.node.points) - 1
-    indices = [i for cell in moving for a, b in structure.cells[cell] for i in range(a, b)]
+    indices = [i for block in moving for a, b in structure.blocks[block] for i in range(a, b)]
     lines, start = forms.point(call.node.points[0], writer.array("flowing"), copied=True)
     made, _ = _forcing_lines(call, writer)
     work = writer.array("rows", (powers + WORK) * len(indices) + dimension)
-    slope = writer.array("slope")
+    mean = writer.array("mean")
     key = call.node.piece, tuple(moving), call.node.detail, powers
     if key not in writer.known:
         writer.known[key] = name = f"flow{len(writer.known)}"
         body = _extrapolation_lines(key, indices, writer)
         writer.module.function(f"{name}(start, forcing, h, work, out)", EXTRAPOLATION, body)
-    arguments = f"{start}, {'forcing' if powers else start}, h, {work}, {slope}"
+    arguments = f"{start}, {'forcing' if powers else start}, h, {work}, {mean}"
     lines += [*made, f"if not {writer.known[key]}({arguments}):", "    break"]
-    for cell in call.cells:
-        lines += forms.loop(cell, [f"{target}[i] = {slope}[i]"])
+    for block in call.blocks:
+        lines += forms.loop(block, [f"{target}[i] = {mean}[i]"])
     return lines
 
 
 def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepWriter) -> list[str]:
     """The body of a function for a flow by extrapolation of the explicit midpoint rule.
 
-    An interval where it does not settle is halved. Slopes are computed, not ends: their rounding errors are small
-    against those of the state.
+    An interval without convergence is halved. The mean derivative is computed instead of the end, whose rounding errors
+    would be larger.
 
     References:
         Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.9 (the method of Gragg, Bulirsch and
         Stoer).
     """
     piece, moving, time, powers = key
-    n, index = len(indices), writer.module.sites(indices)
-    sizes = {"drive": powers * n, "origin": n, "slopes": n, "table": COLUMNS * n, "before": n, "now": n, "value": 0}
+    n, index = len(indices), writer.module.integers(indices)
+    sizes = {"drive": powers * n, "origin": n, "means": n, "table": COLUMNS * n, "before": n, "now": n, "value": 0}
     offsets = accumulate(sizes.values(), initial=0)
     dimension = writer.structure.scene.dimension
     return [
         *(f"{name} = shifted(work, {offset})" for name, offset in zip(sizes, offsets, strict=False)),
-        f"begin_flow({n}, {index}, {powers}, {dimension}, start, forcing, h, drive, origin, slopes)",
+        f"begin_flow({n}, {index}, {powers}, {dimension}, start, forcing, h, drive, origin, means)",
         "position, level = 0, 0",
         "while position < 1 << level:",
         "    width = 1.0/(1 << level)",
         f"    for column in range({COLUMNS}):",
         "        steps = 2*column + 2",
         "        for m in range(steps):",
-        f"            flow_point({n}, {index}, h, m == 0, origin, slopes, before, now, start)",
+        f"            flow_point({n}, {index}, h, m == 0, origin, means, before, now, start)",
         f"            {writer.functions.field(piece, moving)}(start, value)",
         "            θ = (position + m/steps)*width",
         f"            midpoint_step({n}, {index}, {powers}, m == 0, θ, width/steps, {round_entry(time)!r}, drive, "
         "value, before, now)",
-        f"        change, size = extrapolate({n}, column, h, origin, slopes, now, table)",
-        "        if has_settled(column, change, size):",
+        f"        change, size = extrapolate({n}, column, h, origin, means, now, table)",
+        "        if has_converged(column, change, size):",
         "            break",
-        "    if has_settled(column, change, size):",
+        "    if has_converged(column, change, size):",
         f"        for i in range({n}):",
-        f"            slopes[i] += table[column*{n} + i]",
+        f"            means[i] += table[column*{n} + i]",
         "        position, level = next_interval(position, level)",
         f"    elif level == {MOST_HALVINGS}:",
         "        return False",
         "    else:",
         "        position, level = 2*position, level + 1",
-        f"end_flow({n}, {index}, origin, slopes, start, out)",
+        f"end_flow({n}, {index}, origin, means, start, out)",
         "return True",
     ]
 
 
 MOST_VARIABLES = 128
-"""Of a matrix without blocks; beyond, its φ-functions would take minutes."""
+"""Size of a diagonal block of a matrix; beyond, its φ-functions would take minutes."""
 MOST_ROWS = 50_000
 
 
 class AffineSystem(NamedTuple):
-    """x' = L x + b, exactly: elements by row and column, and by row."""
+    """Exact coefficients of x' = L x + b: elements of L by (row, column), and of b by row."""
 
     matrix: dict[tuple[int, int], Fraction]
     constants: dict[int, Fraction]
 
 
-def constant_system(structure: Structure, piece: int, cells: Iterable[int]) -> AffineSystem | None:
-    """What a piece of the field does in some cells; None if it is not linear with constant coefficients."""
+def constant_system(structure: Structure, piece: int, blocks: Iterable[int]) -> AffineSystem | None:
+    """A piece of the field in some blocks; None if it is not affine with constant coefficients."""
     import sympy
 
     system = AffineSystem({}, {})
-    for term, output in structure.outputs(piece, cells):
+    for term, output in structure.outputs(piece, blocks):
         variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         formula = output_formula(term, output)
         if degree(formula, variables) not in (0, 1) or term.sites.size > MOST_ROWS:
@@ -220,7 +220,7 @@ def constant_system(structure: Structure, piece: int, cells: Iterable[int]) -> A
 def _add(
     system: AffineSystem, term: LocalTerm, output: Output, factors: Sequence[sympy.Expr], constant: sympy.Expr
 ) -> None:
-    """Add a term at all rows of its sites."""
+    """Add a term over all rows of its sites."""
     import sympy
 
     zero = Fraction(0)
@@ -237,17 +237,17 @@ def _add(
                     system.matrix[key] = system.matrix.get(key, zero) + x
 
 
-def is_diagonal(structure: Structure, piece: int, cells: Iterable[int]) -> bool:
-    """Whether in x_i' = a_i x_i + b_i, for all variables of some cells, a_i and b_i hold no variable of these cells."""
+def is_diagonal(structure: Structure, piece: int, blocks: Iterable[int]) -> bool:
+    """Whether x_i' = a_i x_i + b_i in some blocks, where a_i and b_i hold no variable of these blocks."""
     import sympy
 
-    moving = set(cells)
+    moving = set(blocks)
     for term, output in structure.outputs(piece, moving):
         formula, own = output_formula(term, output), []
         for k, argument in enumerate(term.arguments):
             x = sympy.Symbol(f"x{k}")
             for place in argument:
-                if place is not None and formula.has(x) and structure.cells_at(place, term.sites) & moving:
+                if place is not None and formula.has(x) and structure.blocks_at(place, term.sites) & moving:
                     own.append(x)
                     if place != output.place:
                         return False
@@ -264,30 +264,30 @@ class LinearFlow:
 
     Args:
         system: L and b.
-        call: What is wanted.
-        structure: The cells.
+        call: The flow.
+        structure: The blocks of variables.
 
     Attributes:
-        rows: The entries that are wanted.
-        starts: Where the elements of each row begin, and where those of the last one end.
-        columns: The column of each element; all matrices have elements at the same places.
+        rows: The rows of the sparse matrices, which all have the same pattern.
+        starts: The index of the first element of each row, and the number of elements.
+        columns: The column of each element.
         time: The duration, in steps.
         forcing: The number of forcing terms.
-        largest: The size of the largest block.
+        largest: The size of the largest diagonal block.
     """
 
     def __init__(self, system: AffineSystem, call: Call, structure: Structure):
         self._system, self._dimension = system, structure.scene.dimension
         self.time, self.forcing = Fraction(call.node.detail), len(call.node.points) - 1
-        self.rows = [i for cell in call.cells for a, b in structure.cells[cell] for i in range(a, b)]
-        blocks = _blocks(system.matrix, self.rows)
-        self._blocks = [(block, [i for i in self.rows if i in set(block)]) for block in blocks]
-        self.rows = [i for _, rows in self._blocks for i in rows]
-        self.columns = [j for block, rows in self._blocks for _ in rows for j in block]
+        self.rows = [i for block in call.blocks for a, b in structure.blocks[block] for i in range(a, b)]
+        components = _components(system.matrix, self.rows)
+        self._components = [(component, [i for i in self.rows if i in set(component)]) for component in components]
+        self.rows = [i for _, rows in self._components for i in rows]
+        self.columns = [j for component, rows in self._components for _ in rows for j in component]
         self.starts = [0]
-        for block, rows in self._blocks:
-            self.starts += [self.starts[-1] + len(block) * (k + 1) for k in range(len(rows))]
-        self.largest = max(map(len, blocks))
+        for component, rows in self._components:
+            self.starts += [self.starts[-1] + len(component) * (k + 1) for k in range(len(rows))]
+        self.largest = max(map(len, components))
 
     @property
     def constants(self) -> list[Fraction]:
@@ -297,37 +297,37 @@ class LinearFlow:
 
     @property
     def matrices(self) -> int:
-        """How many there are: for z(0), for each forcing term, and for b."""
+        """The number of matrices: for z(0), for each forcing term, and for b."""
         return 1 + self.forcing + bool(self.constants)
 
     def numbers(self, h: float) -> np.ndarray:
-        """The elements of each matrix, heads and then tails."""
+        """The elements of each matrix: heads, then tails."""
         import numpy as np
 
         known: dict[tuple[tuple[Fraction, ...], ...], list[np.ndarray] | None] = {}
         parts: list[list[np.ndarray]] = [[] for _ in range(self.matrices)]
-        for block, rows in self._blocks:
-            matrix = tuple(tuple(self._system.matrix.get((i, j), Fraction(0)) for j in block) for i in block)
+        for component, rows in self._components:
+            matrix = tuple(tuple(self._system.matrix.get((i, j), Fraction(0)) for j in component) for i in component)
             if matrix not in known:
                 known[matrix] = self._matrices(matrix, Fraction(h))
-            chosen = [block.index(i) for i in rows]
+            chosen = [component.index(i) for i in rows]
             for part, found in zip(parts, known[matrix] or [None] * self.matrices, strict=True):
-                empty = np.full((2, len(chosen) * len(block)), np.nan)
+                empty = np.full((2, len(chosen) * len(component)), np.nan)
                 part.append(empty if found is None else doubles(found[chosen].ravel()))
         return np.concatenate([np.hstack(part).ravel() for part in parts])
 
     def _matrices(self, matrix: Sequence[Sequence[Fraction]], h: Fraction) -> list[np.ndarray] | None:
-        """The matrices of a block in fixed-point numbers; None if they are no doubles."""
-        slope = fixed_point([[self.time * x for x in row] for row in matrix])
+        """The matrices of a diagonal block in fixed-point numbers; None beyond the range of doubles."""
+        generator = fixed_point([[self.time * x for x in row] for row in matrix])
         phi = phi_functions(fixed_point([[h * self.time * x for x in row] for row in matrix]), max(1, self.forcing))
         if phi is None:
             return None
         forced = [phi[j] * factorial(j) * h.denominator // h.numerator for j in range(self.forcing)]
-        return [product(slope, phi[0]), *forced, *([phi[0]] if self.constants else [])]
+        return [product(generator, phi[0]), *forced, *([phi[0]] if self.constants else [])]
 
 
-def _blocks(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list[list[int]]:
-    """Variables that have to do with one another, as far as some of them are wanted."""
+def _components(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list[list[int]]:
+    """Connected components of the variables that contain wanted ones."""
     import networkx as nx
 
     graph = nx.Graph()
@@ -335,21 +335,21 @@ def _blocks(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list[lis
     graph.add_edges_from(pairs)
     rows = set(wanted)
     found = (sorted(component) for component in nx.connected_components(graph))
-    return sorted(block for block in found if not rows.isdisjoint(block))
+    return sorted(component for component in found if not rows.isdisjoint(component))
 
 
 BITS = 176
-"""Digits behind the point; squaring loses one for each doubling of the argument."""
+"""Binary digits after the point; squaring loses one for each doubling of the argument."""
 SMALL_BITS = 8
 """The Taylor series is used for arguments below 2^-8."""
 MOST_BITS = BITS + 1100
-"""Beyond, numbers would be no doubles."""
+"""Length of a number beyond the range of doubles."""
 LIMB = 20
-"""Products of so many bits, and sums of a few thousand of them, are exact in doubles."""
+"""Bits of a limb: sums of a few thousand products of two limbs are exact in doubles."""
 
 
 def fixed_point(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
-    """A matrix as integers, in units of 2^−BITS."""
+    """A matrix of integers, in units of 2^−BITS."""
     import numpy as np
 
     matrix = np.empty((len(rows), len(rows[0])), dtype=object)
@@ -358,7 +358,7 @@ def fixed_point(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
 
 
 def doubles(values: Iterable[Any]) -> np.ndarray:
-    """Fixed-point numbers as doubles, and the rounding errors of these as doubles: two rows."""
+    """Fixed-point numbers as two rows of doubles: rounded values and their rounding errors."""
     import numpy as np
 
     heads = [x / 2**BITS for x in values]
@@ -367,7 +367,7 @@ def doubles(values: Iterable[Any]) -> np.ndarray:
 
 
 def phi_functions(matrix: np.ndarray, count: int) -> list[np.ndarray] | None:
-    """φ_1(X), …, φ_count(X) in fixed-point arithmetic; None if they are no doubles.
+    """φ_1(X), …, φ_count(X) in fixed-point arithmetic; None beyond the range of doubles.
 
     Example:
         >>> (phi,) = phi_functions(fixed_point([[Fraction(1)]]), 1)
@@ -406,7 +406,7 @@ def _series(matrix: np.ndarray, k: int, one: np.ndarray) -> np.ndarray:
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A B in fixed-point arithmetic: large integers are cut into limbs whose products are exact in doubles."""
+    """A B in fixed-point arithmetic, by limbs whose products are exact in doubles."""
     left, right = _limbs(A), _limbs(B)
     total: Any = 0
     for d in range(len(left) + len(right) - 1):
@@ -417,7 +417,7 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def _limbs(matrix: np.ndarray) -> list[np.ndarray]:
-    """Matrices L_i of doubles with Σ L_i 2^(LIMB·i) = the matrix; the last one holds the signs."""
+    """Matrices L_i of doubles with Σ L_i 2^(LIMB·i) = matrix; the last one holds the signs."""
     count = 1 + max(int(x).bit_length() for x in matrix.flat) // LIMB
     lower = [((matrix >> (LIMB * i)) & (2**LIMB - 1)).astype(float) for i in range(count - 1)]
     return [*lower, (matrix >> (LIMB * (count - 1))).astype(float)]

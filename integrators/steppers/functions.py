@@ -1,4 +1,4 @@
-"""The functions that a generated stepper calls: pieces of the field and their derivatives, written for pointers."""
+"""Functions of a generated step: pieces of the field, their directional derivatives and Jacobians."""
 
 from __future__ import annotations
 
@@ -6,61 +6,60 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.compile.particle_loops import INDICES
-from integrators.compile.scene_source import ModuleText, field_lines, gathered
+from integrators.compile.scene_source import field_lines, gathered
 from integrators.core.immutable import cached_method
 from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
-from integrators.steppers.structure import Structure, entries
+from integrators.steppers.structure import entries
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.compile.scene_source import ModuleText
-    from integrators.scenes.model.local_terms import LocalTerm, Output
+    from integrators.compile.printer import ModuleText
     from integrators.steppers.structure import Structure
 
     Outputs = Callable[[LocalTerm], Iterable[Output]]
 
 
 class Functions:
-    """The functions of a stepper's module, each made when it is first asked for.
+    """Functions of a step's module, each named at its first use and written at the end.
 
     Args:
-        structure: What the pieces of the field are like.
-        module: The module that they go to.
+        structure: The blocks of variables and the pieces of the field.
+        module: The module under construction.
     """
 
     def __init__(self, structure: Structure, module: ModuleText):
         self.structure, self.module = structure, module
         self._names: dict[tuple[str, int, tuple[int, ...]], str] = {}
 
-    def field(self, piece: int, cells: Sequence[int]) -> str:
-        """The name of the function f(y, out) that puts a piece of the field in some cells."""
-        return self._name("f", piece, cells)
+    def field(self, piece: int, blocks: Sequence[int]) -> str:
+        """The name of f(y, out), a piece of the field in some blocks."""
+        return self._name("f", piece, blocks)
 
-    def derivative(self, piece: int, cells: Sequence[int]) -> str:
-        """The name of the function d(y, out) that puts the derivative f'(y)v of a piece in some cells; v follows y."""
-        return self._name("df", piece, cells)
+    def derivative(self, piece: int, blocks: Sequence[int]) -> str:
+        """The name of d(y, out), the derivative f'(y)v of a piece in some blocks; v follows y in memory."""
+        return self._name("df", piece, blocks)
 
-    def jacobian(self, piece: int, cells: Sequence[int]) -> str:
-        """The name of the function j(y, out) for the Jacobian matrix of a piece in some cells, among zeros."""
-        return self._name("jf", piece, cells)
+    def jacobian(self, piece: int, blocks: Sequence[int]) -> str:
+        """The name of j(y, out), the Jacobian matrix of a piece in some blocks, with zeros elsewhere."""
+        return self._name("jf", piece, blocks)
 
-    def _name(self, kind: str, piece: int, cells: Sequence[int]) -> str:
-        key = kind, piece, tuple(cells)
+    def _name(self, kind: str, piece: int, blocks: Sequence[int]) -> str:
+        key = kind, piece, tuple(blocks)
         return self._names.setdefault(key, f"{kind}{len(self._names)}")
 
-    def _lines(self, kind: str, piece: int, cells: tuple[int, ...]) -> list[str]:
+    def _lines(self, kind: str, piece: int, blocks: tuple[int, ...]) -> list[str]:
         structure, dimension = self.structure, self.structure.scene.dimension
         chosen = structure.pieces[piece]
 
         def outputs(term: LocalTerm) -> list[Output]:
             found = chosen.outputs(term, structure.scene)
-            return [x for x in found if structure.cells_at(x.place, term.sites) <= set(cells)]
+            return [x for x in found if structure.blocks_at(x.place, term.sites) <= set(blocks)]
 
         terms = structure.scene.numeric_terms
         if kind == "jf":
             return jacobian_lines(terms, outputs, dimension, self.module)
-        indices = [i for cell in cells for first, end in structure.cells[cell] for i in range(first, end)]
+        indices = [i for block in blocks for first, end in structure.blocks[block] for i in range(first, end)]
         if kind == "df":
             tangent = tangent_terms(terms, outputs, dimension)
             return field_lines(tangent, lambda term: term.outputs, indices, self.module)
@@ -76,11 +75,11 @@ MOST_ENTRIES = 100_000
 
 
 class Diagonal(NamedTuple):
-    """Entries first ≤ i < end of a field that are factors[i − first] · y[i − shift].
+    """Entries factors[i − first] · y[i − shift], first ≤ i < end, of a field.
 
     Attributes:
-        source: The cell of y that is read.
-        factors: One number for each entry, or a single one for all.
+        source: The block of y that is read.
+        factors: One number for each entry, or a single number for all.
     """
 
     first: int
@@ -91,58 +90,48 @@ class Diagonal(NamedTuple):
 
 
 @cached_method
-def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
-    """What a piece of the field puts into a cell, if that is a diagonal matrix times another cell.
-
-    Args:
-        structure: What the pieces are like.
-        piece: The piece.
-        cell: The cell.
-    """
-    flow = structure.flow(piece, cell)
-    ranges = structure.cells[cell]
-    if not flow.is_linear or len(flow.cells) != 1 or len(ranges) != 1 or ranges[0][1] - ranges[0][0] > MOST_ENTRIES:
+def diagonal(structure: Structure, piece: int, block: int) -> Diagonal | None:
+    """A piece of the field in a block, if it is a diagonal matrix times another block."""
+    dependence = structure.dependence(piece, block)
+    ranges = structure.blocks[block]
+    if not dependence.is_linear or len(dependence.blocks) != 1 or len(ranges) != 1:
+        return None
+    first, end = ranges[0]
+    if end - first > MOST_ENTRIES:
         return None
     found: dict[int, tuple[int, sympy.Expr]] = {}
-    for term, output in structure.outputs(piece, (cell,)):
+    for term, output in structure.outputs(piece, (block,)):
         for index, source, factor in _entries(term, output):
             if index in found or factor is None:
                 return None
             found[index] = source, factor
-    first, end = ranges[0]
     shifts = {index - source for index, (source, _) in found.items()}
     if sorted(found) != list(range(first, end)) or len(shifts) != 1:
         return None
     factors = tuple(found[index][1] for index in range(first, end))
-    (source,), (shift,) = flow.cells, shifts
+    (source,), (shift,) = dependence.blocks, shifts
     return Diagonal(first, end, source, shift, factors[:1] if len(set(factors)) == 1 else factors)
 
 
 def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr | None]]:
-    """Entries that a term writes, each with the entry that it reads and its factor; None: it reads several."""
+    """Triples (entry written, entry read, factor) of a term; the factor is None if it reads several entries."""
     import sympy
 
     formula = output_formula(term, output)
     used = [k for k in range(len(term.arguments)) if formula.has(sympy.Symbol(f"x{k}"))]
     if len(used) != 1 or term.arguments[used[0]].minus is not None or term.sites.roles > 1:
         return [(-1, -1, None)]
-    slope = formula.diff(sympy.Symbol(f"x{used[0]}"))
+    factor = formula.diff(sympy.Symbol(f"x{used[0]}"))
     source = entries(term.arguments[used[0]].plus, term.sites)
     factors = [
-        slope.xreplace({sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(term.data)})
+        factor.xreplace({sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(term.data)})
         for row in term.sites.rows()
     ]
     return list(zip(entries(output.place, term.sites), source, factors, strict=True))
 
 
 def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) -> Iterator[LocalTerm]:
-    """The terms of (y, v) ↦ f′(y)v, where v comes behind y: Σ ∂φ/∂x_k v_k for each output φ of a term.
-
-    Args:
-        terms: The terms of the field.
-        outputs: Which outputs of a term belong to the piece.
-        dimension: The dimension of y, and of v.
-    """
+    """The terms of f′(y)v, Σ ∂φ/∂x_k v_k for each output φ of a term, where v follows y in memory."""
     import sympy
 
     for term in terms:
@@ -155,14 +144,14 @@ def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) 
 
 
 def _moved(argument: Argument, by: int) -> Argument:
-    """The argument for a state that lies further behind."""
+    """The same argument of a state with an offset in memory."""
     plus, minus = (x and x._replace(offset=x.offset + by) for x in argument)
     assert plus is not None
     return Argument(plus, minus)
 
 
 def _partial_derivatives(term: LocalTerm, output: Output) -> Iterator[tuple[int, sympy.Expr]]:
-    """The derivatives by local variables that are not zero."""
+    """Nonzero derivatives by local variables."""
     import sympy
 
     formula = output_formula(term, output)
@@ -173,14 +162,7 @@ def _partial_derivatives(term: LocalTerm, output: Output) -> Iterator[tuple[int,
 
 
 def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int, module: ModuleText) -> list[str]:
-    """Statements for the Jacobian matrix of a piece of the field, a full one by rows.
-
-    Args:
-        terms: The terms of the field.
-        outputs: Which outputs of a term belong to the piece.
-        dimension: The number of rows and columns.
-        module: The module that the lines are for.
-    """
+    """Statements for the dense Jacobian matrix of a piece of the field, by rows."""
 
     def entries(term: LocalTerm) -> Iterator[tuple[tuple[Place, Place], sympy.Expr]]:
         for output in outputs(term):
@@ -200,7 +182,7 @@ def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int,
 
 
 def _position(row: Place, column: Place, dimension: int) -> str:
-    """The index of a matrix element whose row and column are places in the state."""
+    """The index of a matrix element, from the places of its row and column in the state."""
     strides: dict[int, int] = {}
     for place, factor in ((row, dimension), (column, 1)):
         strides[place.role] = strides.get(place.role, 0) + place.stride * factor

@@ -1,91 +1,38 @@
-"""A program as nodes: what each evaluation puts into each cell of the state, and the linear forms that it takes.
+"""Analysis of a method on a scene: one node for each evaluation in each block of variables.
 
-Coefficients become rational numbers within 10^-40 of the exact ones, so that sums of them are exact and equal points
-are known to be equal. What a scene's structure says is used at once: the flow of a piece that does not feel what it
-moves is a multiple of its field, the derivative of a linear piece is the piece itself, and evaluations of the same
-piece at the same point are one.
+Coefficients become rational numbers within 10^-40 of the exact ones, so that sums are exact and equal points compare
+equal. Simplifications that follow from the scene are made here: the flow of a piece that does not depend on the
+variables it moves is a multiple of its field, the derivative of a linear piece is the piece itself, and evaluations
+of the same piece at the same point are merged.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from integrators.core.errors import IntegratorError
 from integrators.methods.program.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
-from integrators.steppers.structure import Structure
+from integrators.steppers.step_model import DECIMALS, Form, Key, Node, Point, fraction
 
 if TYPE_CHECKING:
     from integrators.methods.program.evaluations import LinearForm
     from integrators.methods.program.program import Method, Program
-
-DECIMALS = 40
-
-
-class Form(NamedTuple):
-    """start · y + h Σ x_e k_e in one cell; k_e is a slope, without the factor h."""
-
-    start: Fraction
-    terms: tuple[tuple[int, Fraction], ...]
-
-    @classmethod
-    def of(cls, start: Fraction, terms: Mapping[int, Fraction]) -> Form:
-        """The form with its terms in order, zeros left out; a start within 10^-30 of a whole number is that."""
-        whole = Fraction(round(start))
-        start = whole if abs(start - whole) < Fraction(1, 10**30) else start
-        return cls(start, tuple(sorted((e, x) for e, x in terms.items() if x)))
-
-    def plus(self, other: Form, factor: Fraction = Fraction(1)) -> Form:
-        """The form plus a multiple of another."""
-        terms = dict(self.terms)
-        for e, x in other.terms:
-            terms[e] = terms.get(e, Fraction(0)) + factor * x
-        return Form.of(self.start + factor * other.start, terms)
-
-    @property
-    def is_start(self) -> bool:
-        """Whether the form is y itself."""
-        return self == (1, ())
-
-
-Point = tuple[tuple[int, Form], ...]
-"""A form for each cell that matters, in order."""
-
-
-class Node(NamedTuple):
-    """The slopes that an evaluation puts into a cell.
-
-    Attributes:
-        kind: ``field`` at one point, ``derivative`` at a point along a vector, ``average`` along a path of points,
-            ``flow`` from a point with forcing, ``resolvent`` (I − hγ F′)⁻¹ at a point, of a vector without h.
-        piece: The piece of the field.
-        points: What it is evaluated at.
-        detail: The power of an average, the time of a flow, the number γ of a resolvent.
-    """
-
-    kind: str
-    piece: int
-    points: tuple[Point, ...]
-    detail: Fraction | int = 0
-
-    @property
-    def reads(self) -> set[tuple[int, int]]:
-        """The slopes, as (evaluation, cell), that it needs."""
-        return {(e, cell) for point in self.points for cell, form in point for e, _ in form.terms}
-
-
-Key = tuple[int, int]
-"""An evaluation and a cell."""
+    from integrators.steppers.structure import Structure
 
 
 class Nodes:
-    """All nodes of a method on a scene, and the forms of the end of a step.
+    """The nodes of a method on a scene, and the end of a step.
+
+    Args:
+        method: The method.
+        structure: The blocks of variables and the pieces of the field.
 
     Attributes:
-        structure: What the pieces of the field are like.
-        nodes: The nodes, equal ones once.
-        result: The end of the step, for each cell.
+        structure: The same.
+        nodes: The nodes, without duplicates.
+        result: The end of the step, for each block.
     """
 
     def __init__(self, method: Method, structure: Structure):
@@ -100,16 +47,16 @@ class Nodes:
         self._right_sides: dict[int, Form] = {}
         self.nodes: dict[Key, Node] = {}
         for e, evaluation in enumerate(program.evaluations):
-            for cell in sorted(self._moved(e)):
-                node, factor = self._lowered(e, evaluation, cell)
-                self.nodes[e, cell], self._factors[e, cell] = node, factor
+            for block in sorted(self._moved(e)):
+                node, factor = self._node(e, evaluation, block)
+                self.nodes[e, block], self._factors[e, block] = node, factor
         self._finish(program)
 
     def _finish(self, program: Program) -> None:
-        """Replace forms in increments by forms in slopes, and merge equal nodes until there are none."""
-        cells = range(len(self.structure.cells))
-        forms = {(e, cell): node.points for (e, cell), node in self.nodes.items()}
-        result = {cell: _rational(program.result) for cell in cells}
+        """Express all forms in stage derivatives, and merge equal nodes until none are left."""
+        blocks = range(len(self.structure.blocks))
+        forms = {(e, block): node.points for (e, block), node in self.nodes.items()}
+        result = {block: _rational(program.result) for block in blocks}
         while True:
             scaled = {key: tuple(map(self._scaled_point, points)) for key, points in forms.items()}
             nodes = {key: node._replace(points=scaled[key]) for key, node in self.nodes.items()}
@@ -117,45 +64,45 @@ class Nodes:
             if not merged:
                 break
         self.nodes = {key: node for key, node in nodes.items() if key not in self._same}
-        self.result = {cell: self._scaled(form, cell) for cell, form in result.items()}
+        self.result = {block: self._scaled(form, block) for block, form in result.items()}
         self._drop_unused()
 
     def _merge(self, nodes: Mapping[Key, Node]) -> bool:
         first: dict[tuple[int, Node], int] = {}
         merged = False
-        for (e, cell), node in nodes.items():
-            if (e, cell) in self._same:
+        for (e, block), node in nodes.items():
+            if (e, block) in self._same:
                 continue
-            other = first.setdefault((cell, node), e)
+            other = first.setdefault((block, node), e)
             if other != e:
-                self._same[e, cell] = other
+                self._same[e, block] = other
                 merged = True
         return merged
 
     def _scaled_point(self, point: Point) -> Point:
-        return tuple((cell, self._scaled(form, cell)) for cell, form in point)
+        return tuple((block, self._scaled(form, block)) for block, form in point)
 
-    def _scaled(self, form: Form, cell: int) -> Form:
-        """The form in slopes: factors of flows multiplied in, merged nodes by their new names, absent ones left out."""
+    def _scaled(self, form: Form, block: int) -> Form:
+        """The form in stage derivatives, with factors of flows multiplied in and merged nodes replaced."""
         total: dict[int, Fraction] = {}
         for e, x in form.terms:
-            if (e, cell) in self._factors:
-                same = self._first_of(e, cell)
-                total[same] = total.get(same, Fraction(0)) + x * self._factors[e, cell]
+            if (e, block) in self._factors:
+                same = self._first_of(e, block)
+                total[same] = total.get(same, Fraction(0)) + x * self._factors[e, block]
                 if e in self._right_sides:
-                    for other, y in self._scaled(self._right_sides[e], cell).terms:
+                    for other, y in self._scaled(self._right_sides[e], block).terms:
                         total[other] = total.get(other, Fraction(0)) - x * y
         return Form.of(form.start, total)
 
-    def _first_of(self, e: int, cell: int) -> int:
-        """The evaluation that stands for all that equal this one."""
-        while (e, cell) in self._same:
-            e = self._same[e, cell]
+    def _first_of(self, e: int, block: int) -> int:
+        """The representative of an evaluation among its equals."""
+        while (e, block) in self._same:
+            e = self._same[e, block]
         return e
 
     def _drop_unused(self) -> None:
         needed: set[Key] = set()
-        waiting = [(e, cell) for cell, form in self.result.items() for e, _ in form.terms]
+        waiting = [(e, block) for block, form in self.result.items() for e, _ in form.terms]
         while waiting:
             key = waiting.pop()
             if key not in needed:
@@ -164,7 +111,7 @@ class Nodes:
         self.nodes = {key: node for key, node in self.nodes.items() if key in needed}
 
     def abscissa(self, e: int) -> Fraction:
-        """The time of an evaluation, in steps: where the point is that y' = 1 reaches."""
+        """The abscissa of an evaluation: its point for y' = 1, y(0) = 0 and h = 1."""
         (at, *_) = operands(self._program.evaluations[e])
         for part in range(len(self._program.names)):
             total = sum((fraction(x * self._program.total(other, part)) for other, x in at.terms.items()), Fraction(0))
@@ -173,19 +120,20 @@ class Nodes:
         return Fraction(0)
 
     def _piece(self, evaluation: Evaluation) -> int:
-        """The number of the piece of an evaluation: the last one is the whole field, if there are several."""
+        """The piece of an evaluation; of several pieces the last is the whole field."""
         return len(self.structure.pieces) - 1 if evaluation.part is None else evaluation.part
 
     def _moved(self, e: int) -> frozenset[int]:
-        """The cells in which an evaluation is not zero; a flow also moves what its forcing moves."""
+        """The blocks in which an evaluation is not zero, those of the forcing of a flow included."""
         if e not in self._moves:
             forced = map(self._moved, sorted(self._program.same_order_registers(e)))
             self._moves[e] = frozenset(self.structure.writes(self._piece(self._program.evaluations[e]))).union(*forced)
         return self._moves[e]
 
     def _resolvent(self, e: int, piece: int, at: LinearForm, along: LinearForm) -> Node:
-        """The node of a slope k = h F′(at) Σ x_j k_j with itself in the sum: k = s − r, where r = Σ x_j / γ k_j without
-        k, γ is the factor of k, and s = (I − hγ F′)⁻¹ r. What s needs is small where F′ is large, other than k and r.
+        """The node of k = h F′(at) (γ k + Σ x_j k_j), solved for s = k + r = (I − hγ F′)⁻¹ r with r = Σ x_j / γ k_j.
+
+        Where F′ is large, s is small, unlike k and r.
 
         References:
             E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, formula (IV.7.25).
@@ -193,13 +141,13 @@ class Nodes:
         terms = dict(_rational(along).terms)
         own = terms.pop(e)
         self._right_sides[e] = right = Form.of(Fraction(0), {other: x / own for other, x in terms.items()})
-        flows = (self.structure.flow(piece, cell) for cell in self.structure.writes(piece))
-        felt = frozenset[int]().union(*(flow.cells for flow in flows if not flow.is_linear))
-        every = range(len(self.structure.cells))
-        return Node("resolvent", piece, (_point(at, felt), tuple((cell, right) for cell in every)), own)
+        dependences = (self.structure.dependence(piece, block) for block in self.structure.writes(piece))
+        needed = frozenset[int]().union(*(dependence.blocks for dependence in dependences if not dependence.is_linear))
+        every = range(len(self.structure.blocks))
+        return Node("resolvent", piece, (_point(at, needed), tuple((block, right) for block in every)), own)
 
     def _is_linear_system(self, e: int, at: LinearForm, along: LinearForm) -> bool:
-        """Whether a derivative is taken along itself, at a point that does not depend on it, and nothing else does."""
+        """Whether k = h F′(at) (γ k + …) is linear in k: neither the point nor the other terms depend on k."""
         waiting, seen = [*at.terms, *(other for other in along.terms if other != e)], set[int]()
         while waiting:
             other = waiting.pop()
@@ -208,37 +156,37 @@ class Nodes:
                 waiting += [f for form in operands(self._program.evaluations[other]) for f in form.terms]
         return e in along.terms and e not in seen
 
-    def _lowered(self, e: int, evaluation: Evaluation, cell: int) -> tuple[Node, Fraction]:
-        """The node of an evaluation in a cell, and the number that its slope is multiplied with."""
+    def _node(self, e: int, evaluation: Evaluation, block: int) -> tuple[Node, Fraction]:
+        """The node of an evaluation in a block, and the factor of its stage derivative."""
         piece, one = self._piece(evaluation), Fraction(1)
-        flow = self.structure.flow(piece, cell)
+        dependence = self.structure.dependence(piece, block)
         match evaluation:
             case Field(_, at):
-                return Node("field", piece, (_point(at, flow.cells),)), one
+                return Node("field", piece, (_point(at, dependence.blocks),)), one
             case Derivative(_, at, along):
                 if self._is_linear_system(e, at, along):
                     return self._resolvent(e, piece, at, along), one
-                if flow.is_linear:
-                    return Node("field", piece, (_point(along, flow.cells),)), one
-                return Node("derivative", piece, (_point(at, flow.cells), _point(along, flow.cells))), one
+                if dependence.is_linear:
+                    return Node("field", piece, (_point(along, dependence.blocks),)), one
+                return Node("derivative", piece, (_point(at, dependence.blocks), _point(along, dependence.blocks))), one
             case Average(_, path, power):
-                if not flow.cells:
+                if not dependence.blocks:
                     return Node("field", piece, ((),)), one / (power + 1)
-                if flow.is_linear:
-                    return Node("field", piece, (_point(_averaged(path, power), flow.cells),)), one
-                return Node("average", piece, tuple(_point(form, flow.cells) for form in path), power), one
+                if dependence.is_linear:
+                    return Node("field", piece, (_point(_averaged(path, power), dependence.blocks),)), one
+                return Node("average", piece, tuple(_point(form, dependence.blocks) for form in path), power), one
             case Flow(_, at, time, forcing):
                 duration = fraction(time)
-                if not forcing and flow.cells.isdisjoint(self.structure.writes(piece)):
-                    return Node("field", piece, (_point(at, flow.cells),)), duration
-                needed = self.structure.reach(piece, cell)
+                if not forcing and dependence.blocks.isdisjoint(self.structure.writes(piece)):
+                    return Node("field", piece, (_point(at, dependence.blocks),)), duration
+                needed = self.structure.reach(piece, block)
                 return Node("flow", piece, tuple(_point(form, needed) for form in (at, *forcing)), duration), one
         raise AssertionError(evaluation)
 
 
-def _point(form: LinearForm, cells: Iterable[int]) -> Point:
+def _point(form: LinearForm, blocks: Iterable[int]) -> Point:
     rational = _rational(form)
-    return tuple((cell, rational) for cell in sorted(cells))
+    return tuple((block, rational) for block in sorted(blocks))
 
 
 def _averaged(path: Sequence[LinearForm], power: int) -> LinearForm:
@@ -249,13 +197,3 @@ def _averaged(path: Sequence[LinearForm], power: int) -> LinearForm:
 
 def _rational(form: LinearForm) -> Form:
     return Form.of(fraction(form.start), {e: fraction(x) for e, x in form.terms.items()})
-
-
-def fraction(number: Any) -> Fraction:
-    """A rational number within 10^-40, relatively, of a coefficient."""
-    if hasattr(number, "evalf"):
-        import sympy
-
-        digits: Any = sympy.Rational(number.evalf(DECIMALS))
-        return Fraction(int(digits.p), int(digits.q))
-    return Fraction(number)

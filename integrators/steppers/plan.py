@@ -1,85 +1,32 @@
-"""The order of work in a step: slopes that are known at once, groups of slopes to be solved for, and what is kept.
+"""Planning of a step: explicit calls, implicit groups, and stage derivatives that the next step reuses.
 
-- Cells that an implicit group only needs linearly (q' = M⁻¹ p) are put into the points of the others: this is the
-  Nyström form of an implicit method, with half the unknowns.
-- A slope at the end of a step that the next step needs at its start is kept (first same as last).
-- Where such a slope is all that a step begins with, as in kick–drift–kick, steps go from y + h x k, the state after the
-  first kick, to the same in the next step: the last kick of a step and the first one of the next are one.
+- Nyström form: in an implicit group, blocks that enter linearly (q' = M⁻¹ p) are substituted into the points of the
+  others, which halves the unknowns.
+- First same as last: a stage derivative at the end of a step is kept if the next step needs it at its start.
+- Merged kicks: if each step begins with an update by such a stage derivative, as in kick–drift–kick, steps run from
+  the state y + h x k after the first kick to the same state of the next step, so that two kicks become one.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from integrators.steppers.nodes import Form, Key, Node, Point
+from integrators.steppers.step_model import Call, Form, Group, Key, Node, Plan, Point
 
 if TYPE_CHECKING:
     from integrators.steppers.nodes import Nodes
-    from integrators.steppers.structure import Structure
-
-
-class Call(NamedTuple):
-    """Slopes of one evaluation, computed together."""
-
-    evaluation: int
-    cells: tuple[int, ...]
-    node: Node
-
-
-class Group(NamedTuple):
-    """Slopes that depend on one another.
-
-    Attributes:
-        calls: What one sweep computes, in order.
-        unknowns: The slopes that a sweep begins and ends with.
-    """
-
-    calls: tuple[Call, ...]
-    unknowns: tuple[Key, ...]
-
-
-class Plan(NamedTuple):
-    """A step.
-
-    Attributes:
-        work: Calls and groups, in order.
-        result: The end of the step, for each cell.
-        carried: Slopes at the end of a step (values) that are slopes at the start of the next one (keys).
-        staggered: Cells in which steps begin after the first kick, or kicks, with slopes and coefficients; `work` and
-            `result` have y + h x k for y there.
-    """
-
-    work: tuple[Call | Group, ...]
-    result: Mapping[int, Form]
-    carried: Mapping[Key, Key]
-    staggered: Mapping[int, tuple[tuple[int, Fraction], ...]]
-
-    @property
-    def groups(self) -> list[Group]:
-        """The groups, which are solved by iteration."""
-        return [work for work in self.work if isinstance(work, Group)]
-
-    def is_carried(self, work: Call | Group) -> bool:
-        """Whether a call is made by the step before."""
-        return isinstance(work, Call) and (work.evaluation, work.cells[0]) in self.carried
-
-    def points(self) -> Counter[int]:
-        """How often a step makes a point in each cell."""
-        calls = [work for work in self.work if isinstance(work, Call) and not self.is_carried(work)]
-        return Counter(cell for call in calls for point in call.node.points for cell, _ in point)
 
 
 def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
-    """The plan of a step.
+    """Plan a step.
 
     Args:
         nodes: The nodes of a method on a scene.
-        stagger: Whether steps may begin after their first kick; all steps must have the same size then.
+        stagger: Whether kicks of successive steps may be merged, which needs steps of equal size.
     """
     found = _Planner(nodes).plan()
     return _staggered(found) if stagger else found
@@ -87,7 +34,7 @@ def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
 
 class _Planner:
     def __init__(self, nodes: Nodes):
-        self.structure: Structure = nodes.structure
+        self.structure = nodes.structure
         self.nodes, self.result = dict(nodes.nodes), dict(nodes.result)
         self.next = 1 + max((e for e, _ in self.nodes), default=0)
         self.work: list[Call | Group] = []
@@ -95,57 +42,60 @@ class _Planner:
     def plan(self) -> Plan:
         for component in self._components():
             if len(component) == 1 and component[0] not in self.nodes[component[0]].reads:
-                e, cell = component[0]
-                self.work.append(Call(e, (cell,), self.nodes[component[0]]))
+                e, block = component[0]
+                self.work.append(Call(e, (block,), self.nodes[component[0]]))
             else:
                 self._add_group(component)
-        carried = self._carried()
-        apart = {*carried, *carried.values()}
-        return Plan(tuple(_merged(self.work, apart=apart)), self.result, carried, {})
+        reused = self._reused()
+        apart = {*reused, *reused.values()}
+        return Plan(tuple(_merged(self.work, apart=apart)), self.result, reused, {})
 
     def _components(self) -> list[list[Key]]:
-        """The strongly connected components of the slopes, those that others depend on first."""
+        """Strongly connected components of the stage derivatives, in order of computation."""
         needs = {key: node.reads & self.nodes.keys() for key, node in self.nodes.items()}
         try:
-            return [[key] for key in _ordered(needs)]
+            return [[key] for key in _topological_order(needs)]
         except CycleError:
             return _strong_components(needs)
 
     def _add_group(self, keys: Sequence[Key]) -> None:
-        """Add the group of these slopes; those of linear cells are put into the points of the others."""
-        linear = self._linear_cells(keys)
+        """Add an implicit group, with linear blocks substituted into the points of the others."""
+        linear = self._linear_blocks(keys)
         inner = {key for key in keys if key[1] in linear}
         calls: list[Call] = []
         unknowns = [key for key in keys if key not in inner]
-        for e, cell in unknowns:
-            node = self._substituted_node(self.nodes[e, cell], inner, calls)
-            self.nodes[e, cell] = node
-            calls.append(Call(e, (cell,), node))
+        for e, block in unknowns:
+            node = self._substituted_node(self.nodes[e, block], inner, calls)
+            self.nodes[e, block] = node
+            calls.append(Call(e, (block,), node))
         self.work.append(Group(tuple(_merged(calls, old=set(unknowns))), tuple(unknowns)))
         self._substitute_later(keys, inner)
 
-    def _linear_cells(self, keys: Sequence[Key]) -> set[int]:
-        """Cells of a group that depend linearly on other cells only, which stay unknowns."""
-        cells = {cell for _, cell in keys}
+    def _linear_blocks(self, keys: Sequence[Key]) -> set[int]:
+        """Blocks of a group that depend linearly on blocks that stay unknown."""
+        blocks = {block for _, block in keys}
         found: set[int] = set()
-        for cell in sorted(cells, reverse=True):
-            own = [self.nodes[key] for key in keys if key[1] == cell]
-            flows = [self.structure.flow(node.piece, cell) for node in own]
-            needed = frozenset[int]().union(*(flow.cells for flow in flows))
+        for block in sorted(blocks, reverse=True):
+            own = [self.nodes[key] for key in keys if key[1] == block]
+            dependences = [self.structure.dependence(node.piece, block) for node in own]
+            needed = frozenset[int]().union(*(dependence.blocks for dependence in dependences))
             if (
-                all(node.kind == "field" and flow.is_linear for node, flow in zip(own, flows, strict=True))
-                and needed.isdisjoint({*found, cell})
+                all(node.kind == "field" for node in own)
+                and all(dependence.is_linear for dependence in dependences)
+                and needed.isdisjoint({*found, block})
                 and len({node.piece for node in own}) == 1
-                and not any(cell in self.structure.flow(self.nodes[e, c].piece, c).cells for e, c in keys if c in found)
-                and len(found) + 1 < len(cells)
+                and not any(
+                    block in self.structure.dependence(self.nodes[e, c].piece, c).blocks for e, c in keys if c in found
+                )
+                and len(found) + 1 < len(blocks)
             ):
-                found.add(cell)
+                found.add(block)
         return found
 
     def _substitute_later(self, keys: Sequence[Key], inner: set[Key]) -> None:
-        """Put linear slopes of a group into everything that comes after it; the only one in its cell is computed."""
-        single = sorted(key for key in inner if sum(cell == key[1] for _, cell in inner) == 1)
-        self.work += [Call(e, (cell,), self.nodes[e, cell]) for e, cell in single]
+        """Substitute linear stage derivatives into later work; one that is alone in its block is computed instead."""
+        single = sorted(key for key in inner if sum(block == key[1] for _, block in inner) == 1)
+        self.work += [Call(e, (block,), self.nodes[e, block]) for e, block in single]
         inner = inner.difference(single)
         if not inner:
             return
@@ -153,97 +103,98 @@ class _Planner:
         for key, node in list(self.nodes.items()):
             if key not in done and node.reads & inner:
                 self.nodes[key] = self._substituted_node(node, inner, self.work)
-        self.result = {cell: self._substituted(form, cell, inner, self.work) for cell, form in self.result.items()}
+        self.result = {block: self._substituted(form, block, inner, self.work) for block, form in self.result.items()}
 
     def _substituted_node(self, node: Node, inner: set[Key], calls: list[Call | Group] | list[Call]) -> Node:
         points = tuple(
-            tuple((cell, self._substituted(form, cell, inner, calls)) for cell, form in point) for point in node.points
+            tuple((block, self._substituted(form, block, inner, calls)) for block, form in point)
+            for point in node.points
         )
         return node._replace(points=points)
 
-    def _substituted(self, form: Form, cell: int, inner: set[Key], calls: list) -> Form:
-        """The form with one slope, Σ x_e k_e = V(Σ x_e · point of k_e), in place of the linear ones of a group."""
-        replaced = [(e, x) for e, x in form.terms if (e, cell) in inner]
+    def _substituted(self, form: Form, block: int, inner: set[Key], calls: list) -> Form:
+        """The form with Σ x_e k_e = V(Σ x_e · point of k_e) in place of the linear stage derivatives k_e."""
+        replaced = [(e, x) for e, x in form.terms if (e, block) in inner]
         if not replaced:
             return form
-        template = self.nodes[replaced[0][0], cell]
+        template = self.nodes[replaced[0][0], block]
         point: list[tuple[int, Form]] = []
         for k, (other, _) in enumerate(template.points[0]):
             total = Form(Fraction(0), ())
             for e, x in replaced:
-                total = total.plus(self.nodes[e, cell].points[0][k][1], x)
+                total = total.plus(self.nodes[e, block].points[0][k][1], x)
             point.append((other, total))
         node = template._replace(points=(tuple(point),))
         known = next(
-            (call.evaluation for call in calls if isinstance(call, Call) and call[1:] == ((cell,), node)), None
+            (call.evaluation for call in calls if isinstance(call, Call) and call[1:] == ((block,), node)), None
         )
         if known is None:
             known, self.next = self.next, self.next + 1
-            calls.append(Call(known, (cell,), node))
-        kept = {e: x for e, x in form.terms if (e, cell) not in inner}
+            calls.append(Call(known, (block,), node))
+        kept = {e: x for e, x in form.terms if (e, block) not in inner}
         return Form.of(form.start, kept | {known: Fraction(1)})
 
-    def _carried(self) -> dict[Key, Key]:
-        """Pairs of slopes of the same piece, one at y, the other at the end of the step."""
+    def _reused(self) -> dict[Key, Key]:
+        """Pairs of equal nodes, one at y and the other at the end of the step."""
         ends: dict[tuple[int, Node], int] = {}
-        for (e, cell), node in self._calls():
-            ends.setdefault((cell, node), e)
+        for (e, block), node in self._calls():
+            ends.setdefault((block, node), e)
         found: dict[Key, Key] = {}
-        for (e, cell), node in self._calls():
+        for (e, block), node in self._calls():
             if node.kind == "field" and all(form.is_start for point in node.points for _, form in point):
-                moved = node._replace(points=(_moved(node.points[0], self.result),))
-                other = ends.get((cell, moved))
+                moved = node._replace(points=(_at_end(node.points[0], self.result),))
+                other = ends.get((block, moved))
                 if other is not None and other != e:
-                    found[e, cell] = other, cell
+                    found[e, block] = other, block
         return found
 
     def _calls(self) -> Iterable[tuple[Key, Node]]:
         for work in self.work:
             if isinstance(work, Call):
-                for cell in work.cells:
-                    yield (work.evaluation, cell), work.node
+                for block in work.blocks:
+                    yield (work.evaluation, block), work.node
 
 
 def _staggered(found: Plan) -> Plan:
-    """The plan with its steps beginning after the first kick, where that is possible."""
+    """Merge the last kick of a step with the first kick of the next, where possible."""
     result = dict(found.result)
     staggered: dict[int, tuple[tuple[int, Fraction], ...]] = {}
     work = list(found.work)
-    for (first, cell), (last, _) in found.carried.items():
-        calls = [item for item in work if not (isinstance(item, Call) and (item.evaluation, cell) == (first, cell))]
-        forms = [form for item in calls for form in _forms(item, cell)] + [result[cell]]
+    for (first, block), (last, _) in found.reused.items():
+        calls = [item for item in work if not (isinstance(item, Call) and (item.evaluation, block) == (first, block))]
+        forms = [form for item in calls for form in _forms(item, block)] + [result[block]]
         factors = {dict(form.terms).get(first) for form in forms}
         factor = next(iter(factors))
         if len(factors) > 1 or factor is None or any(form.start != 1 for form in forms):
             continue
         kick = Form(Fraction(0), ((first, factor),))
-        work = [_without(item, cell, kick) for item in work]
-        result[cell] = result[cell].plus(kick, Fraction(-1)).plus(Form(Fraction(0), ((last, factor),)))
-        staggered[cell] = (*staggered.get(cell, ()), (first, factor))
-    return Plan(tuple(work), result, found.carried, staggered)
+        work = [_without(item, block, kick) for item in work]
+        result[block] = result[block].plus(kick, Fraction(-1)).plus(Form(Fraction(0), ((last, factor),)))
+        staggered[block] = (*staggered.get(block, ()), (first, factor))
+    return Plan(tuple(work), result, found.reused, staggered)
 
 
-def _forms(work: Call | Group, cell: int) -> list[Form]:
+def _forms(work: Call | Group, block: int) -> list[Form]:
     calls = work.calls if isinstance(work, Group) else (work,)
-    return [form for call in calls for point in call.node.points for c, form in point if c == cell]
+    return [form for call in calls for point in call.node.points for c, form in point if c == block]
 
 
-def _without(work: Call | Group, cell: int, kick: Form) -> Call | Group:
-    """The work with the state after a kick in place of y in a cell."""
+def _without(work: Call | Group, block: int, kick: Form) -> Call | Group:
+    """Write the points of one block in terms of the state after a kick."""
     if isinstance(work, Group):
-        return work._replace(calls=tuple(_without(call, cell, kick) for call in work.calls))
+        return work._replace(calls=tuple(_without(call, block, kick) for call in work.calls))
     points = tuple(
-        tuple((c, form.plus(kick, Fraction(-1)) if c == cell else form) for c, form in point)
+        tuple((c, form.plus(kick, Fraction(-1)) if c == block else form) for c, form in point)
         for point in work.node.points
     )
     return work._replace(node=work.node._replace(points=points))
 
 
-def _ordered(needs: Mapping[Key, Iterable[Key]]) -> list[Key]:
-    """Slopes after those that they need, and otherwise in ascending order.
+def _topological_order(needs: Mapping[Key, Iterable[Key]]) -> list[Key]:
+    """Sort topologically, and otherwise in ascending order.
 
     Raises:
-        CycleError: Some need one another, or themselves.
+        CycleError: There is an implicit stage.
     """
     sorter = TopologicalSorter(needs)
     sorter.prepare()
@@ -258,7 +209,7 @@ def _ordered(needs: Mapping[Key, Iterable[Key]]) -> list[Key]:
 
 
 def _strong_components(needs: Mapping[Key, Iterable[Key]]) -> list[list[Key]]:
-    """Sets of slopes that need one another, after those that they need."""
+    """Strongly connected components in topological order."""
     import networkx as nx  # takes longer to import than an explicit method takes to plan
 
     graph = nx.DiGraph()
@@ -269,37 +220,37 @@ def _strong_components(needs: Mapping[Key, Iterable[Key]]) -> list[list[Key]]:
     return [members[c] for c in nx.lexicographical_topological_sort(condensed, key=members.__getitem__)]
 
 
-def _moved(point: Point, result: Mapping[int, Form]) -> Point:
-    """The point with the end of the step in place of its start."""
-    return tuple((cell, result[cell]) for cell, _ in point)
+def _at_end(point: Point, result: Mapping[int, Form]) -> Point:
+    """The same point at the end of the step."""
+    return tuple((block, result[block]) for block, _ in point)
 
 
 def _written(work: Call | Group) -> Iterable[Key]:
     calls = work.calls if isinstance(work, Group) else (work,)
-    return ((call.evaluation, cell) for call in calls for cell in call.cells)
+    return ((call.evaluation, block) for call in calls for block in call.blocks)
 
 
 def _merged(work: Sequence, *, old: Iterable[Key] = (), apart: Iterable[Key] = ()) -> list:
-    """The work with neighbouring calls of one evaluation and piece made together; what they share is computed once.
+    """Merge neighbouring calls of one evaluation and piece, so that common subexpressions are computed once.
 
     Args:
         work: Calls and groups.
-        old: Slopes whose values before the sweep are read, so that they may be read and written at once.
-        apart: Slopes that stay by themselves.
+        old: Stage derivatives that are read from the previous iteration, and so may be read and written in one call.
+        apart: Stage derivatives that must have a call of their own.
     """
     merged: list = []
     for item in work:
         last = merged[-1] if merged else None
-        if isinstance(item, Call) and isinstance(last, Call) and _fit(last, item, set(old), set(apart)):
-            node = last.node._replace(points=tuple(map(_united, last.node.points, item.node.points)))
-            merged[-1] = Call(last.evaluation, tuple(sorted({*last.cells, *item.cells})), node)
+        if isinstance(item, Call) and isinstance(last, Call) and _can_merge(last, item, set(old), set(apart)):
+            node = last.node._replace(points=tuple(map(_union, last.node.points, item.node.points)))
+            merged[-1] = Call(last.evaluation, tuple(sorted({*last.blocks, *item.blocks})), node)
         else:
             merged.append(item)
     return merged
 
 
-def _fit(one: Call, other: Call, old: set[Key], apart: set[Key]) -> bool:
-    """Whether two calls can be made at once: equal forms where both read a cell, and no slope of one in the other."""
+def _can_merge(one: Call, other: Call, old: set[Key], apart: set[Key]) -> bool:
+    """Whether two calls agree in the blocks that both read, and neither reads what the other writes."""
     written = {*_written(one), *_written(other)}
     return (
         one.evaluation == other.evaluation
@@ -307,37 +258,34 @@ def _fit(one: Call, other: Call, old: set[Key], apart: set[Key]) -> bool:
         and not other.node.reads & written - old
         and not apart & written
         and all(
-            dict(mine).get(cell, form) == form
+            dict(mine).get(block, form) == form
             for mine, theirs in zip(one.node.points, other.node.points, strict=True)
-            for cell, form in theirs
+            for block, form in theirs
         )
     )
 
 
-def _united(one: Point, other: Point) -> Point:
+def _union(one: Point, other: Point) -> Point:
     return tuple(sorted({**dict(one), **dict(other)}.items()))
 
 
 def allocate(
-    reads: Sequence[Collection[int]],
-    writes: Sequence[Collection[int]],
-    kept: Iterable[int],
-    joined: Mapping[int, int],
+    reads: Sequence[Collection[int]], writes: Sequence[Collection[int]], kept: Iterable[int], joined: Mapping[int, int]
 ) -> dict[int, int]:
-    """A register for each slope.
+    """Allocate registers to stage derivatives.
 
     Args:
-        reads: The slopes that each piece of work reads before it writes any.
-        writes: The slopes that it writes.
-        kept: Slopes that live from step to step and need a register of their own.
-        joined: Slopes at the end of a step, and those at the start that take their place in the next one: they get the
-            same register if the one is no longer read when the other is written.
+        reads: The stage derivatives that each piece of work reads before it writes any.
+        writes: The stage derivatives that it writes.
+        kept: Stage derivatives that live from step to step and need registers of their own.
+        joined: Pairs (at the end of a step, at the start of the next), which share a register if the second is no
+            longer read when the first is written.
 
     Returns:
-        The number of the register of each slope.
+        The register of each stage derivative.
 
     Example:
-        Three slopes, each read by the work that computes the next one:
+        Three stage derivatives, each read by the work that computes the next:
 
         >>> allocate([[], [0], [1], [2]], [[0], [1], [2], []], [], {})
         {0: 0, 1: 0, 2: 0}

@@ -1,4 +1,4 @@
-"""Many steps, of which some states are stored and observed."""
+"""Compiled loops over steps, which store and observe states."""
 
 from __future__ import annotations
 
@@ -8,35 +8,20 @@ from integrators.steppers.adaptive import TIME
 
 @kept
 def recorded(
-    advance, state, carry, memory, control, numbers, work, h, t0, first, steps, fresh,
+    advance, state, compensation, memory, control, numbers, work, h, t0, first, steps, fresh,
     y_every, y_rows, y_times, observer, o_every, o_rows, o_times,
 ):  # fmt: skip
-    """Make steps; store states after every `y_every`-th one, and what an observer sees after every `o_every`-th.
+    """Make steps, store every `y_every`-th state and observe every `o_every`-th.
 
-    There is one machine code of the steps of a method, which is called here: were it compiled into loops of several
-    kinds, sums and products would be fused in several ways, and what is stored would change the run.
+    The machine code of the steps is called, not inlined: inlined into different loops, sums and products might fuse in
+    different ways, and storing states would change the run.
 
-    Args:
-        advance: The address of the C function that makes steps (see `steps_in_c`).
-        state: The state, changed in place; so are `carry`, `memory` and `control`.
-        control: What controls step sizes, if they vary.
-        numbers: What depends on h only.
-        work: Work arrays.
-        h: The step size.
-        t0: The time at step 0.
-        first: The number of steps before.
-        steps: How many steps.
-        fresh: 1 if `memory` is still to be computed, else 0.
-        y_every: Steps from one stored state to the next, counted from step 0; 0 stores none.
-        y_rows: Where states go, row by row.
-        y_times: Where their times go; may be empty.
-        observer: The address of a C function void (double t, double *y, double *out).
-        o_every: The same for the observer.
-        o_rows: Where it writes.
-        o_times: Where the times of that go; may be empty.
+    The arguments are the address of the steps and those of `steps_in_c`, of which `state`, `compensation`, `memory` and
+    `control` are changed in place; the time at step 0 and the number of earlier steps; and those of `Stepper.record`,
+    with empty arrays instead of None.
 
     Returns:
-        The number of steps made; fewer if one failed, or a state that is stored or observed was not finite.
+        The number of steps made; fewer if one failed, or if a state to be stored or observed was not finite.
     """
     y = pointer(state)
     done, y_row, o_row = 0, 0, 0
@@ -48,7 +33,7 @@ def recorded(
         if o_every:
             stride = min(stride, o_every - n % o_every)
         made = call_steps(
-            advance, y, pointer(carry), pointer(memory), pointer(control), pointer(numbers), pointer(work),
+            advance, y, pointer(compensation), pointer(memory), pointer(control), pointer(numbers), pointer(work),
             h, stride, fresh,
         )  # fmt: skip
         fresh = 0
@@ -61,7 +46,7 @@ def recorded(
         n = first + done
         t = control[TIME] if len(control) else t0 + n * h
         if y_every and n % y_every == 0:
-            for i in range(len(state)):  # an assignment of arrays takes numba two seconds
+            for i in range(len(state)):  # assignments of arrays compile in two seconds
                 y_rows[y_row, i] = state[i]
             if len(y_times):
                 y_times[y_row] = t
@@ -76,43 +61,25 @@ def recorded(
 
 @compiled
 def copy(source, to):
-    """Copy numbers; an assignment of arrays takes numba a second."""
+    """Copy numbers; assignments of arrays compile slowly."""
     for i in range(len(source)):
         to[i] = source[i]
 
 
 @kept
 def repeated(
-    advance, start, start_carry, start_memory, start_control, state, carry, memory, control, numbers, work,
-    h, steps, fresh, times,
+    advance, start, start_compensation, start_memory, start_control, state, compensation, memory, control,
+    numbers, work, h, steps, fresh, times,
 ):  # fmt: skip
-    """Make steps from a start so many times.
-
-    A call from Python takes as long as hundreds of steps of a cheap scene; here nothing lies between two repetitions
-    but copying the state.
-
-    Args:
-        advance: The address of the C function that makes steps (see `steps_in_c`).
-        start: The state to begin with, and so are `start_carry`, `start_memory` and `start_control`.
-        state: Where the steps are made, and so are `carry`, `memory` and `control`.
-        numbers: What depends on h only.
-        work: Work arrays.
-        h: The step size.
-        steps: How many steps.
-        fresh: 1 if `memory` is still to be computed, else 0.
-        times: How often.
-
-    Returns:
-        How many times all steps could be made.
-    """
+    """Repeat steps from the same start, without calls from Python; returns how often all of them succeeded."""
     for done in range(times):
         copy(start, state)
-        copy(start_carry, carry)
+        copy(start_compensation, compensation)
         copy(start_memory, memory)
         copy(start_control, control)
         made = call_steps(
-            advance, pointer(state), pointer(carry), pointer(memory), pointer(control), pointer(numbers), pointer(work),
-            h, steps, fresh,
+            advance, pointer(state), pointer(compensation), pointer(memory), pointer(control), pointer(numbers),
+            pointer(work), h, steps, fresh,
         )  # fmt: skip
         if made < steps:
             return done

@@ -1,4 +1,4 @@
-"""Where a run of steps is, and how a step fails."""
+"""State of a run, and the error of a failed step."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 class StepError(IntegratorError):
-    """A step that could not be made.
+    """Failure of a step.
 
     Attributes:
-        step: Its number, from 1.
-        t: The time at which it began.
-        y: The state at which it began.
-        trajectory: The `Trajectory` that `integrate` has kept until then; None for steps made without it.
+        step: The number of the step, from 1.
+        t: The time at its start.
+        y: The state at its start.
+        trajectory: The `Trajectory` of `integrate` up to then; None without `integrate`.
 
     Example:
         >>> from integrators import integrate, parse_scene
@@ -38,20 +38,20 @@ class StepError(IntegratorError):
 
 
 class State:
-    """Where a run is: a copy of it goes on bit for bit as the run itself.
+    """State of a run, from which it continues identically to the last bit.
 
-    What a step leaves for the next one belongs to y and h, so these change by steps or by `restart` only.
+    Steps keep data for the next step that belong to y and h; only steps and `restart` may change these.
 
     Attributes:
         values: The state of the system, (variables,), for compiled steps to change; `y` shows it.
-        carry: Rounding errors of the sums so far that are not yet in y, (variables,).
-        memory: Slopes of the last step that the next one uses.
-        control: With variable steps their density, its rate, the time and its rounding errors so far; else empty.
+        carry: The compensation: rounding errors of the sums that y does not contain, (variables,).
+        memory: Stage derivatives of the last step that the next one uses.
+        control: For variable steps their density, its rate, the time and its compensation; otherwise empty.
         n: The number of steps so far.
-        step_size: The step size `h`; with variable steps the factor ε of h = ε σ(y).
+        step_size: The step size `h`; for variable steps the factor ε of h = ε σ(y).
         t0: The time at n = 0.
         is_fresh: Whether `memory` is still to be computed.
-        solver: How implicit stages are found from here on: ``fixed-point`` or ``newton``.
+        solver: The solver of implicit stages from here on: ``fixed-point`` or ``newton``.
 
     Example:
         >>> from integrators import scene, stepper
@@ -76,7 +76,7 @@ class State:
 
     @property
     def y(self) -> np.ndarray:
-        """The state of the system, (variables,), to be read."""
+        """The state of the system, (variables,), read-only."""
         view = self.values.view()
         view.flags.writeable = False
         return view
@@ -88,11 +88,11 @@ class State:
 
     @property
     def t(self) -> float:
-        """The time: t0 + n h, or with variable steps the compensated sum of these."""
+        """The time: t0 + n h, or the compensated sum of variable steps."""
         return float(self.control[TIME]) if len(self.control) else self.t0 + self.n * self.h
 
     def copy(self) -> State:
-        """A state that does not change when this one does."""
+        """An independent copy."""
         other = State.__new__(State)
         other.assign(self)
         return other

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from integrators.steppers import fixed_point, newton
-from integrators.steppers.adaptive import DENSITY, RATE, TIME_CARRY
+from integrators.steppers import implicit_stages
+from integrators.steppers.adaptive import DENSITY, RATE, TIME_COMPENSATION
 
 pytestmark = pytest.mark.slow
 
@@ -114,8 +114,8 @@ def test_implicit_steps_do_not_stop_where_angles_have_grown(measured, monkeypatc
     note = f"angle {abs(run.y[1]).max():.3g} at the end"
     measured.within(case, late / early, 1.05, " of that of the first", form=".3f", note=note)
     assert len(run.t) == 20001
-    for iteration in (fixed_point, newton):  # iterations that take no account of the size of the angle
-        monkeypatch.setattr(iteration, "rounding", lambda cells, writer: "False")
+    # iterations that take no account of the size of the angle
+    monkeypatch.setattr(implicit_stages, "rounding", lambda blocks, writer: "False")
     with pytest.raises(bs.StepError, match=r"step 1\d{4}, .* did not converge"):
         rotate(y0=(1.5, -np.pi), solver="newton")
 
@@ -196,7 +196,7 @@ def test_variable_steps_have_a_compensated_time(measured):
     steps = bs.stepper(KEPLER, "stormer-verlet", control="(q1^2 + q2^2)^(3/4)")
     state = steps.start(h=0.05)
     steps.advance(state, 1)  # the first one finds the rate of the density
-    sizes, times = [state.t, state.control[TIME_CARRY]], []
+    sizes, times = [state.t, state.control[TIME_COMPENSATION]], []
     for _ in range(50_000):
         sizes.append(state.h / (state.control[DENSITY] + 0.5 * state.h * state.control[RATE]))
         steps.advance(state, 1)

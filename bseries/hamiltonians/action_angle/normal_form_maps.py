@@ -25,8 +25,7 @@ from bseries.fields.symbolic.sparse_polynomials import exponents
 from integrators.compile import machine
 from integrators.compile.machine import call_observer, pointer
 from integrators.compile.modules import load_module
-from integrators.compile.particle_loops import indented
-from integrators.compile.printer import source_lines
+from integrators.compile.printer import indented, source_lines
 from integrators.steppers.kernels import linear_algebra
 from integrators.steppers.kernels.linear_algebra import factorize, solve
 from trees.compiled import float_kernel

@@ -1,6 +1,6 @@
-"""The syntax trees of generated functions, and their expressions and variables in LLVM."""
+"""Syntax trees of generated functions, and LLVM code of expressions and variables."""
 
-# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+# ruff: noqa: D102 (visit_X is documented by the class X in `ast`)
 from __future__ import annotations
 
 import ast
@@ -30,7 +30,7 @@ WHOLE, UNSIGNED = types.int64, types.uint64
 
 
 def refuse(node: ast.AST, reason: str = "is not lowered") -> NoReturn:
-    """Raise NotImplementedError for what generated functions must not have."""
+    """Raise NotImplementedError for a construct that is not supported."""
     raise NotImplementedError(f"{ast.unparse(node)!r:.200} {reason}")
 
 
@@ -38,7 +38,7 @@ def tree_of(function: Any) -> ast.FunctionDef:
     """The syntax tree of a function.
 
     Raises:
-        NotImplementedError: It has what cannot be lowered, or its file is not the one it was loaded from any more.
+        NotImplementedError: It contains unsupported constructs, or its file has changed since it was loaded.
     """
     tree = ast.parse(dedent(inspect.getsource(function))).body[0]
     if not isinstance(tree, ast.FunctionDef):
@@ -58,7 +58,7 @@ def tree_of(function: Any) -> ast.FunctionDef:
 
 
 def _reasons(node: ast.AST, local: set[str]) -> Iterator[str]:
-    """Why something is not lowered, although its kind is."""
+    """Reasons why a node of a supported class is not lowered."""
     if isinstance(node, ast.For | ast.While) and node.orelse:
         yield "has an else"
     if isinstance(node, ast.For) and not (isinstance(node.iter, ast.Call) and ast.unparse(node.iter.func) == "range"):
@@ -73,14 +73,14 @@ def _reasons(node: ast.AST, local: set[str]) -> Iterator[str]:
 
 
 class Value(NamedTuple):
-    """A value: its numba type, and what it is in LLVM."""
+    """A value in LLVM with its numba type."""
 
     type: Any
     llvm: Any
 
 
 class Target:
-    """What generated functions call: numba's functions, each looked up once for the types of its arguments, and others.
+    """Functions that generated functions call, each looked up once for the types of its arguments.
 
     Args:
         context: Numba's target.
@@ -92,7 +92,7 @@ class Target:
         self._known: dict[Any, tuple[Any, Any]] = {}
 
     def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
-        """Numba's signature of a function for these types of arguments, and what calls it with a builder and values."""
+        """Numba's signature and implementation of a function for these types of arguments."""
         key = function, arguments
         if key not in self._known:
             kind = self.typing.resolve_value_type(function)
@@ -101,26 +101,26 @@ class Target:
         return self._known[key]
 
     def call(self, builder: Any, function: Any, values: Sequence[Value], result: Any = None) -> Value:
-        """Call a function of Python in LLVM."""
+        """Call a Python function in LLVM."""
         raise NotImplementedError
 
 
 class Expressions(ast.NodeVisitor):
-    """Writes the values of expressions in the body of a function.
+    """Writes the expressions in the body of a function.
 
-    Names are variables in memory, which LLVM puts into registers; each keeps the type it is first given, but for one
-    that is a pointer first and then a number, or the other way round.
+    Names are variables in memory, which LLVM moves to registers. Each keeps the type of its first value, except that
+    it may change between a pointer and a number.
 
     Args:
-        target: What the function calls.
+        target: The functions that may be called.
         made: The function in LLVM.
-        function: The function of Python.
+        function: The function in Python.
     """
 
     def __init__(self, target: Target, made: Any, function: Any):
         self.target, self.made = target, made
         self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
-        # memory for variables comes before what is read from the module, and that before everything else
+        # memory for variables, then constants of the module, then everything else
         entry, constants, begin = self.block(), self.block(), self.block()
         self.constants, self.builder = ir.IRBuilder(constants), ir.IRBuilder(begin)
         self.jumps = (entry, constants), (constants, begin)
@@ -176,7 +176,7 @@ class Expressions(ast.NodeVisitor):
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         first, *others = node.values
-        for other in others:  # conditional expressions refuse other values than these
+        for other in others:  # conditional expressions check the types
             yes, no = (other, ast.Constant(False)) if isinstance(node.op, ast.And) else (ast.Constant(True), other)
             first = ast.IfExp(first, yes, no)
         return self.visit(first)
@@ -201,7 +201,7 @@ class Expressions(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> Value:
         function = self.known(ast.unparse(node.func))
         arguments = [self.visit(x) for x in node.args]
-        if isinstance(function, _Intrinsic):  # which may need the values of numbers
+        if isinstance(function, _Intrinsic):  # may need literal numbers
             arguments = [*map(_literal, arguments, node.args)]
         if function in EXTREMES:
             if len({x.type for x in arguments}) > 1:
@@ -212,7 +212,7 @@ class Expressions(ast.NodeVisitor):
         return self.target.call(self.builder, function, arguments)
 
     def assign(self, name: str, value: Value) -> None:
-        """Give a variable a value."""
+        """Assign a value to a variable."""
         known = self.variables.get(name)
         if known is None or isinstance(known.type, types.CPointer) != isinstance(value.type, types.CPointer):
             place = cgutils.alloca_once(self.builder, value.llvm.type, name=name)
@@ -223,7 +223,7 @@ class Expressions(ast.NodeVisitor):
         return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
 
     def _extreme(self, exceeds: Any, one: Value, other: Value) -> Value:
-        """The other one of two values if it exceeds the first."""
+        """The second of two values if it exceeds the first, otherwise the first."""
         return Value(one.type, self.builder.select(self._call(exceeds, other, one).llvm, other.llvm, one.llvm))
 
     def _items(self, node: ast.expr) -> list[Value]:
@@ -234,7 +234,7 @@ class Expressions(ast.NodeVisitor):
         return [*map(Value, value.type.types, cgutils.unpack_tuple(self.builder, value.llvm))]
 
     def _place(self, pointer: Value, index: ast.expr) -> Any:
-        """The place of an entry in memory."""
+        """The address of an entry."""
         return self.builder.gep(pointer.llvm, [self._cast(self.visit(index), WHOLE)])
 
     def _truth(self, node: ast.expr) -> Any:
@@ -242,7 +242,7 @@ class Expressions(ast.NodeVisitor):
         return self.target.context.is_true(self.builder, value.type, value.llvm)
 
     def known(self, name: str) -> Any:
-        """What a name of the module means."""
+        """The value of a name in the module."""
         return self.names[name] if name in self.names else getattr(builtins, name)
 
     def _global(self, name: str) -> Value:
@@ -257,13 +257,13 @@ class Expressions(ast.NodeVisitor):
         return Value(kind, self.target.context.get_constant_generic(self.constants, kind, value))
 
     def _call(self, function: Any, *arguments: Value) -> Value:
-        """Call what numba knows."""
+        """Call a function of numba."""
         signature, call = self.target.implementation(function, tuple(x.type for x in arguments))
         values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
         return Value(types.unliteral(signature.return_type), call(self.builder, values))
 
     def _kept(self, value: Value, kind: Any) -> Any:
-        """The value as one of another type, for a place that can hold it."""
+        """Convert a value to the type of a variable that can hold it."""
         given = types.unliteral(value.type)
         if not _can_hold(kind, given):
             raise NotImplementedError(f"a {given} is no {kind}")
@@ -276,10 +276,10 @@ class Expressions(ast.NodeVisitor):
 
 
 def _can_hold(kind: Any, given: Any) -> bool:
-    """Whether all values of one type are values of another, or nearly: integers become doubles, as in Python."""
+    """Whether a type can represent the values of another; integers become doubles, as in Python."""
     if kind == given:
         return True
-    parts: tuple[Any, Any] = getattr(kind, "types", None), getattr(given, "types", None)  # those of tuples
+    parts: tuple[Any, Any] = getattr(kind, "types", None), getattr(given, "types", None)  # of tuples
     if None not in parts:
         return len(parts[0]) == len(parts[1]) and all(map(_can_hold, *parts))
     if kind == types.float64:
@@ -290,7 +290,7 @@ def _can_hold(kind: Any, given: Any) -> bool:
 
 
 def _literal(value: Value, node: ast.expr) -> Value:
-    """The value with its number for a type, if it is an integer that is written out."""
+    """The value with a literal type, if it is a literal integer."""
     if isinstance(node, ast.Constant) and type(node.value) is int:
         return value._replace(type=types.literal(node.value))
     return value

@@ -1,6 +1,6 @@
-"""Functions in LLVM that call one another: their statements, and how they become one module."""
+"""LLVM code of statements and functions, and the decorator for generated functions."""
 
-# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+# ruff: noqa: D102 (visit_X is documented by the class X in `ast`)
 from __future__ import annotations
 
 import ast
@@ -20,19 +20,19 @@ from integrators.compile.lowering.expressions import UNSIGNED, WHOLE, Expression
 from integrators.compile.lowering.vectors import VectorLoop
 
 MOST_COPIED = 20_000
-"""Instructions of all copies of a function, before LLVM unrolls its loops."""
+"""Most instructions in all inlined copies of a function, before LLVM unrolls its loops."""
 MOST_STACK = 8192
-"""Doubles in the arrays of all copies: they do not share their memory, and the stack of a thread may be small."""
+"""Most doubles in the arrays of all inlined copies, which do not share memory on the stack."""
 
 
 class Statements(Expressions):
     """Writes the body of a function.
 
     Args:
-        target: What the function calls.
+        target: The functions that may be called.
         made: The function in LLVM.
-        function: The function of Python.
-        result: The type of the function's value.
+        function: The function in Python.
+        result: The type of its result.
     """
 
     def __init__(self, target: Target, made: Any, function: Any, result: Any):
@@ -52,7 +52,7 @@ class Statements(Expressions):
         self._write(tree.body)
         if not self._has_ended() and self.result is types.none:
             self._return(context.get_dummy_value())
-        elif not self._has_ended():  # all that comes here has returned
+        elif not self._has_ended():  # every path has returned
             self.builder.unreachable()
         for block, following in self.jumps:
             ir.IRBuilder(block).branch(following)
@@ -145,7 +145,7 @@ class Statements(Expressions):
         self.builder.position_at_end(after)
 
     def _loop(self, statements: Iterable[ast.stmt], body: Any, following: Any, after: Any) -> None:
-        """The body of a loop, with the blocks that continue and break lead to; the last is the one to go on with."""
+        """The body of a loop; `continue` leads to the block `following`, and `break` to `after`."""
         self.builder.position_at_end(body)
         self.loops.append((following, after))
         self._write(statements)
@@ -154,7 +154,7 @@ class Statements(Expressions):
         self.builder.position_at_end(after)
 
     def _go_on(self, block: Any) -> None:
-        """Go to a block, unless break, continue or return have left this one."""
+        """Branch to a block, unless the present block has ended."""
         if not self._has_ended():
             self.builder.branch(block)
 
@@ -176,7 +176,7 @@ class Statements(Expressions):
 
 
 class Unit(Target):
-    """Functions that go to one LLVM module.
+    """Functions in one LLVM module.
 
     Args:
         context: Numba's target.
@@ -192,12 +192,12 @@ class Unit(Target):
         self._in_vectors: list[Any] = []
 
     def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
-        """A function of Python in LLVM, and the type of its value.
+        """The LLVM function of a Python function, and the type of its result.
 
         Args:
-            function: The function, whose source can be had.
+            function: The function, whose source must be available.
             arguments: The types of its arguments.
-            result: The type of its value; by default a double, or nothing if it returns nothing.
+            result: The type of its result; by default a double, or none if it returns nothing.
         """
         key = function, arguments, result
         if key not in self._functions:
@@ -216,11 +216,8 @@ class Unit(Target):
                 self._in_vectors.append(made)
         return self._functions[key]
 
-    def settle(self) -> None:
-        """All functions are written: those with vectors are copied to where they are called, if they are short enough.
-
-        The vectors that they read and write can then stay in registers; LLVM would copy short functions only.
-        """
+    def inline_vector_functions(self) -> None:
+        """Mark functions with vectors for inlining unless they are too long, so that vectors stay in registers."""
         for made in self._in_vectors:
             instructions = [line for block in made.blocks for line in block.instructions]
             stack = sum(map(_entries, instructions))
@@ -228,30 +225,29 @@ class Unit(Target):
                 made.attributes.add("alwaysinline")
 
     def call(self, builder: Any, function: Any, values: Sequence[Value], result: Any = None) -> Value:
-        """Call a function of Python in LLVM."""
+        """Call a Python function in LLVM."""
         kinds = tuple(value.type for value in values)
         made, result = self.function(function, kinds, result)
         self._calls[made] += 1
         convention = self.context.call_conv
         status, value = convention.call_function(builder, made, result, kinds, [value.llvm for value in values])
-        with cgutils.if_unlikely(builder, status.is_error):  # nothing raises but what numba has been told to let raise
+        with cgutils.if_unlikely(builder, status.is_error):  # raised only by functions of numba
             convention.return_status_propagate(builder, status)
         return Value(result, value)
 
 
 def _entries(instruction: Any) -> int:
-    """How many entries an instruction makes room for on the stack."""
+    """The number of entries that an instruction allocates on the stack."""
     if not isinstance(instruction, AllocaInstr):
         return 0
     return instruction.operands[0].constant if instruction.operands else 1
 
 
 def lowered(signature: Any = None) -> Callable[[Any], Any]:
-    """A generated function as an intrinsic, which functions that numba compiles can call.
+    """Turn a generated function into an intrinsic that functions compiled by numba can call.
 
     Args:
-        signature: The types of its value and of its arguments; by default it returns nothing, and its arguments are of
-            any types.
+        signature: The types of its result and its arguments; by default no result and arguments of any type.
 
     Example:
         >>> from numba import njit, types
@@ -274,7 +270,7 @@ def lowered(signature: Any = None) -> Callable[[Any], Any]:
                 unit = Unit(context, typing, builder.module)
                 arguments = [Value(*pair) for pair in zip(signature.args, values, strict=True)]
                 value = unit.call(builder, function, arguments, signature.return_type).llvm
-                unit.settle()
+                unit.inline_vector_functions()
                 return value
 
             return signature or types.none(*arguments), codegen

@@ -1,11 +1,11 @@
-"""Loops over entries of arrays, written as operations on vectors.
+"""Vectorisation of loops over entries of arrays.
 
-LLVM unrolls a loop over few entries before it looks for vectors, and then seldom finds them. In generated functions
-arrays of different names do not overlap, so that it is known here which loops can be written in vectors; entries that
-lie apart, or are looked up in a table, become permutations of vectors wherever an array can stay in registers.
+LLVM unrolls short loops before it vectorises, and then seldom finds vectors. In generated functions arrays with
+different names do not overlap, so that independence is known here. Scattered or indexed entries become permutations of
+vectors if the arrays stay in registers.
 """
 
-# ruff: noqa: D102 (what visits a node is documented by the node's class in `ast`)
+# ruff: noqa: D102 (visit_X is documented by the class X in `ast`)
 from __future__ import annotations
 
 import ast
@@ -23,36 +23,36 @@ from integrators.compile.lowering.expressions import WHOLE, Expressions, Value
 
 WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 ALIGNMENT = 8
-"""Bytes: a vector may begin at any double."""
+"""Bytes; a vector may begin at any double."""
 OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 FUNCTIONS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "fma": "llvm.fma"}
 FEWEST, MOST = 8, 64
-"""Entries of loops that are written so: shorter ones LLVM unrolls, longer ones it vectorises itself."""
+"""Lengths of loops vectorised here; LLVM unrolls shorter ones and vectorises longer ones."""
 FEWEST_PERMUTED = 4
-"""The fewest where entries lie apart, or are looked up in a table."""
+"""Least length with scattered or indexed entries."""
 LONG = 80
-"""Instructions for a vector from which on the vectors are made by a loop, however many they are."""
+"""Instructions per vector beyond which vectors are computed in a loop, whatever their number."""
 LEAST = -(2**63)
 
 
 class UnsuitedError(Exception):
-    """Something in a loop that is not written in vectors."""
+    """Obstacle to the vectorisation of a loop."""
 
 
 class VectorExpressions(ast.NodeVisitor):
-    """Writes the values of expressions in the body of a loop, as vectors of doubles or of integers.
+    """Writes the expressions in the body of a loop, as vectors of doubles or integers.
 
     Args:
-        scalars: Writes what does not depend on the counter.
+        scalars: The writer of expressions that do not depend on the counter.
         node: The loop.
 
     Attributes:
         vectors: The local variables of the loop.
-        first, width: The first value of the counter, and how many there are.
-        names: What the loop sets.
-        base: The first value in LLVM, where the loop is one there, too.
-        read, written: The entries so far: the array, the index and the counter.
-        is_permuted: Whether there is an entry that lies apart from the others, or is looked up in a table.
+        first, width: The counter of the first lane, and the number of lanes.
+        names: The variables that the loop assigns.
+        base: The counter of the first lane in LLVM, if the vectors are computed in a loop.
+        read, written: Triples (array, index, counter) of the entries so far.
+        is_permuted: Whether some entries are scattered or indexed.
     """
 
     def __init__(self, scalars: Expressions, node: Any):
@@ -96,7 +96,7 @@ class VectorExpressions(ast.NodeVisitor):
     def visit_Subscript(self, node: ast.Subscript) -> Any:
         constants = self._constants(node.value, "f")
         if constants is not None:
-            self.is_permuted = True  # a loop would have to look them up
+            self.is_permuted = True  # a loop in LLVM would need a lookup
             numbers = [ir.Constant(NUMBER, float(constants[place])) for place in self._indices(node.slice)]
             return constant_vector(NUMBER, numbers)
         start, places, are_apart = self.noted(node, self.read)
@@ -111,7 +111,7 @@ class VectorExpressions(ast.NodeVisitor):
     def visit_Name(self, node: ast.Name) -> Any:
         if node.id in self.vectors:
             return self.vectors[node.id]
-        if node.id in self.names or node.id == self.counter:  # the former depends on the entry before
+        if node.id in self.names or node.id == self.counter:  # the former carries a dependence
             raise UnsuitedError
         value = self.scalars.visit(node)
         if value.type != types.float64:
@@ -120,7 +120,7 @@ class VectorExpressions(ast.NodeVisitor):
 
     def visit_Constant(self, node: ast.Constant) -> Any:
         kind = {float: NUMBER, int: WORD}.get(type(node.value))
-        if kind is None:  # a truth value, or a text
+        if kind is None:  # a truth value or text
             raise UnsuitedError
         return constant_vector(kind, [ir.Constant(kind, node.value)] * self.width)
 
@@ -135,10 +135,7 @@ class VectorExpressions(ast.NodeVisitor):
         return values
 
     def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int], bool]:
-        """Where an array begins, the places of the entries that are read or written, and whether they lie apart.
-
-        Places that are looked up may lie one behind the other here, and apart for other values of the counter.
-        """
+        """Record accesses to an array; returns its pointer, the indices, and whether they are scattered or indexed."""
         if not isinstance(node.value, ast.Name):
             raise UnsuitedError
         array = self.scalars.visit(node.value)
@@ -161,7 +158,7 @@ class VectorExpressions(ast.NodeVisitor):
         return [self._index_at(index, self.first + lane) for lane in range(self.width)]
 
     def _index_at(self, index: ast.expr, counter: int) -> int:
-        """An index, for one value of the counter."""
+        """The index for one value of the counter."""
         match index:
             case ast.Name(name) if name == self.counter:
                 return counter
@@ -180,14 +177,14 @@ class VectorExpressions(ast.NodeVisitor):
         raise UnsuitedError
 
     def _constants(self, node: ast.expr, kind: str) -> np.ndarray | None:
-        """The constant array of the module, of doubles (f) or integers (i), if the name is that of one."""
+        """The constant array of doubles (f) or integers (i) with a name; None if there is none."""
         if not isinstance(node, ast.Name) or node.id in self.scalars.local:
             return None
         found = self.scalars.names.get(node.id)
         return found if isinstance(found, np.ndarray) and (found.ndim, found.dtype.kind) == (1, kind) else None
 
     def _everywhere(self, number: Any) -> Any:
-        """A vector of equal numbers."""
+        """A vector with equal entries."""
         nothing = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
         one = self.builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
         return self.builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(INDEX, self.width), None))
@@ -202,22 +199,17 @@ class VectorExpressions(ast.NodeVisitor):
 
 
 class VectorLoop(VectorExpressions):
-    """Writes a loop over entries.
+    """Vectorises a loop whose writes are affine in the index, or tabulated, and carry no dependence.
 
-    Its statements set entries of arrays, at places that follow from the counter, to values that depend on no entry set
-    for another counter; or they set local variables; or they take a maximum over all entries.
-
-    Args:
-        scalars: Writes what does not depend on the counter.
-        node: The loop.
+    The loop may also assign local variables, and compute maxima over all entries.
     """
 
     def __init__(self, scalars: Expressions, node: Any):
         super().__init__(scalars, node)
-        self.maxima: dict[tuple[str, int], Any] = {}  # places in memory, by the variable and the width
+        self.maxima: dict[tuple[str, int], Any] = {}  # addresses by variable and width
 
     def write(self) -> bool:
-        """Write the loop, if it is one over entries; otherwise nothing is written."""
+        """Write the loop if it can be vectorised; otherwise write nothing and return False."""
         bounds = _bounds(self.node.iter)
         if bounds is None or bounds[1] - bounds[0] < FEWEST_PERMUTED or self.counter in self.names:
             return False
@@ -225,20 +217,20 @@ class VectorLoop(VectorExpressions):
         before = len(written)
         try:
             self._vector(bounds[0], min(WIDTH, bounds[1] - bounds[0]))
-            way = self._way(bounds[1] - bounds[0], len(written) - before)
+            strategy = self._strategy(bounds[1] - bounds[0], len(written) - before)
             del written[before:]
             for key in self.maxima:
                 self._begin_maximum(key)
-            way(*bounds)
+            strategy(*bounds)
         except UnsuitedError:
             del written[before:]
             return False
-        self._end()
+        self._finish()
         self.scalars.assign(self.counter, Value(WHOLE, ir.Constant(WORD, bounds[1] - 1)))
         return True
 
-    def _way(self, count: int, instructions: int) -> Callable[[int, int], None]:
-        """How so many entries are written, if a vector takes so many instructions."""
+    def _strategy(self, count: int, instructions: int) -> Callable[[int, int], None]:
+        """The strategy for a number of entries and of instructions per vector."""
         if self.is_permuted:
             if count > MOST_PERMUTED:
                 raise UnsuitedError
@@ -246,7 +238,7 @@ class VectorLoop(VectorExpressions):
         shifts = {(name, place - counter) for name, place, counter in self.written}
         for array, shift in {(name, place - counter) for name, place, counter in self.read} | shifts:
             if any(array == name and 0 < abs(shift - other) < count for name, other in shifts):
-                raise UnsuitedError  # an entry depends on another one
+                raise UnsuitedError  # a dependence between entries
         if instructions > LONG and count > 2 * WIDTH:
             return self._in_a_loop
         if not FEWEST <= count <= MOST:
@@ -254,20 +246,20 @@ class VectorLoop(VectorExpressions):
         return self._one_by_one
 
     def _one_by_one(self, first: int, end: int) -> None:
-        """The vectors one behind the other."""
+        """Write the vectors one by one."""
         while first < end:
             self._vector(first, min(WIDTH, end - first))
             first += self.width
 
     def _permuted(self, first: int, end: int) -> None:
-        """The vectors one behind the other, if no entry depends on another one."""
+        """Write the vectors one by one, if no entry depends on another."""
         self._one_by_one(first, end)
         writers = {(name, place): counter for name, place, counter in self.written}
         if any(writers.get((name, place), counter) != counter for name, place, counter in self.read | self.written):
             raise UnsuitedError
 
     def _in_a_loop(self, first: int, end: int) -> None:
-        """All vectors but the last one by a loop."""
+        """Write a loop over all vectors but the last."""
         last = first + (end - first - 1) // WIDTH * WIDTH
         begin, stop, step = (ir.Constant(WORD, number) for number in (first, last, WIDTH))
         with cgutils.for_range_slice(self.builder, begin, stop, step, inc=True) as (self.base, _):
@@ -276,13 +268,13 @@ class VectorLoop(VectorExpressions):
         self._vector(last, end - last)
 
     def _vector(self, first: int, width: int) -> None:
-        """The statements, for so many values of the counter."""
+        """Write the statements for consecutive values of the counter."""
         self.first, self.width, self.vectors = first, width, {}
         for statement in self.node.body:
             self.visit(statement)
 
-    def _end(self) -> None:
-        """Local variables are what they are for the last entry, and maxima are those of all entries."""
+    def _finish(self) -> None:
+        """Assign local variables their last values, and maxima over all entries."""
         for name, vector in self.vectors.items():
             last = self.builder.extract_element(vector, ir.Constant(INDEX, self.width - 1))
             self.scalars.assign(name, Value(WHOLE if last.type == WORD else types.float64, last))
@@ -315,7 +307,7 @@ class VectorLoop(VectorExpressions):
         self.builder.store(self.larger(self.builder.load(place), found), place)
 
     def _begin_maximum(self, key: tuple[str, int]) -> None:
-        """The maximum of nothing."""
+        """Initialise a maximum."""
         self.builder.store(constant_vector(WORD, [ir.Constant(WORD, LEAST)] * key[1]), self.maxima[key])
 
     def _across(self, vector: Any) -> Any:
@@ -341,7 +333,7 @@ class VectorLoop(VectorExpressions):
 
 
 def _bounds(node: ast.expr) -> tuple[int, int] | None:
-    """The first number and the end of a range, if they are written out and there is no step."""
+    """The bounds of a range, if they are literal and there is no step."""
     match node:
         case ast.Call(ast.Name("range"), [ast.Constant(int(end))]):
             return 0, end
@@ -351,7 +343,7 @@ def _bounds(node: ast.expr) -> tuple[int, int] | None:
 
 
 def _is_maximum(node: ast.expr, name: str) -> bool:
-    """Whether a value is the larger one of a variable and another value."""
+    """Whether an expression is the maximum of a variable and another value."""
     match node:
         case ast.Call(ast.Name("max"), [ast.Name(first), _]):
             return first == name

@@ -1,1 +1,1 @@
-"""Compiled kernels that generated steppers call."""
+"""Compiled kernels called by generated steps."""

@@ -1,4 +1,4 @@
-"""Dense linear algebra on raw pointers, for matrices that are small: there are no calls of LAPACK to pay for."""
+"""Dense linear algebra on pointers for small matrices, without the cost of calls of LAPACK."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from integrators.compile.machine import compiled
 
 @compiled
 def factorize(matrix, pivots, n):
-    """Put the factors L and U of a matrix, with rows exchanged, in its place; `pivots` says with which row each was.
+    """Overwrite a matrix by its factors L and U, and `pivots` by the row exchanges.
 
-    A matrix that has none leads to infinite or undefined numbers.
+    A singular matrix gives infinity or nan.
 
     References:
         G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th edition, algorithm 3.4.1 (partial pivoting).
@@ -26,7 +26,7 @@ def factorize(matrix, pivots, n):
         if p != k:
             for j in range(n):
                 matrix[k * n + j], matrix[p * n + j] = matrix[p * n + j], matrix[k * n + j]
-        if not largest < inf:  # what is divided by infinity would be 0, and look like an answer
+        if not largest < inf:  # division by infinity would give 0, a false solution
             matrix[k * n + k] = nan
         inverse = 1.0 / matrix[k * n + k]
         for i in range(k + 1, n):
@@ -38,11 +38,11 @@ def factorize(matrix, pivots, n):
 
 @compiled
 def solve(matrix, pivots, n, x):
-    """Put the solution of a linear system in place of its right-hand side x.
+    """Overwrite the right-hand side x of a linear system by its solution.
 
     Args:
         matrix: The factors of the matrix.
-        pivots: The exchanges of rows.
+        pivots: The row exchanges.
         n: The number of unknowns.
         x: The right-hand side.
     """
@@ -63,7 +63,7 @@ def solve(matrix, pivots, n, x):
 
 @compiled
 def add_product(out, a, b, n, rows, inner, columns):
-    """Add blocks of the product of two n × n matrices: rows, inner indices and columns are ranges."""
+    """Add a part of the product of two n × n matrices, given by ranges of rows, inner indices and columns."""
     for i in range(rows[0], rows[1]):
         for k in range(inner[0], inner[1]):
             factor = a[i * n + k]
@@ -80,7 +80,7 @@ def clear(matrix, size):
 
 @compiled
 def subtract_from_identity(matrix, n, factor):
-    """Put I − factor · matrix in place of a matrix."""
+    """Overwrite a matrix by I − factor · matrix."""
     for i in range(n):
         for j in range(n):
             matrix[i * n + j] *= -factor
@@ -88,18 +88,18 @@ def subtract_from_identity(matrix, n, factor):
 
 
 @compiled
-def assemble(matrix, size, blocks, n, h, parts, factors):
-    """Put I − Σ factor · h^power · block in a matrix.
+def assemble(matrix, size, jacobians, n, h, parts, factors):
+    """Set a matrix to I − Σ factor · h^power · submatrix.
 
     Args:
         matrix: The matrix.
         size: The number of its rows.
-        blocks: Matrices with n columns, one after the other.
+        jacobians: Consecutive matrices with n columns.
         n: The number of columns.
         h: The step size.
-        parts: Five numbers for each summand: where it begins in `matrix` and in `blocks`, its height, its width, and
+        parts: Five numbers for each submatrix: its index in `matrix` and in `jacobians`, its height, its width, and
             the power of h.
-        factors: The factor of each summand.
+        factors: The factor of each submatrix.
     """
     clear(matrix, size * size)
     for i in range(size):
@@ -111,4 +111,4 @@ def assemble(matrix, size, blocks, n, h, parts, factors):
             factor *= h
         for i in range(parts[5 * part + 2]):
             for j in range(parts[5 * part + 3]):
-                matrix[to + i * size + j] -= factor * blocks[start + i * n + j]
+                matrix[to + i * size + j] -= factor * jacobians[start + i * n + j]

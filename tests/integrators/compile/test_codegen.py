@@ -14,7 +14,7 @@ import pytest
 import sympy
 
 from integrators import IntegratorError
-from integrators.compile import scene_source as codegen
+from integrators.compile import printer
 from integrators.compile.scene_source import compiled_scene, precise_scene, scene_source
 from integrators.exact.expressions import ELEMENTARY
 from integrators.scenes.catalogue.registry import scene, scene_catalogue
@@ -236,7 +236,7 @@ def test_the_source_can_be_read():
 
 def test_large_constant_arrays_are_compiled_without_cache(monkeypatch):
     assert "from foundation.machine_code import njit" in scene_source(SCENES["chain"])
-    monkeypatch.setattr(codegen, "MAX_KEPT_DATA", 4)
+    monkeypatch.setattr(printer, "MAX_KEPT_DATA", 4)
     assert "from numba import njit" in scene_source(SCENES["chain"])
     module = compiled_scene(SCENES["chain"])
     assert compiled_scene(SCENES["chain"]) is module

@@ -1,4 +1,4 @@
-"""Runs go on bit for bit: in chunks, from copies, after pickling, and whatever is recorded on the way."""
+"""Runs go on bit for bit: in chunks, from copies, after pickling, and whatever is recorded."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def begun(where, name, options):
 
 
 def bits(state):
-    """All that a run goes on from, as bytes."""
+    """The whole state of a run as bytes."""
     arrays = [state.y, state.carry, state.memory, state.control]
     return [x.tobytes() for x in arrays], state.n, state.t, state.h, state.solver
 
@@ -78,8 +78,8 @@ def test_recording_changes_no_bit(run, whole, every):
         assert t == again.t
 
 
-def test_rounding_errors_and_slopes_are_part_of_a_run():
-    """A new start from y alone goes on otherwise: the comparison of bits sees it."""
+def test_compensation_and_stage_derivatives_are_part_of_a_run():
+    """A new start from y alone gives other bits, which shows that the comparison is sharp."""
     compiled, state = begun("kepler", "gauss2", {})
     compiled.advance(state, 40)
     afresh = compiled.start(state.y, h=state.h)

@@ -113,7 +113,7 @@ def test_symmetric_methods_reverse_to_rounding(name, where):
 
 @pytest.mark.parametrize(("name", "where"), SYMMETRIC[::4])
 def test_a_run_may_turn_round(name, where):
-    """With the rounding errors that it keeps; slopes of the last step are not those of the next one."""
+    """With its compensation; stage derivatives of the last step are not those of the next one."""
     compiled, start = stepper(cases.SCENES[where], name), cases.STARTS[where]
     state = compiled.start(start, h=1 / 16)
     compiled.advance(state, 50)

@@ -1,4 +1,4 @@
-"""What compiled steps are made of: calls, cells and arrays; sums in lanes; failures; rounding."""
+"""What compiled steps are made of: calls, blocks and arrays; sums in lanes; failures; rounding."""
 
 import ast
 import re
@@ -177,7 +177,7 @@ def assert_steps_are_plain(scene, method, parts):
     np.testing.assert_allclose(state.y, plain_steps(method, parts, scene.y0, 0.1, 3)[:, -1], rtol=1e-14)
 
 
-def test_several_potentials_may_kick_one_cell():
+def test_several_potentials_may_kick_one_block():
     terms = {"U": "q^4/4", "V": "-cos(q)", "T": "p^2/2"}
     scene = bi.Scene(
         {"p": 1, "q": 1},
@@ -214,7 +214,7 @@ def test_a_point_may_be_the_shifted_end_of_a_step():
     assert_steps_are_plain(scene, method, parts)
 
 
-def test_cells_hold_every_place_as_a_whole():
+def test_blocks_hold_every_place_as_a_whole():
     scene = bi.Scene(
         {"y": 3},
         terms=[

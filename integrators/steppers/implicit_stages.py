@@ -1,0 +1,212 @@
+"""Implicit stages: fixed-point iteration and Newton's method, iterated until only rounding errors are left.
+
+Stopping earlier, at a tolerance, would leave errors of one sign in every step, and a drift of the energy.
+
+References:
+    HLW, section VIII.6 (starting values); Hairer, McLachlan, Razakarivony, BIT 48 (2008) 231–243,
+    doi:10.1007/s10543-008-0170-3 (iteration until stagnation); E. Hairer, G. Wanner, *Solving Ordinary Differential
+    Equations II*, section IV.8 (Newton's method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from integrators.compile.printer import indented
+from integrators.steppers.forms import scaled, tidy
+from integrators.steppers.newton_matrix import NewtonMatrix
+
+if TYPE_CHECKING:
+    from integrators.steppers.step_model import Group
+    from integrators.steppers.writer import StepWriter
+
+MAX_ITERATIONS = 100
+PATIENCE = 50
+"""Newton iterations before a restart from k = 0."""
+SLOW = 8
+"""Contraction below which Newton's method computes a new matrix."""
+STALLED = 2
+"""Contraction below which small changes count as rounding errors; the last bits may converge very slowly."""
+
+
+def fixed_point_lines(group: Group, writer: StepWriter) -> list[str]:
+    """Statements for k ← G(k), in which an iteration uses only values of the one before."""
+    forms = writer.forms
+    forms.forget()
+    forms.in_group = True
+    new = _new_arrays(group, writer)
+    iteration = _fixed_point_iteration(group, new, writer)
+    forms.in_group = False
+    forms.forget()
+    compare = [f"change{block} = 0" for block in group.blocks]
+    for block in group.blocks:
+        lines = ["most = 0"]  # first over the stages of one entry, then over entries, which is a vector operation
+        for e in (e for e, b in group.unknowns if b == block):
+            lines += [f"x = {new[e]}[i]", f"most = max(most, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
+        lines.append(f"change{block} = max(change{block}, most)")
+        compare += forms.loop(block, lines)
+    return [
+        *_starting_values(group, writer),
+        *(f"before{block} = 0" for block in group.blocks),
+        "converged, stalls = False, 0",
+        f"for iteration in range({MAX_ITERATIONS}):",
+        *indented([*iteration, *compare, *_fixed_point_stop(group, writer)]),
+        "if not converged:",
+        "    break",
+    ]
+
+
+def _fixed_point_iteration(group: Group, new: Mapping[int, str], writer: StepWriter) -> list[str]:
+    """Statements for G(k); points that depend on k alone are computed in one loop, which reads k once."""
+    calls = [call for call in group.calls if not writer.is_inlined(call)]
+    if any(call.node.kind != "field" or call.evaluation not in new for call in calls):
+        return [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
+    points: dict[int, list[str]] = {}
+    fields: list[str] = []
+    for call in group.calls:
+        if writer.is_inlined(call):
+            writer.call_lines(call)
+            continue
+        array = writer.array(f"z{call.evaluation}")
+        for block, form in call.node.points[0]:
+            points.setdefault(block, []).append(f"{array}[i] = {writer.forms.entry(block, form)}")
+        fields.append(f"{writer.functions.field(call.node.piece, call.blocks)}({array}, {new[call.evaluation]})")
+    return [*(line for block, lines in points.items() for line in writer.forms.loop(block, lines)), *fields]
+
+
+def _fixed_point_stop(group: Group, writer: StepWriter) -> list[str]:
+    """Statements that end the iteration on convergence or failure."""
+    blocks = group.blocks
+    small = [text for block in blocks for text in _negligible_changes(block, group, writer)]
+    return [
+        f"if {' and '.join(f'change{block} == 0' for block in blocks)}:",
+        "    converged = True",
+        "    break",
+        f"if {' or '.join(f'failed(change{block})' for block in blocks)}:",
+        "    break",
+        f"if iteration > 1 and {' and '.join(f'change{block} >= before{block}' for block in blocks)}:",
+        "    stalls += 1",
+        f"    converged = {' and '.join(small)}",
+        "    if stalls >= STALLS:",
+        f"        converged |= {rounding(blocks, writer)}",
+        "    if converged:",
+        "        break",
+        # the minimum so far: rounding errors of several blocks may alternate forever
+        *(f"before{block} = min(before{block}, change{block}) if iteration > 1 else change{block}" for block in blocks),
+    ]
+
+
+def newton_lines(group: Group, writer: StepWriter) -> list[str]:
+    """Statements for k ← k + (I − G′)⁻¹ (G(k) − k).
+
+    G′ is evaluated at the starting values and kept until the iteration slows down. If the iteration diverges or takes
+    long, it restarts from k = 0 with a new matrix in each iteration.
+    """
+    forms = writer.forms
+    forms.forget()
+    matrix = NewtonMatrix(group, writer)
+    right = writer.array("right", matrix.size)
+    new = _new_arrays(group, writer)
+    inner = (call for call in group.calls if call.evaluation not in new)  # points of the matrix need these
+    update = [*(line for call in inner for line in writer.call_lines(call)), *matrix.lines()]
+    forms.forget()
+    iteration = [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
+    forms.forget()
+    for unknown in matrix.unknowns:
+        e = unknown.evaluation
+        iteration += unknown.loop(f"{unknown.entry(right)} = {new[e]}[i] - k{e}[i]")
+    iteration.append(f"solve(matrix, pivots, {matrix.size}, {right})")
+    iteration += [f"change{block} = 0" for block in group.blocks]
+    for unknown in matrix.unknowns:
+        change, x = f"change{unknown.block}", unknown.entry(right)
+        iteration += unknown.loop(f"k{unknown.evaluation}[i] += {x}", f"{change} = max({change}, bits(abs({x})))")
+    return [
+        *_starting_values(group, writer),
+        *(f"before{block} = BITS_OF_INFINITY" for block in group.blocks),
+        "converged, restarted, stale, stalls = False, False, True, 0",
+        f"for iteration in range({MAX_ITERATIONS}):",
+        *indented(["if stale:", *indented(update), *iteration, *_newton_stop(group, writer)]),
+        "if not converged:",
+        "    break",
+    ]
+
+
+def _newton_stop(group: Group, writer: StepWriter) -> list[str]:
+    """Statements that end the iteration, restart it, or request a new matrix."""
+    blocks = group.blocks
+    small = [f"small{block} = {' and '.join(_negligible_changes(block, group, writer))}" for block in blocks]
+    over = (f"small{b} and (change{b} == 0 or not falls(change{b}, before{b}, {STALLED}))" for b in blocks)
+    slow = (f"not (small{b} or falls(change{b}, before{b}, {SLOW}))" for b in blocks)
+    zeros = [line for e, block in group.unknowns for line in writer.forms.loop(block, [f"k{e}[i] = 0.0"])]
+    falling = " or ".join(f"falls(change{block}, before{block}, {STALLED})" for block in blocks)
+    return [
+        *small,
+        f"stalls += not ({falling})",
+        f"if {' and '.join(over)} or stalls >= STALLS and {rounding(blocks, writer)}:",
+        "    converged = True",
+        "    break",
+        f"if iteration == {PATIENCE} or {' or '.join(f'failed(change{block})' for block in blocks)}:",
+        "    if restarted:",
+        "        break",
+        "    restarted, stale = True, True",
+        *indented(zeros),
+        *(f"    before{block} = BITS_OF_INFINITY" for block in blocks),
+        "    continue",
+        f"stale = restarted or {' or '.join(slow)}",
+        *(f"before{block} = min(before{block}, change{block})" for block in blocks),  # see fixed-point iteration
+    ]
+
+
+def _new_arrays(group: Group, writer: StepWriter) -> dict[int, str]:
+    """Arrays for G(k), by the evaluation."""
+    return {e: writer.array(f"n{k}") for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
+
+
+def _negligible_changes(block: int, group: Group, writer: StepWriter) -> Iterator[str]:
+    """Conditions that the changes in a block are small."""
+    for a, b in writer.structure.blocks[block]:
+        sizes = [f"largest(k{e}, {a}, {b})" for e, own in group.unknowns if own == block]
+        size = f"max({', '.join(sizes)})" if len(sizes) > 1 else sizes[0]
+        yield f"negligible(change{block}, {size}, h, y, {a}, {b})"
+
+
+def rounding(blocks: Sequence[int], writer: StepWriter) -> str:
+    """Condition that rounding errors of the state explain all changes."""
+    dimension = writer.structure.scene.dimension
+    return " and ".join(f"within_rounding(change{block}, h, y, {dimension})" for block in blocks)
+
+
+def _starting_values(group: Group, writer: StepWriter) -> list[str]:
+    """Statements that extrapolate the stage derivatives of the last step by their interpolation polynomial."""
+    lines: list[str] = []
+    for block in group.blocks:
+        own = [e for e, b in group.unknowns if b == block]
+        nodes = [writer.nodes.abscissa(e) for e in own]
+        if len(own) > 1 and len(set(nodes)) == len(nodes):
+            body = []
+            for k, node in enumerate(nodes):
+                terms = (scaled(f"k{e}[i]", _lagrange(nodes, j, 1 + node)) for j, e in enumerate(own))
+                body.append(tidy(f"s{k} = {' + '.join(terms)}"))
+            body += [f"k{e}[i] = s{k}" for k, e in enumerate(own)]
+            lines += writer.forms.loop(block, body)
+    return lines
+
+
+def _lagrange(nodes: Sequence[Fraction], j: int, x: Fraction) -> Fraction:
+    """The Lagrange basis polynomial of node j at x."""
+    value = Fraction(1)
+    for k, node in enumerate(nodes):
+        if k != j:
+            value *= (x - node) / (nodes[j] - node)
+    return value
+
+
+def first_values(group: Group, writer: StepWriter) -> list[str]:
+    """Statements for the stage derivatives before the first step: the field at y."""
+    lines = []
+    for e, block in group.unknowns:
+        piece = next(call.node.piece for call in group.calls if call.evaluation == e and block in call.blocks)
+        lines.append(f"{writer.functions.field(piece, (block,))}(y, k{e})")
+    return lines
