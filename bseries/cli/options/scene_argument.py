@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 WAYS = ("--scene", "--ode", "--hamiltonian")
 KEYWORDS = ("self", "effects")
-"""Names that mean something else where Python passes parameters on; effects are switched on by --effect."""
+"""Reserved names; effects are switched on by --effect."""
 
 
 def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -165,7 +165,7 @@ def _read_value(text: str) -> Any:
 
 
 def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """What ``NAME=VALUE`` says, by name."""
+    """The values of ``NAME=VALUE`` by name."""
     values: dict[str, str] = {}
     for text in texts:
         name, _, value = (part.strip() for part in text.partition("="))
@@ -189,7 +189,7 @@ def read_start_values(text: str) -> dict[str, list[str]]:
 
 
 def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
-    """Give a verb the option --parts, which says what the parts of a method are in a scene."""
+    """Give a verb the option --parts, which assigns blocks or parts of a scene to the parts of a method."""
     text = 'What the method\'s parts are: blocks or parts of the scene, as in "a=q;b=p".'
     return click.option("--parts", metavar="TEXT", help=text)(verb)
 
@@ -216,7 +216,7 @@ def read_part_names(text: str) -> dict[str, list[str]]:
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
-    """Say which option tells what a method's parts are, and how."""
+    """Refuse, with the option that assigns the parts of a method."""
     from integrators.scenes.scene import UNNAMED
 
     blocks = [block.name for block in scene.blocks]
