@@ -300,15 +300,15 @@ class OrderConditions(Frozen, Sequence[OrderCondition]):
         Example:
             >>> import bseries as bs
             >>> print(bs.order_conditions("runge-kutta", 2).to_table().to_text())
-            Order 2 of Runge-Kutta methods: 2 conditions
+            Order 2 of Runge–Kutta methods: 2 conditions
             <BLANKLINE>
             |τ|  tree τ  condition
-            ───  ──────  ─────────────
+            ───  ──────  ───────────────
               1  τ       Σ b_i = 1
             <BLANKLINE>
               2  [τ]     Σ b_i c_i = 1/2
             <BLANKLINE>
-            Runge-Kutta
+            c_i = Σ_j a_ij.
         """
         return _table(self)
 
