@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.conditions.kernels import IMAGE, ONE
 from bseries.conditions.program import Equation, Program, Summand
 from bseries.conditions.reductions import class_weights
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from trees.tree import Tree
 
 
-class OrderCondition(Frozen):
+class OrderCondition(ImmutableValue):
     """One order condition: left-hand side = right-hand side.
 
     Attributes:

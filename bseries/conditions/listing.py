@@ -18,7 +18,7 @@ from bseries.conditions.scalars import Scalars, equations, left_sides
 from bseries.exceptions import SeriesError
 from bseries.table import Column, LazyRows, Table, as_html, listed
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from trees.tree import Tree
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Request(NamedTuple):
     limits: Any
 
 
-class OrderConditions(Frozen, Sequence[OrderCondition]):
+class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
     """The order conditions of a kind of methods, as `order_conditions` makes them.
 
     A sequence of `OrderCondition`s, in the order of the trees; conditions can also be found by a tree or its text. The

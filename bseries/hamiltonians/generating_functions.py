@@ -23,7 +23,7 @@ from bseries.hamiltonians.symplectic_stages import (
     hamiltonian_constant,
     symplectic_stages,
 )
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
 from trees.counting import check_order
 
@@ -251,12 +251,12 @@ class _StageSeries:
     def _number(self, x: Any) -> Any:
         return self._numbers.get(x, x)
 
-    @remembered
+    @cached_method
     def _at(self, at: LinearForm) -> Composition:
         """Formulas at a point."""
         return Composition(self.arithmetic, self._ring, self._point(at))
 
-    @remembered
+    @cached_method
     def _point(self, at: LinearForm) -> list[PowerSeries]:
         """A point: a series for every variable."""
         found: dict[int, PowerSeries] = {}
@@ -277,7 +277,7 @@ class _StageSeries:
 
         return PowerSeries(coefficient)
 
-    @remembered
+    @cached_method
     def _slope(self, k: int, place: int) -> PowerSeries:
         """The derivative of H^k with respect to a variable, at the point of stage k."""
         return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))

@@ -20,7 +20,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.ring_power_series import Expansion, PowerSeries, SeriesArithmetic
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from trees.counting import check_order
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class HamiltonJacobi:
 
     # Coefficients of t^j h^(k−1).
 
-    @remembered
+    @cached_method
     def _W(self, j: int, k: int) -> Any:
         """W, from ∂W/∂t = Σ_i v_i W_{q_i}."""
         if j == 0:
@@ -74,7 +74,7 @@ class HamiltonJacobi:
         )
         return self._ring.sum([(Fraction(1, j), self._ring.dot(pairs))])
 
-    @remembered
+    @cached_method
     def _v(self, j: int, k: int) -> list[Any]:
         """v, from v_i = W_{P_i} − Σ_l S_{P_i q_l} v_l."""
         found = []
@@ -89,12 +89,12 @@ class HamiltonJacobi:
             found.append(self._ring.sum([(1, W_P), (-1, self._ring.dot(pairs))]))
         return found
 
-    @remembered
+    @cached_method
     def _W_q(self, j: int, k: int) -> list[Any]:
         """W_{q_i}."""
         return [self._ring.derivative(self._W(j, k), q) for q in self._positions]
 
-    @remembered
+    @cached_method
     def _S_Pq(self, j: int, k: int) -> list[list[Any]]:
         """S_{P_i q_l}, from S = ∫ W dt."""
         slopes = [self._ring.sum([(Fraction(1, j), slope)]) for slope in self._W_q(j - 1, k)]

@@ -20,7 +20,7 @@ from bseries.fields.convergence import convergence_radius
 from bseries.hamiltonians.oscillator_steps import DIGITS, OscillatorStep
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, symplectic_stages
 from integrators import RungeKutta
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 
 if TYPE_CHECKING:
     import numpy as np
@@ -156,7 +156,7 @@ class LinearHamiltonian:
 
         return np.full(len(y), self.radius)
 
-    @remembered
+    @cached_method
     def matrix(self, h: float) -> np.ndarray:
         """The matrix G of H̃ = yᵀGy."""
         import numpy as np

@@ -7,7 +7,7 @@ from functools import wraps
 from typing import Any, TypeVar, cast
 
 
-class Frozen:
+class ImmutableValue:
     """A value whose attributes are set once, by its constructor, through ``__dict__``.
 
     Lazily computed attributes are ``functools.cached_property``, which writes to ``__dict__`` too.
@@ -43,7 +43,7 @@ class Frozen:
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def remembered(function: Function) -> Function:
+def cached_method(function: Function) -> Function:
     """A function that keeps its results in its first argument; `functools.cache` would keep that, too, for ever.
 
     Args:
@@ -51,7 +51,7 @@ def remembered(function: Function) -> Function:
 
     Example:
         >>> class Squares:
-        ...     @remembered
+        ...     @cached_method
         ...     def of(self, x):
         ...         print("computing", x)
         ...         return x * x

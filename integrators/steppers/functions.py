@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.compile.particle_loops import INDICES
 from integrators.compile.scene_source import ModuleText, field_lines, gathered
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
 from integrators.steppers.structure import Structure, entries
 
@@ -90,7 +90,7 @@ class Diagonal(NamedTuple):
     factors: tuple[sympy.Expr, ...]
 
 
-@remembered
+@cached_method
 def diagonal(structure: Structure, piece: int, cell: int) -> Diagonal | None:
     """What a piece of the field puts into a cell, if that is a diagonal matrix times another cell.
 

@@ -12,7 +12,7 @@ from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import method as named
 from integrators.methods.program.program import Method
 from integrators.scenes.scene import Scene
@@ -70,11 +70,11 @@ class Stepper:
         self.source = text.source
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
-    @remembered
+    @cached_method
     def _text(self, solver: str) -> Text:
         return stepper_text(self._nodes, solver=solver, control=self.control, **self._options)
 
-    @remembered
+    @cached_method
     def _address(self, solver: str) -> int:
         """The address of the compiled steps (see `integrators.compile.machine.steps_in_c`)."""
         helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]

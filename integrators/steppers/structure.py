@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from integrators.core.immutable import remembered
+from integrators.core.immutable import cached_method
 from integrators.scenes.model.local_terms import output_formula
 from integrators.scenes.particles.degrees import Piece, degree
 from integrators.scenes.particles.parts import check_kind, pieces_of
@@ -103,12 +103,12 @@ class Structure:
                 if self.cells_at(output.place, term.sites) <= wanted:
                     yield term, output
 
-    @remembered
+    @cached_method
     def writes(self, piece: int) -> tuple[int, ...]:
         """The cells that a piece of the field has entries in."""
         return tuple(sorted({cell for cell, *_ in self._writings(piece)}))
 
-    @remembered
+    @cached_method
     def _writings(self, piece: int) -> tuple[tuple[int, LocalTerm, Output], ...]:
         return tuple(
             (cell, term, output)
@@ -117,7 +117,7 @@ class Structure:
             for cell in self.cells_at(output.place, term.sites)
         )
 
-    @remembered
+    @cached_method
     def flow(self, piece: int, cell: int) -> Flow:
         """What a piece of the field puts into a cell."""
         import sympy

@@ -51,7 +51,7 @@ class CostRow(NamedTuple):
         return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
 
 
-class EffectCosts(Frozen, Sequence[CostRow]):
+class EffectCosts(ImmutableValue, Sequence[CostRow]):
     """What the effects of a scene cost, as `effect_costs` measures it: a sequence of rows.
 
     Attributes:

@@ -14,7 +14,7 @@ from bseries.analysis.stability.field_elements import from_element, has_sign, mi
 from bseries.analysis.stability.inexact import Inexact, nearest_float
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 POLE_DIGITS = 20
 
 
-class StabilityFunction(Frozen):
+class StabilityFunction(ImmutableValue):
     """A rational function R(z) = P(z)/Q(z) that a method makes of y' = λy: y_1 = R(hλ) y_0.
 
     Numerator and denominator have no factor in common, and Q(0) = 1. Floats are kept as they are given: a factor that

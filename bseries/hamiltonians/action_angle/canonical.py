@@ -22,7 +22,7 @@ from bseries.hamiltonians.action_angle.variable_pairs import (
     sizes,
 )
 from integrators.core.arguments import items
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, check_symbols, poisson_matrix
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
@@ -95,7 +95,7 @@ class CoordinateMaps:
             return np.array([np.broadcast_to(entry, z.shape[1:]) for entry in function(*z)], float)
 
 
-class CoordinateChange(Frozen):
+class CoordinateChange(ImmutableValue):
     """A change of coordinates y = ψ(z), from new coordinates z = (P, Q) to old ones y = (p, q).
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.exact.expressions import format_number
 
@@ -64,7 +64,7 @@ def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
         yield from evaluation.forcing
 
 
-class LinearForm(Frozen):
+class LinearForm(ImmutableValue):
     """start · y₀ + Σ terms[e] · k_e: a point of a step (start = 1) or a vector (start = 0).
 
     Forms are added, subtracted, and multiplied by numbers; `ProgramBuilder` gives the first ones.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import check_digits, check_label, check_partition_names
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
 from integrators.exact.entries import round_entry
 from integrators.exact.expressions import format_number
@@ -40,7 +40,7 @@ MAX_STAGES = 1000
 """The largest number of stages of a tableau, and of unknown evaluations at a time."""
 
 
-class Method(Frozen):
+class Method(ImmutableValue):
     """A one-step method: coefficients of its kind, and a `program` that says how it steps.
 
     A class of one's own needs a property `program` only; by default it answers everything else.

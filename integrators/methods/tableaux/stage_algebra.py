@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
 from integrators.exact.polynomials import Matrix, Polynomial
 
@@ -31,7 +31,7 @@ MAX_DIGITS = 1000
 MAX_STAGES = 100
 
 
-class StageAlgebra(Frozen):
+class StageAlgebra(ImmutableValue):
     """A Runge–Kutta method on the roots c_1 < … < c_s of a rational polynomial, as rational data.
 
     Args:

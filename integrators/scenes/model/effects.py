@@ -8,11 +8,11 @@ from typing import Any
 
 from integrators.core.arguments import check_label, items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.terms import Term
 
 
-class Effect(Frozen):
+class Effect(ImmutableValue):
     """One effect of a scene: terms, with the variables and parameters that they bring along.
 
     What an effect brings exists only while it is on: an effect that is off leaves no trace in formulas or code.

@@ -7,7 +7,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.declarations import numbered
 from integrators.scenes.model.local_terms import LocalTerm, check_numeric
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import sympy
 
 
-class System(Frozen):
+class System(ImmutableValue):
     """A system y' = f(y) of summands over index sets.
 
     Attributes:

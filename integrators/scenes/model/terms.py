@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from integrators.core.arguments import check_label
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import ROLES, Block
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Sites(NamedTuple):
         return sizes.get(self.kind, n)
 
 
-class Term(Frozen):
+class Term(ImmutableValue):
     """A part of a field or of a Hamiltonian: a formula summed over sites.
 
     Args:
