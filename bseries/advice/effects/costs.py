@@ -11,7 +11,7 @@ from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_cost
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.fields.scene_trees import trees_of_method
 from bseries.table import Column, Table, as_html, as_text, listed
-from integrators.core.immutable import Frozen
+from integrators.core.immutable import ImmutableValue
 from integrators.methods.catalogue.registry import method as named
 from integrators.steppers.run_input import read_number
 
