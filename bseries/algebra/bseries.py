@@ -21,6 +21,7 @@ from trees.tree import Tree
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient, Values
+    from bseries.table import Table
 
 EMPTY = "∅"
 
@@ -485,6 +486,30 @@ class BSeries(Mapping[Tree, Any]):
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self.to_latex(nonzero=True)}$"
+
+    def to_table(self, kind: str = "series", *, nonzero: bool = False, as_float: bool = False) -> Table:
+        """The terms as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            kind: ``series``, ``modified`` or ``modifying``.
+            nonzero: Leave out terms whose coefficient is zero.
+            as_float: Round exact coefficients to floats.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.modified_equation(bs.method("explicit-euler"), 2).to_table("modified").to_text())
+            Modified equation of explicit-euler: trees with 1 to 2 nodes, powers h^0 to h^1
+            <BLANKLINE>
+            |τ|  tree τ  coefficient  weight  F(τ)
+            ───  ──────  ───────────  ──────  ─────
+              1  τ       1            1       f
+            <BLANKLINE>
+              2  [τ]     -1/2         -1/2    f'(f)
+            <BLANKLINE>
+            y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ
+            Exact coefficients, in QQ.
+        """
+        return presentation.series_table(self, kind, nonzero=nonzero, as_float=as_float)
 
 
 class _Items(ItemsView[Tree, Any]):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Context, Decimal
 from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.table import Column, LazyRows, Table, listed
 from trees.drawing import svg
 
 if TYPE_CHECKING:
@@ -130,3 +131,68 @@ def to_html(terms: Iterable[SeriesTerm], names: Sequence[str] | None, *, title: 
     more = f"<p>… {count - 200} more trees</p>" if count > 200 else ""
     head = "<tr><th></th><th>tree</th><th>coefficient</th><th>weight</th><th>differential</th></tr>"
     return f"<p>{escape(title)}</p><table>{head}{rows}</table>{more}"
+
+
+KINDS = {"modified": "Modified equation", "modifying": "Modifying integrator", "series": "B-series"}
+FIELD = "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ"
+MEANINGS = {
+    "modified": FIELD,
+    "modifying": f"{FIELD}; the method applied to it follows the exact flow of y' = f(y)",
+    "series": "y1 = y0 + Σ h^|τ| · weight(τ) · F(τ)(y0); weight = coefficient/σ",
+}
+
+
+def series_table(s: Any, kind: str, *, nonzero: bool, as_float: bool) -> Table:
+    """The terms of a series as a table; see `BSeries.to_table`."""
+    shown = s.to_float() if as_float else s
+    names = s.names if len(s.names) > 1 else None
+    rows = LazyRows(lambda: shown.terms(nonzero=nonzero), len(s))
+    columns = (
+        Column("|τ|", True, lambda term: term.tree.order),
+        Column("tree τ", get=lambda term: term.tree.text(names)),
+        Column("coefficient", get=lambda term: term.coefficient_text),
+        Column("weight", get=lambda term: term.weight_text),
+        Column("F(τ)", get=lambda term: term.tree.differential(names=names)),
+    )
+    fields = [
+        ("tree", columns[1].get),
+        ("levels", lambda term: term.tree.levels),
+        ("colors", lambda term: term.tree.colors),
+        ("order", columns[0].get),
+        ("symmetry", lambda term: term.tree.symmetry),
+        ("density", lambda term: term.tree.density),
+        ("coefficient", columns[2].get),
+        ("weight", columns[3].get),
+        ("differential", columns[4].get),
+    ]
+    nodes = f"1 to {s.order} nodes" if s.order > 1 else "1 node"
+    least, most = (1, s.order) if kind == "series" else (0, s.order - 1)
+    powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
+    return Table(
+        f"{KINDS[kind]} of {s.label}: trees with {nodes}, powers {powers}",
+        columns,
+        rows,
+        [MEANINGS[kind], *_number_notes(shown, nonzero=nonzero, as_float=as_float)],
+        data=lambda: shown.to_dict(kind, nonzero=nonzero),
+        items="terms",
+        section=lambda term: term.tree.order,
+        records=listed(fields, rows),
+        own={"latex": lambda width: shown.to_latex(nonzero=True) + "\n"},
+    )
+
+
+def _number_notes(s: Any, *, nonzero: bool, as_float: bool) -> Iterator[str]:
+    """Sentences on the numbers of a series."""
+    if as_float:
+        yield "Floating point (RR): exact coefficients, each rounded to the nearest float."
+    elif not s.is_exact:
+        yield "Floating point (RR): the tableau holds floats, so the coefficients carry rounding errors."
+    elif s.digits is None:
+        yield f"Exact coefficients, in {s.domain}."
+    if s.digits is not None:
+        yield (
+            f"The tableau is published as decimals with {s.digits} digits: numbers are rounded to what these tell, and "
+            "what they cannot tell from zero is 0."
+        )
+    if nonzero:
+        yield "Trees whose coefficient is zero are left out."

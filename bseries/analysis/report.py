@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.modified import modified_equation, series
-from bseries.algebra.presentation import number_text
+from bseries.algebra.presentation import latex_number, number_text
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
@@ -13,6 +14,7 @@ from bseries.analysis.stability.tableau_facts import tableau_properties
 from bseries.analysis.structure import STRUCTURES
 from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
 from bseries.exceptions import SeriesError
+from bseries.table import Column, Table, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from trees.counting import check_order, count_trees
 
@@ -92,6 +94,16 @@ class Report(NamedTuple):
             largest = None if self.error.largest is None else number_text(self.error.largest, digits)
             data["error"] = {**norms, "largest": largest, "terms": terms}
         return data
+
+    def to_table(self, *, nonzero: bool = False) -> Table:
+        """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            nonzero: Leave out error coefficients that are zero.
+        """
+        return _table(self, nonzero=nonzero)
+
+    __str__, _repr_html_ = as_text, as_html
 
 
 def check(method: Method, order: int | None = None) -> Report:
@@ -198,3 +210,126 @@ def _embedded_orders(method: Method) -> tuple[int, ...]:
         RungeKutta(method.A, weights, method.c, digits=method.digits, warn=False) for weights in method.embedded or ()
     )
     return tuple(order_of(row) for row in rows)
+
+
+MOST_TERMS = 50
+"""More error coefficients than these are left to JSON and CSV."""
+_NAMES = {
+    "i_stable": "I-stable",
+    "a_stable": "A-stable",
+    "l_stable": "L-stable",
+    "stability_angle": "stability angle in degrees",
+    "linear_ssp_coefficient": "linear SSP coefficient",
+    "ssp_coefficient": "SSP coefficient",
+}
+"""Names of facts that are no plain words."""
+_Fact = tuple[str, str | list[Any]]
+"""A name, and text or numbers of the method."""
+
+
+def _table(report: Report, *, nonzero: bool) -> Table:
+    digits = report.method.digits
+
+    def text(value: str | list[Any]) -> str:
+        return value if isinstance(value, str) else ", ".join(number_text(x, digits) for x in value)
+
+    def latex(value: str | list[Any]) -> str:
+        return latex_text(value) if isinstance(value, str) else ", ".join(f"${latex_number(x, digits)}$" for x in value)
+
+    def data() -> dict[str, Any]:
+        found = report.to_dict()
+        if nonzero and "error" in found:
+            found["error"]["terms"] = [term for term in found["error"]["terms"] if term["coefficient"] != "0"]
+        return found
+
+    columns = (
+        Column("quantity"),
+        Column("value", get=lambda fact: text(fact[1]), latex=lambda fact: latex(fact[1])),
+    )
+    facts, errors, notes = list(_facts(report)), list(_errors(report, nonzero=nonzero)), list(_notes(report))
+    records = Table("", columns, [*facts, *errors])
+    if len(errors) > MOST_TERMS:
+        notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
+        errors = []
+    return Table(
+        f"Order and properties of {report.method.name}",
+        columns,
+        [*facts, *errors],
+        notes,
+        data=data,
+        section=lambda fact: fact[0].startswith("e("),
+        records=records,
+    )
+
+
+def _facts(report: Report) -> Iterator[_Fact]:
+    """The rows of the table above the error coefficients."""
+    method = report.method
+    yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
+    yield "order conditions tested", f"to {report.tested_to} nodes"
+    if report.embedded_orders:
+        yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
+    yield "stages", str(method.stages)
+    for name, holds in report.properties.items():
+        yield name.replace("_", " "), _answer(holds)
+    names = method.names if len(method.names) > 1 else None
+    for name, verdict in report.structure.items():
+        until = f"to all {verdict.tested_to} nodes tested"
+        if verdict.breaks is not None:
+            until = f"to {verdict.order} nodes, not for {verdict.breaks.text(names)}"
+        yield name.replace("_", " "), until
+    if report.assumptions is not None:
+        yield "stage order", str(report.stage_order)
+        yield "simplifying assumptions", ", ".join(f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True))
+    for name, value in report.stability.items():
+        if value is not None and name != "undecided":
+            yield _NAMES.get(name, name.replace("_", " ")), _answer(value) if isinstance(value, bool) else str(value)
+    for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
+        yield f"row sums of {name}" if name else "row sums", list(sums)
+    if report.error is not None:
+        if report.error.norm is not None:
+            yield "principal error norm", [report.error.norm]
+            yield "largest error coefficient", [report.error.largest]
+        yield "square of the norm", [report.error.norm_squared]
+
+
+def _answer(holds: bool) -> str:
+    return "yes" if holds else "no"
+
+
+def _errors(report: Report, *, nonzero: bool) -> Iterator[_Fact]:
+    """The principal error coefficients."""
+    names = report.method.names if len(report.method.names) > 1 else None
+    for tree, e in report.error.terms if report.error is not None else ():
+        if e or not nonzero:
+            yield f"e({tree.text(names)})", [e]
+
+
+def _notes(report: Report) -> Iterator[str]:
+    """Sentences below the table."""
+    if report.error is not None:
+        p = report.order
+        yield f"e(τ) = (a(τ) - 1/γ(τ))/σ(τ): the error of a step is h^{p + 1} Σ e(τ) F(τ) + O(h^{p + 2})."
+    if report.method.digits is not None:
+        yield (
+            f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
+            "and residuals that these digits cannot tell from zero count as zero."
+        )
+    if getattr(report.method, "domain", "") == "float":
+        yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
+    names = report.method.names
+    if report.structure and len(names) > 1:
+        if set(names) == {"p", "q"}:
+            yield "Structure: p and q are taken as blocks of variables, p' = -H_q and q' = H_p."
+        else:
+            yield f"Structure: {', '.join(names)} are taken as parts of the field, each with the property itself."
+    if not report.stability:
+        yield "Linear stability is computed for Runge-Kutta tableaux only."
+    if report.structure and max(v.tested_to for v in report.structure.values()) <= report.order:
+        yield "Up to its order a method has every structure that the exact flow has; more nodes: --order N."
+    undecided: dict[str, str] = report.stability.get("undecided", {})
+    for reason in dict.fromkeys(undecided.values()):
+        facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
+        yield f"Not decided: {facts}: {reason}."
+    for issue in report.method.issues:
+        yield f"Beware: {issue}."

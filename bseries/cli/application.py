@@ -1,4 +1,4 @@
-"""The group of verbs: finds the file of a verb when it is called, and turns every failure into one line."""
+"""The group of verbs: imports a verb when it is called, and reports every failure in one line."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ VERBS = {
     "figure": "figure",
     "completion": "completion",
 }
-"""Every verb and the module that holds it."""
+"""The verbs and their modules."""
 
 INTERRUPTED, BROKEN_PIPE = 130, 141
-"""Exit codes as of a process that died of SIGINT or SIGPIPE: 128 + the signal's number."""
+"""Exit codes for SIGINT and SIGPIPE: 128 + the number of the signal."""
 
 
 class Refusal(click.ClickException):
@@ -46,7 +46,7 @@ class Refusal(click.ClickException):
 
 
 class Application(click.Group):
-    """Verbs that are imported when called, and one way to fail."""
+    """A group of verbs, imported when called, with one-line errors."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The verbs, in the order of the help."""
@@ -88,7 +88,7 @@ class Application(click.Group):
 
 @contextmanager
 def _quiet_ends() -> Iterator[None]:
-    """Turn what a user can cause into a sentence or a quiet end."""
+    """Turn errors that a user can cause into a sentence or an exit code."""
     try:
         prepare_stdout()
         yield
@@ -117,7 +117,7 @@ def say(kind: str, sentence: str) -> None:
 
 
 def _sentence(error: click.ClickException) -> str:
-    """What went wrong; where an option is misspelt, also where all are listed."""
+    """The message of an error; for a misspelt option with a reference to --help."""
     message = error.format_message()
     if isinstance(error, click.UsageError) and error.ctx is not None:
         return f"{message.rstrip('.')}; see `{error.ctx.command_path} --help`"
@@ -126,7 +126,7 @@ def _sentence(error: click.ClickException) -> str:
 
 @contextmanager
 def _long_integers() -> Iterator[None]:
-    """Let integers of any length be printed: what comes in has a limit of its own, results may be longer."""
+    """Lift the limit on the digits of printed integers; input has a limit of its own."""
     limit = sys.get_int_max_str_digits()
     sys.set_int_max_str_digits(0)
     try:
@@ -136,14 +136,14 @@ def _long_integers() -> Iterator[None]:
 
 
 def standard_input() -> TextIO:
-    """Standard input, where a user gives - for a file."""
+    """Standard input, for - in place of a file."""
     if sys.stdin is None:  # closed by the caller
         raise Refusal("- must stand for what comes on standard input, but that was closed")
     return sys.stdin
 
 
 def prepare_stdout() -> None:
-    """Make sure that there is an output and that it can carry the letter τ."""
+    """Ensure that standard output is there and encodes the letter τ."""
     if sys.stdout is None:  # closed by the caller
         sys.stdout = StringIO()
     elif (sys.stdout.encoding or "").lower().replace("-", "") != "utf8" and hasattr(sys.stdout, "reconfigure"):
@@ -151,7 +151,7 @@ def prepare_stdout() -> None:
 
 
 def discard_output() -> None:
-    """Let the interpreter flush what is left into nothing: nobody reads it."""
+    """Redirect standard output to the null device: nobody reads the rest."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

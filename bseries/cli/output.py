@@ -1,32 +1,29 @@
-"""Where an answer goes and in which format: --format, -o, and writing that leaves nothing half done."""
+"""Output of verbs: --format, -o, and writing that leaves no incomplete file."""
 
 from __future__ import annotations
 
 import functools
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.progress import Progress
+from bseries.table import FORMATS, LazyRows, Table
 
-T = TypeVar("T")
-
-FORMATS = ("table", "json", "csv", "latex", "markdown")
-NO_LATEX = ("table", "json", "csv", "markdown")
-"""Of verbs that measure: nothing there is a formula."""
-SUFFIXES = {"": "table", ".txt": "table", ".json": "json", ".csv": "csv", ".tex": "latex", ".md": "markdown"}
+NO_LATEX = tuple(name for name in FORMATS if name != "latex")
+"""Formats of verbs that measure: nothing there is a formula."""
+SUFFIXES = {suffix: name for name, format_ in FORMATS.items() for suffix in format_.suffixes}
 
 MOST_ROWS = 100_000
-"""Beyond so many trees only CSV is written: it streams."""
+"""The most trees of formats that are not streamed."""
 
 
 class Output(NamedTuple):
-    """Where an answer goes: a format, a file or None for stdout, and the bar that shows the progress towards it."""
+    """The format of an answer, its file or None for stdout, and the progress bar."""
 
     format: str
     path: str | None
@@ -34,64 +31,58 @@ class Output(NamedTuple):
 
     @property
     def on_terminal(self) -> bool:
-        """Whether somebody looks at it."""
+        """Whether the answer goes to a terminal."""
         return self.path is None and sys.stdout.isatty()
 
     @property
     def width(self) -> int | None:
-        """Columns of the terminal; None where lines may be as long as they are."""
+        """Columns of the terminal; None where lines may have any length."""
         if not self.on_terminal:
             return None
         from shutil import get_terminal_size
 
         return get_terminal_size().columns
 
-    def track(self, rows: Iterable[T], total: int) -> Iterator[T]:
-        """The rows; each one taken moves the progress bar."""
-        for done, row in enumerate(rows):
-            if done % 256 == 0:
-                self.progress.update(done, total)
-            yield row
+    @property
+    def has_records(self) -> bool:
+        """Whether the records of tables are written, without notes."""
+        return FORMATS[self.format].streams
 
     def check_rows(self, count: int) -> None:
         """Refuse more rows than a format can hold that is not streamed."""
-        if count > MOST_ROWS and self.format != "csv":
+        if count > MOST_ROWS and not self.has_records:
             raise Refusal(
                 f"order must be smaller, or format csv, to write more than {MOST_ROWS:,} trees, but there are {count:,}"
             )
 
-    def listing(
-        self,
-        columns: Sequence[table.Column],
-        rows: Sequence[table.Row],
-        title: str,
-        notes: Sequence[str],
-        sections: int | None = None,
-    ) -> Iterable[str]:
-        """A title, a table and notes for readers, in Markdown or plain text.
-
-        In plain text an empty line stands wherever the column number `sections` changes.
-        """
-        if self.format == "markdown":
-            return [table.markdown(columns, rows, title=title, notes=notes)]
-        text = table.text(columns, rows if sections is None else table.sections(rows, sections), self.width)
-        return [table.paragraphs([title, ""], self.width), text, table.paragraphs(["", *notes], self.width)]
-
-    def write(self, chunks: Iterable[str]) -> None:
-        """Write text piece by piece; a file appears when it is complete."""
+    def write(self, answer: Table | str) -> None:
+        """Write a table in the format, or text; a file appears when it is complete."""
+        pieces = [answer] if isinstance(answer, str) else self._tracked(answer).write(self.format, self.width)
         if self.path is not None:
             from integrators.core.text_files import atomic_write
 
-            atomic_write(self.path, "".join(chunks))
+            atomic_write(self.path, "".join(pieces))
             return
-        for chunk in chunks:
+        for piece in pieces:
             if self.on_terminal:
                 self.progress.close()
-            sys.stdout.write(chunk)
+            sys.stdout.write(piece)
+
+    def _tracked(self, table: Table) -> Table:
+        """The table with rows that move the progress bar."""
+
+        def track() -> Iterator[Any]:
+            for done, row in enumerate(table.rows):
+                if done % 256 == 0:
+                    self.progress.update(done, len(table.rows))
+                yield row
+
+        records = table.records and self._tracked(table.records)
+        return table._replace(rows=LazyRows(track, len(table.rows)), records=records)
 
 
 class WholeNumber(click.ParamType):
-    """An integer; the library says which ones will do."""
+    """An integer; the library checks its range."""
 
     name = "N"
 
@@ -105,14 +96,14 @@ class WholeNumber(click.ParamType):
 
 
 def takes_output(
-    verb: Callable[..., Iterable[str]], formats: Sequence[str] = FORMATS, also: Sequence[str] = ()
+    verb: Callable[..., Table | str], formats: Collection[str] = FORMATS, also: Sequence[str] = ()
 ) -> Callable[..., None]:
-    """Give a verb the options --format and -o; it gets an `Output` and returns the text to write.
+    """Give a verb the options --format and -o; it gets an `Output` and returns the table or text to write.
 
     Args:
         verb: The verb.
-        formats: The formats that it has.
-        also: Suffixes of files that are not text and do not come here, for the sentence on wrong ones.
+        formats: The formats of the verb.
+        also: Suffixes of pictures, for messages about wrong ones.
     """
 
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
@@ -129,7 +120,7 @@ def takes_output(
     return write
 
 
-def _choose_format(given: str | None, path: str | None, formats: Sequence[str], also: Sequence[str]) -> str:
+def _choose_format(given: str | None, path: str | None, formats: Collection[str], also: Sequence[str]) -> str:
     if given is not None:
         if given not in formats:
             raise Refusal(f"format must be one of {', '.join(formats)}, but was {given!r:.60}")
@@ -142,13 +133,8 @@ def _choose_format(given: str | None, path: str | None, formats: Sequence[str], 
 
 
 def _check_folder(path: str) -> None:
-    """Refuse before the work what is sure to fail after it."""
+    """Refuse, before the work, a file that cannot be written."""
     folder = os.path.dirname(os.path.abspath(path))
     if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         what = "a folder" if os.path.isdir(path) else f"in {folder!r:.60}, where no file can be made"
         raise Refusal(f"output must be a file that can be written, but was {what}")
-
-
-def names_or_none(names: Sequence[str]) -> Sequence[str] | None:
-    """Names of colours for texts about trees: none where there is one colour."""
-    return names if len(names) > 1 else None

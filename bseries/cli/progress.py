@@ -1,4 +1,4 @@
-"""A progress bar on stderr, for work that takes more than a second in front of a terminal."""
+"""Progress bar on stderr for work of more than a second, if stderr is a terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = 1.0
 
 
 class Progress:
-    """A bar that appears by itself when work takes long, and goes without a trace. Use it in a `with` statement."""
+    """A context manager that draws a bar after `PATIENCE` seconds and erases it at the end."""
 
     def __init__(self) -> None:
         self._timer: Any = None
@@ -46,7 +46,7 @@ class Progress:
         self._bar = bar
 
     def update(self, done: int, total: int) -> None:
-        """Say how much of the writing is done; before the first call the bar only shows that work goes on."""
+        """Show the part of the writing that is done; before the first call the bar is indeterminate."""
         if self._bar is not None:
             self._bar.update(self._task, description="writing", completed=done, total=total)
 
@@ -58,7 +58,7 @@ class Progress:
             click.echo(text, err=True)
 
     def close(self) -> None:
-        """Take the bar away, or keep it from appearing."""
+        """Erase the bar, or keep it from being drawn."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()
@@ -73,7 +73,7 @@ class Progress:
 
 @contextmanager
 def said_warnings() -> Iterator[None]:
-    """Say on stderr, one line each, what the library warns of."""
+    """Print each warning of the library as a line on stderr."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         try:

@@ -16,6 +16,7 @@ from bseries.conditions.languages import source
 from bseries.conditions.layout import known_stages, read_arrays
 from bseries.conditions.scalar_equations import ScalarInterpreter, equations, left_sides
 from bseries.exceptions import SeriesError
+from bseries.table import Column, LazyRows, Table, as_html, listed
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.immutable import ImmutableValue
 from trees.tree import Tree
@@ -286,3 +287,67 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
                 for condition in self
             ],
         }
+
+    def to_table(self) -> Table:
+        """The conditions as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.order_conditions("runge-kutta", 2).to_table().to_text())
+            Order 2 of Runge–Kutta methods: 2 conditions
+            <BLANKLINE>
+            |τ|  tree τ  condition
+            ───  ──────  ───────────────
+              1  τ       Σ b_i = 1
+            <BLANKLINE>
+              2  [τ]     Σ b_i c_i = 1/2
+            <BLANKLINE>
+            c_i = Σ_j a_ij.
+        """
+        return _table(self)
+
+    _repr_html_ = as_html
+
+
+def _table(found: OrderConditions) -> Table:
+    names = found.names if len(found.names) > 1 else None
+    rows = LazyRows(lambda: found, len(found))
+    columns = (
+        Column("|τ|", True, lambda x: x.tree.order),
+        Column("tree τ", get=lambda x: ", ".join(tree.text(names) for tree in x.trees)),
+        Column("condition", get=str),
+    )
+    fields = (
+        ("tree", lambda x: x.tree.text(names)),
+        ("levels", lambda x: x.tree.levels),
+        ("colors", lambda x: x.tree.colors),
+        ("order", lambda x: x.tree.order),
+        ("isomeric", lambda x: [tree.text(names) for tree in x.trees[1:]]),
+        ("left", lambda x: x.left),
+        ("right", lambda x: str(x.right)),
+        ("latex", lambda x: x.latex),
+    )
+    return Table(
+        f"Order {found.order} of {KINDS[found.kind].about}: {len(found)} condition{'s' * (len(found) != 1)}",
+        columns,
+        rows,
+        list(_notes(found)),
+        data=found.to_dict,
+        items="conditions",
+        section=lambda x: x.tree.order,
+        records=listed(fields, rows),
+        own={"latex": lambda width: found.latex() + "\n"},
+    )
+
+
+def _notes(found: OrderConditions) -> Iterator[str]:
+    """Sentences below the table."""
+    request = found.request
+    yield f"{KINDS[found.kind].notation}."
+    if any(request.assumptions):
+        yield f"Conditions that follow from {request.assumptions} and from those listed are left out."
+    if request.scalar:
+        equation = "y' = f(y)" if request.scalar == "autonomous" else "y' = f(t, y)"
+        yield f"For scalar equations {equation}: isomeric trees share one condition."
+    if request.symmetric:
+        yield "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
@@ -22,6 +23,8 @@ from bseries.fields.scene_trees import (
     trees_of_method,
     trees_of_series,
 )
+from bseries.scene_text import field_equations, formula_notes, head, place, remarks, span
+from bseries.table import Column, Table, listed
 from integrators.reference.plain_arithmetic import Arithmetic
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.scene import Scene
@@ -158,6 +161,24 @@ class SceneSeries(SeriesOnScene):
         if not self.is_field and k == 0:
             return tuple(self.empty * symbol for symbol in self.scene.symbols)
         return self.formulas.term(k + 1 if self.is_field else k)
+
+    def to_table(
+        self,
+        powers: Sequence[int] | None = None,
+        *,
+        nonzero: bool = False,
+        effects: Sequence[str] | None = None,
+        issues: Sequence[str] = (),
+    ) -> Table:
+        """The formulas as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            powers: Consecutive powers of h; by default all.
+            nonzero: Leave out formulas that are zero.
+            effects: Effects for the title; by default those that are on.
+            issues: Contradictions in the method's tableau.
+        """
+        return _table(self, powers, nonzero=nonzero, effects=effects, issues=issues)
 
 
 def modified_field(
@@ -342,3 +363,52 @@ def _part_indices(f: SceneSeries, method: Method) -> dict[str, list[int]]:
         chosen = [block for block in f.scene.blocks if block.name in piece.blocks]
         indices[name] = [k for block in chosen for k in range(block.offset, block.end)]
     return indices
+
+
+MODIFYING = "the modifying integrator"
+MEANINGS = {
+    MODIFYING: "As a formal series: applied to y' = Σ h^k · (coefficient of h^k), the method follows the exact flow.",
+    "field": "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k).",
+    "map": "The map is y1 = Σ h^k · (coefficient of h^k).",
+}
+
+
+def _table(
+    f: SceneSeries, powers: Sequence[int] | None, *, nonzero: bool, effects: Sequence[str] | None, issues: Sequence[str]
+) -> Table:
+    is_map = f.series.empty != 0
+    powers = range(f.order + is_map) if powers is None else powers
+    terms = [(k, f.symbolic(k)) for k in powers]
+    rows = [(k, x, g) for k, field in terms for x, g in zip(f.variables, field, strict=True) if g or not nonzero]
+    what, _, method = f.label.rpartition(" of ")
+    kind = "map" if is_map else what if what in MEANINGS else "field"
+
+    def data() -> dict[str, Any]:
+        records = [
+            {"power": k, "field": [str(formula) for formula in field]}
+            for k, field in terms
+            if any(field) or not nonzero
+        ]
+        return {
+            **head("equation", method, f.scene, effects),
+            "order": f.order,
+            "modifying": what == MODIFYING,
+            "domain": f.series.domain,
+            "trees": {"needed": len(f.trees.table), "total": f.trees.total},
+            "variables": list(f.variables),
+            **remarks(f.series, issues, f.scene),
+            "terms": records,
+        }
+
+    title = (what.removeprefix("the ") or "series").capitalize()
+    return Table(
+        f"{title} of {place(method, f.scene, effects)}: {span(powers)}, {f.report()}",
+        (Column("k", True), Column("y1" if is_map else "d/dt"), Column("coefficient of h^k")),
+        rows,
+        [MEANINGS[kind], *formula_notes(f.series, issues, f.scene, nonzero=nonzero)],
+        data=data,
+        items="terms",
+        section=itemgetter(0),
+        records=listed([(name, itemgetter(at)) for at, name in enumerate(("power", "variable", "field"))], rows),
+        own={} if is_map else {"latex": lambda width: field_equations(f.scene, terms)},
+    )

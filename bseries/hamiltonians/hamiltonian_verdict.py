@@ -28,6 +28,8 @@ from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
+from bseries.scene_text import with_effects
+from bseries.table import Column, Table, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.program.child_bounds import common_bounds
 from integrators.scenes.particles.degrees import degrees
@@ -121,6 +123,32 @@ class HamiltonianVerdict(NamedTuple):
             "breaks": self.broken_tree,
         }
         return {"tested_to": self.tested_to, "general": general, "order": self.order, "holds": self.holds}
+
+    def to_table(self, effects: Sequence[str] = ()) -> Table:
+        """The verdict as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            effects: The effects of the scene that are on.
+        """
+        here, general = with_effects(self.scene, effects), self.general
+        rows = [] if general is None else [(self.kind, general.order, self.broken_tree)]
+        rows.append((here, self.order, "" if self.holds else f"h^{self.order}"))
+        notes = ["Order n: the terms with h^0 to h^(n-1) have a Hamiltonian."]
+        if self.holds and general is not None and not general.holds:
+            notes.append(
+                "It has one on this scene, although not for all Hamiltonians: `bseries drift` tells what that means."
+            )
+        heads = {"schema": 1, "kind": "hamiltonian-verdict", "method": self.method, "scene": self.scene}
+        return Table(
+            f"Modified equation of {self.method} on {here}: Hamiltonian to order {self.order}, "
+            f"tested to {self.tested_to}",
+            (Column("Hamiltonian for"), Column("order", True), Column("broken by")),
+            rows,
+            notes,
+            data=lambda: {**heads, "effects": list(effects), **self.to_dict()},
+        )
+
+    _repr_html_ = as_html
 
 
 def hamiltonian_verdict(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
@@ -18,6 +19,8 @@ from bseries.hamiltonians.energy_formulas import EnergyFormulas
 from bseries.hamiltonians.from_trees import energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.hamiltonian_verdict import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
+from bseries.scene_text import formula_notes, hamiltonian_equation, head, place, remarks, span
+from bseries.table import Column, Table, listed
 from integrators.core.errors import IntegratorError
 from integrators.reference.plain_arithmetic import Arithmetic
 from integrators.scenes.scene import Scene
@@ -263,6 +266,47 @@ class ModifiedHamiltonian:
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self.to_latex()}$"
+
+    def to_table(
+        self, powers: Sequence[int] | None = None, *, nonzero: bool = False, effects: Sequence[str] | None = None
+    ) -> Table:
+        """The formulas as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            powers: Consecutive powers of h; by default all.
+            nonzero: Leave out formulas that are zero.
+            effects: Effects for the title; by default those that are on.
+        """
+        powers = range(self.order) if powers is None else powers
+        terms = [(k, self.symbolic(k)) for k in powers]
+        rows = [(k, formula) for k, formula in terms if formula != 0 or not nonzero]
+        method, scene, series = name_of(self.method), self.scene, self.field.series
+        issues = getattr(self.method, "issues", ())
+        meaning = "The numerical solution follows the system with the Hamiltonian Σ h^k · (coefficient of h^k)."
+
+        def data() -> dict[str, Any]:
+            return {
+                **head("hamiltonian", method, scene, effects),
+                "order": self.order,
+                "route": self.route,
+                "domain": series.domain,
+                "variables": list(self.variables),
+                "exists_through": self.verdict.exists_through,
+                "verdict": self.verdict.to_dict(),
+                **remarks(series, issues, scene),
+                "terms": [{"power": k, "hamiltonian": str(formula)} for k, formula in rows],
+            }
+
+        return Table(
+            f"Modified Hamiltonian of {place(method, scene, effects)}: {span(powers)}, by {self.route}",
+            (Column("k", True), Column("coefficient of h^k")),
+            rows,
+            [self.verdict.limit() or meaning, *formula_notes(series, issues, scene, nonzero=nonzero)],
+            data=data,
+            items="terms",
+            records=listed([("power", itemgetter(0)), ("hamiltonian", itemgetter(1))], rows),
+            own={"latex": lambda width: hamiltonian_equation(scene, terms, self.verdict.limit(latex=True))},
+        )
 
 
 ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")

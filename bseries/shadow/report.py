@@ -6,12 +6,14 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.plotting import BLACK, BLUE, VERMILION, check_place, new_figure, picture, picture_format, print_style
 from bseries.shadow.checks import finite_number
 from bseries.shadow.statistics import OrderStatistics, Statistics
+from bseries.table import Column, Table, as_html, listed
 from integrators.core.optional_modules import optional_module
 from integrators.core.text_files import atomic_write, check_path
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
+FIELDS = ("order", "mean", "deviation", "scatter", "gap", "drift", "drift_error")
 LIMITS = {
     "rounding": "what is left is rounding",
     "order": "higher orders may show less",
@@ -321,3 +324,24 @@ class ShadowReport:
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
         save_picture(self, path)
+
+    def to_table(self, bound: float | None = None) -> Table:
+        """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            bound: A bound on the energy's deviation; the notes name the largest step that keeps it.
+        """
+        data = self.to_dict()
+        if bound is not None:
+            data["bound"] = {"energy": bound, "step": self.step_for(bound)}
+        return Table(
+            title(self),
+            [Column(heading, True) for heading in HEADINGS],
+            list(map(cells, self.rows)),
+            [*sentences(self, bound), "", KEY],
+            data=lambda: data,
+            items="rows",
+            records=listed([(name, itemgetter(name)) for name in FIELDS], data["rows"]),
+        )
+
+    _repr_html_ = as_html

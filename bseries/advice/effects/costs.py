@@ -10,6 +10,7 @@ from bseries.advice.timing import Timing
 from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.fields.scene_trees import trees_of_method
+from bseries.table import Column, Table, as_html, as_text, listed
 from integrators.core.arguments import read_number
 from integrators.core.immutable import ImmutableValue
 from integrators.methods.catalogue.registry import method as named
@@ -106,6 +107,49 @@ class EffectCosts(ImmutableValue, Sequence[CostRow]):
             "order": self.order,
             "rows": [row.to_dict() for row in self.rows],
         }
+
+    def to_table(self) -> Table:
+        """The costs as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
+        notes = [
+            "step, field: CPU time for a step and for an evaluation of the field; "
+            "±: half the distance of the quartiles.",
+            f"trees: those to order {self.order} that the modified equation of {self.method} needs there.",
+        ]
+        return Table(
+            f"Cost of effects of {self.scene}, {self.method}",
+            _COLUMNS,
+            self.rows,
+            notes,
+            data=self.to_dict,
+            items="rows",
+            records=listed(_FIELDS, self.rows),
+        )
+
+    __str__, _repr_html_ = as_text, as_html
+
+
+_COLUMNS = (
+    Column("on", True, lambda row: len(row.effects)),
+    Column("effects", get=lambda row: ", ".join(row.effects)),
+    Column("step", True, lambda row: f"{row.step.seconds * 1e9:,.1f} ns"),
+    Column("±", True, lambda row: f"{(row.step.high - row.step.low) / 2 * 1e9:.1f}"),
+    Column("field", True, lambda row: f"{row.field.seconds * 1e9:,.1f} ns"),
+    Column("±", True, lambda row: f"{(row.field.high - row.field.low) / 2 * 1e9:.1f}"),
+    Column("trees", True, lambda row: "" if row.trees is None else f"{row.trees:,}"),
+    Column("of", True, lambda row: "" if row.all_trees is None else f"{row.all_trees:,}"),
+)
+_FIELDS = (
+    ("on", lambda row: len(row.effects)),
+    ("effects", lambda row: row.effects),
+    ("step_seconds", lambda row: row.step.seconds),
+    ("step_low", lambda row: row.step.low),
+    ("step_high", lambda row: row.step.high),
+    ("field_seconds", lambda row: row.field.seconds),
+    ("field_low", lambda row: row.field.low),
+    ("field_high", lambda row: row.field.high),
+    ("trees", lambda row: row.trees),
+    ("all_trees", lambda row: row.all_trees),
+)
 
 
 def effect_costs(

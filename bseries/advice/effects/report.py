@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from bseries.advice.timing import Timing
+from bseries.table import Column, Table, as_html, listed
 
 MEASURABLE = 0.03
 """Smallest relative difference of two times that can be measured."""
@@ -189,6 +190,12 @@ class EffectReport(NamedTuple):
             "rows": rows,
         }
 
+    def to_table(self) -> Table:
+        """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
+        return _table(self)
+
+    _repr_html_ = as_html
+
 
 def _shown(influence: Influence) -> str:
     energy = "" if influence.energy is None else f", energy {influence.energy:.2g}"
@@ -200,3 +207,48 @@ def _numbers(influence: Influence) -> dict[str, float | None]:
     from math import isfinite
 
     return {key: value if value is not None and isfinite(value) else None for key, value in influence._asdict().items()}
+
+
+EXPLANATION = (
+    "solution, energy: what leaving an effect out of all changes, relative to the size of the state and to the energy "
+    "at the start; alone: what it does to the solution by itself; step: CPU time that it adds to a step."
+)
+
+
+def _table(report: EffectReport) -> Table:
+    """A row for each effect, and one for the method itself."""
+    own = EffectRow("", "", Influence(0.0, None), report.own_error)
+
+    def advice(row: EffectRow) -> str:
+        return "" if row is own else "leave out" if row.name in report.leave_out else "keep"
+
+    columns = (
+        Column("effect", get=lambda row: row.name or "(error of the method)"),
+        Column("solution", True, lambda row: f"{row.left_out.solution:.2g}"),
+        Column("energy", True, lambda row: "" if row.left_out.energy is None else f"{row.left_out.energy:.2g}"),
+        Column("alone", True, lambda row: "" if row is own else f"{row.alone.solution:.2g}"),
+        Column("step", True, lambda row: "" if row.seconds is None else f"{row.seconds * 1e9:+.1f} ns"),
+        Column("±", True, lambda row: "" if row.seconds is None else f"{(row.uncertainty or 0) * 1e9:.1f}"),
+        Column("advice", get=advice),
+    )
+    fields = (
+        ("effect", lambda row: row.name),
+        ("solution", lambda row: row.left_out.solution),
+        ("energy", lambda row: row.left_out.energy),
+        ("alone_solution", lambda row: None if row is own else row.alone.solution),
+        ("alone_energy", lambda row: row.alone.energy),
+        ("seconds", lambda row: row.seconds),
+        ("uncertainty", lambda row: row.uncertainty),
+        ("leave_out", lambda row: None if row is own else str(row.name in report.leave_out).lower()),
+    )
+    rows = [*report.rows, own]
+    times = (f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in report.times.items() if found is not None)
+    return Table(
+        f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}",
+        columns,
+        rows,
+        [EXPLANATION, f"A step takes {', '.join(times)}.", *report.advice()],
+        data=report.to_dict,
+        items="rows",
+        records=listed(fields, rows),
+    )

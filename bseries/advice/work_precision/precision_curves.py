@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.measures import MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure
+from bseries.advice.measures import ENERGY, MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure, duration
 from bseries.advice.prediction.prediction import predict_run
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
@@ -16,6 +16,7 @@ from bseries.advice.work_precision.dense_reference import affordable_span
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.run_errors import Judge
 from bseries.advice.work_precision.sweeps import sweep, time_scale, timed_curves
+from bseries.table import Column, Table, as_html, as_text
 from integrators.core.arguments import MOST_STEPS, check_progress, read_number, read_positive
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.catalogue.registry import scene as built_in
@@ -23,6 +24,7 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
+    from bseries.advice.prediction.prediction import Prediction
     from bseries.advice.work_precision.candidates import Methods
     from bseries.advice.work_precision.curves import Curve, Row
 
@@ -110,6 +112,21 @@ class WorkPrecision:
                 for curve in self.curves
             ],
         }
+
+    def to_table(
+        self,
+        choices: Mapping[float, Recommendation | str] | None = None,
+        predictions: Mapping[float, Prediction] | None = None,
+    ) -> Table:
+        """CPU times by powers of ten of the error as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            choices: For wanted errors what `best` recommends, or why it refuses; sentences below the table say so.
+            predictions: What the modified equation lets expect of these runs.
+        """
+        return _table(self, choices or {}, predictions or {})
+
+    __str__, _repr_html_ = as_text, as_html
 
 
 def _row_dict(row: Row) -> dict[str, Any]:
@@ -278,3 +295,93 @@ def _notes(found: WorkPrecision) -> list[str]:
     if found.judge.problem:
         notes.append(f"The solution was not measured: {found.judge.problem}.")
     return notes
+
+
+RECORDS = (
+    *("method", "h", "steps", "seconds_per_step", "low", "high", "rounds", "seconds"),
+    *("solution", "energy", "modified_energy", "modified_order", "failure"),
+)
+"""The columns of CSV, which has a line for each run."""
+
+
+def _table(
+    found: WorkPrecision, choices: Mapping[float, Recommendation | str], predictions: Mapping[float, Prediction]
+) -> Table:
+    measure, decades = found.measures[0], _decades(found.errors)
+    times = [times_of(found, error, measure, choices.get(error)) for error in decades]
+    names = [curve.candidate.name for curve in found.curves]
+    advice = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
+    left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
+    about = f"CPU time against the error of the {measure.replace('-', ' ')}"
+
+    def data() -> dict[str, Any]:
+        return {**found.to_dict(), "choices": list(_choice_facts(choices, predictions))}
+
+    return Table(
+        f"{found.scene.title}, t = 0 to {found.span:g}: {about}",
+        [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
+        [[name, *(_cell(name, *column) for column in times)] for name in names],
+        [*advice, *found.notes, *left_out],
+        data=data,
+        items="methods",
+        records=Table("", list(map(Column, RECORDS)), list(_records(found))),
+    )
+
+
+def _decades(errors: tuple[float, float]) -> list[float]:
+    """The powers of ten among the errors of interest; the errors themselves if there are none."""
+    first, last = (math.log10(error) for error in errors)
+    return [float(f"1e{k}") for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
+
+
+def times_of(
+    found: WorkPrecision, error: float, measure: str, choice: Recommendation | str | None
+) -> tuple[dict[str, float], str | None]:
+    """CPU seconds for an error by method, and the cheapest: where there is a recommendation, by the times behind it."""
+    interpolated = {curve.candidate.name: curve.seconds(error, measure) for curve in found.curves}
+    times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
+    if isinstance(choice, str):
+        return times, None
+    if choice is not None and choice.span == found.span:
+        return {**times, **choice.examined, choice.method: choice.seconds}, choice.method
+    return times, min(times, key=times.__getitem__, default=None)
+
+
+def _cell(name: str, times: dict[str, float], cheapest: str | None) -> str:
+    return duration(times[name]) + "*" * (name == cheapest) if name in times else ""
+
+
+def _advice(error: float, choice: Recommendation | str, prediction: Prediction | None) -> Iterator[str]:
+    """The recommendation for an error, in sentences."""
+    wanted = next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)
+    if isinstance(choice, str):
+        yield f"Error {wanted}: {choice}."
+        return
+    others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
+    yield (
+        f"Error {wanted}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
+        f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
+        + (f"; next {others}." if others else ".")
+    )
+    if prediction is not None and choice.measure != MODIFIED_ENERGY:
+        expected = prediction.energy if choice.measure == ENERGY else prediction.solution
+        yield f"    expected of the modified equation: {'' if expected.value is None else 'error '}{expected}."
+
+
+def _choice_facts(
+    choices: Mapping[float, Recommendation | str], predictions: Mapping[float, Prediction]
+) -> Iterator[dict[str, Any]]:
+    """The recommendations as JSON-ready data."""
+    for error, choice in choices.items():
+        facts = {"reason": choice} if isinstance(choice, str) else choice.to_dict()
+        prediction = predictions.get(error)
+        yield {"wanted": error, **facts, "prediction": None if prediction is None else prediction.to_dict()}
+
+
+def _records(found: WorkPrecision) -> Iterator[tuple[Any, ...]]:
+    """All runs."""
+    for curve in found.curves:
+        for row in curve.rows:
+            costs = (None,) * 4 if row.cost is None else row.cost
+            errors = (getattr(row.errors, name) for name in RECORDS[-5:])
+            yield (curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)

@@ -1,22 +1,20 @@
-"""Many runs at once, `bseries simulate … --ensemble K`: the options, the work, and its answer."""
+"""Ensembles, `bseries simulate … --ensemble K`: options, runs and summary."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.numbers import read_float
-from bseries.cli.options.scene_argument import head, place
 from bseries.cli.output import WholeNumber
 from bseries.cli.progress import said_warnings
-from bseries.cli.table import Column
+from bseries.table import Column, LazyRows, Table
 
 if TYPE_CHECKING:
     from bseries.advice.prediction.prediction import Prediction
@@ -34,11 +32,11 @@ COLUMNS = (
 STATISTICS = ("mean", "std", "minimum", "maximum")
 LOCAL = "local"
 MOST_FAILURES = 5
-"""Failures that are named one by one."""
+"""The most failures that are named."""
 
 
 class EnsembleOptions(NamedTuple):
-    """What the command line says of an ensemble."""
+    """The options of an ensemble."""
 
     members: int
     workers: int | None
@@ -105,19 +103,20 @@ def simulate_ensemble(
     predict: bool | None,
     output: Output,
     **options: Any,
-) -> Iterable[str]:
-    """Run an ensemble, keep it in a file if there is one, and say what came of it.
+) -> Table:
+    """Run an ensemble, keep it in a file if there is one, and summarise it.
 
     Args:
-        many: How many runs, from where, and who makes them.
+        many: The options of the ensemble.
         scene: The scene.
         method: The method.
         effects: The effects that are on.
         to: The file.
         predict: Whether to say how long it will take; None: if it takes long.
-        output: Where the answer goes.
-        options: All else that `integrators.runs.ensembles.ensemble` takes.
+        output: The output, whose bar shows the progress.
+        options: Further options of `integrators.runs.ensembles.ensemble`.
     """
+    from bseries.scene_text import head, place
     from integrators.runs.ensembles import ensemble
     from integrators.runs.executors import cluster_executor
 
@@ -147,7 +146,8 @@ def simulate_ensemble(
             raise
     if to is not None:
         result.save(to)
-    return _text(result, many, scene, method, effects, watch, to, output)
+    facts = head("ensemble", method.name, scene, effects)
+    return _table(result, many, watch, to, facts, place(method.name, scene, effects))
 
 
 def _sample(many: EnsembleOptions, scene: Scene) -> Any:
@@ -158,39 +158,30 @@ def _sample(many: EnsembleOptions, scene: Scene) -> Any:
     return perturbed_start(scene, read_float(many.spread or "", "spread"))
 
 
-def _text(
-    result: EnsembleResult,
-    many: EnsembleOptions,
-    scene: Scene,
-    method: Method,
-    effects: Sequence[str],
-    watch: Expectation,
-    to: str | None,
-    output: Output,
-) -> Iterable[str]:
-    """The answer in any format."""
-    if output.format == "csv":
-        return _csv(result)
-    h, steps, last = result.meta["h"], result.meta["steps"], result.t[-1]
-    title = f"{place(method, scene, effects)}: {many.members:,} runs of {steps:,} steps of {h:g}, to t = {last:g}"
-    if output.format == "json":
-        facts = head("ensemble", method, scene, effects)
-        facts |= {"h": h, "steps": steps, "t": [float(result.t[0]), float(last)], "members": many.members}
-        facts |= {"seed": many.seed, "change": many.change, "file": to}
-        if watch.prediction is not None:
-            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(None)}
-        failures = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in result.failures]
-        return [table.json({**facts, "failures": failures, "rows": list(_records(result))}, "rows")]
-    rows = [[record["what"], *(_shown(record[key]) for key in list(record)[1:])] for record in _records(result)]
-    notes = [*_notes(result, many, to), *watch.notes(None)]
-    if output.format == "markdown":
-        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = table.text(COLUMNS, rows, output.width)
-    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
+def _table(
+    result: EnsembleResult, many: EnsembleOptions, watch: Expectation, to: str | None, facts: dict[str, Any], where: str
+) -> Table:
+    """Statistics of each quantity; CSV has them at all times."""
+    h, steps, times = result.meta["h"], result.meta["steps"], [float(result.t[0]), float(result.t[-1])]
+    facts |= {"h": h, "steps": steps, "t": times, "members": many.members}
+    facts |= {"seed": many.seed, "change": many.change, "file": to}
+    if watch.prediction is not None:
+        facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(None)}
+    facts["failures"] = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in result.failures]
+    records = list(_records(result))
+    return Table(
+        f"{where}: {many.members:,} runs of {steps:,} steps of {h:g}, to t = {times[1]:g}",
+        COLUMNS,
+        [[record["what"], *(_shown(record[key]) for key in list(record)[1:])] for record in records],
+        [*_notes(result, many, to), *watch.notes(None)],
+        data=lambda: {**facts, "rows": records},
+        items="rows",
+        records=_statistics(result),
+    )
 
 
 def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
-    """Statistics of each quantity; numbers that are none are left out."""
+    """Statistics of each quantity; None for numbers that are not finite."""
     import numpy as np
 
     def number(value: Any) -> float | None:
@@ -224,13 +215,13 @@ def _notes(result: EnsembleResult, many: EnsembleOptions, to: str | None) -> Ite
         yield f"{to} has the statistics at all times, and the last states."
 
 
-def _csv(result: EnsembleResult) -> Iterator[str]:
-    """A line for each time."""
-    tables = {key: getattr(result, key) for key in STATISTICS}
+def _statistics(result: EnsembleResult) -> Table:
+    """A row for each time."""
     names = [f"{name}_{key}" for name in result.names for key in STATISTICS]
-    columns = [tables[key][name] for name in result.names for key in STATISTICS]
-    rows = (
-        [repr(float(t)), str(count), *(repr(float(column[k])) for column in columns)]
-        for k, (t, count) in enumerate(zip(result.t, result.count, strict=True))
-    )
-    return table.csv(["t", "count", *names], rows)
+    columns = [getattr(result, key)[name] for name in result.names for key in STATISTICS]
+
+    def rows() -> Iterator[list[str]]:
+        for k, (t, count) in enumerate(zip(result.t, result.count, strict=True)):
+            yield [repr(float(t)), str(count), *(repr(float(column[k])) for column in columns)]
+
+    return Table("", list(map(Column, ["t", "count", *names])), LazyRows(rows, len(result.t)))

@@ -1,4 +1,4 @@
-"""What `bseries simulate` expects of a long run: one line before it, and afterwards how well that was met."""
+"""Predictions for long runs of `bseries simulate`, and their comparison with the outcome."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ if TYPE_CHECKING:
     from bseries.cli.progress import Progress
 
 LONG = 5.0
-"""Seconds of work that is announced without being asked."""
+"""Seconds from which on a run is announced without --predict."""
 LEAST_SECONDS, COMPARABLE = 0.01, 0.1
-"""Shorter runs do not tell what a step costs, or how well that was known."""
+"""Seconds from which on the time of a step is known, or comparable with a prediction."""
 
 
 class Expectation:
-    """The progress of a run, which is calibrated by its own beginning, and what is expected of it.
+    """The progress of a run and its prediction, calibrated by the first steps.
 
     Args:
-        progress: Shows progress, and says what is expected.
-        predict: Makes a prediction; its argument is what a step costs, None if that is to be found out.
+        progress: Shows progress and the prediction.
+        predict: Makes a prediction from the seconds of a step; from None it measures them.
         wanted: Whether a prediction is wanted; None: of work that takes long.
-        beforehand: Whether `predict` can find out what a step costs.
+        beforehand: Whether `predict` can measure the seconds of a step.
 
     Attributes:
-        watch: What steps cost.
-        prediction: What was expected; None if nothing was.
+        watch: The times of the steps.
+        prediction: The prediction; None if there is none.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Expectation:
             self._announce(None)
 
     def __call__(self, done: int, total: int) -> None:
-        """Note how far the run is; what `integrate` calls."""
+        """Record the progress; `integrate` calls this."""
         self.watch(done, total)
         self._show(done, total)
         if self._is_open and done >= total and self._asked and self.watch.seconds <= SECONDS:
@@ -64,7 +64,7 @@ class Expectation:
                 self._pause = perf_counter() - began if left else 0.0  # after the last step nothing waits for it
 
     def _announce(self, cost: float | None, seconds: float | None = None) -> None:
-        """Say what is expected; a run that goes on from a checkpoint takes less than all its steps."""
+        """Print the prediction; a run from a checkpoint makes fewer steps."""
         self.prediction = self._predict(cost)
         if seconds is not None:
             self.prediction = self.prediction._replace(seconds=seconds)
@@ -77,7 +77,7 @@ class Expectation:
 
     @property
     def seconds(self) -> float:
-        """How long the steps took, without the time for the prediction."""
+        """Seconds of the steps, without the time for the prediction."""
         return self.watch.seconds - self._pause
 
     @property
@@ -86,7 +86,7 @@ class Expectation:
         return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
 
     def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
-        """What came of it, beside what was expected, as plain data; None without a prediction.
+        """The outcome as plain data; None without a prediction.
 
         Args:
             energy_error: The relative error of the energy, if the scene has one and it was observed.
@@ -94,7 +94,7 @@ class Expectation:
         return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
 
     def notes(self, energy_error: float | None) -> Iterator[str]:
-        """How well the expectation was met, for readers."""
+        """Sentences that compare the outcome with the prediction."""
         from bseries.advice.measures import duration
 
         found = self.outcome(energy_error)

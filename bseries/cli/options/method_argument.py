@@ -64,7 +64,7 @@ def takes_method(*, required: bool = True) -> Callable[[Callable[..., T]], Calla
 
 
 def read_method(source: str | None, inline: dict[str, str], settings: Iterable[str]) -> Method | None:
-    """The method that the command line describes; contradictions in a user's tableau are warnings."""
+    """The method of the command line; contradictions in a user's tableau are warnings."""
     from integrators import TableauWarning
     from integrators import method as catalogue_method
 

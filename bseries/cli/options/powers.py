@@ -1,20 +1,15 @@
-"""What verbs share that write out, by powers of h, what a method does on a scene."""
+"""The options --order, --power and --nonzero of verbs that print formulas by powers of h."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.output import WholeNumber
-
-if TYPE_CHECKING:
-    from bseries.algebra.bseries import BSeries
-    from bseries.cli.options.method_argument import Method
-    from integrators import Scene
 
 DEFAULT_ORDER = 5
 
@@ -40,29 +35,3 @@ def read_powers(order: int | None, power: int | None) -> tuple[int, range]:
     if power is not None and not 0 <= power < order:
         raise Refusal(f"power must be from 0 to {order - 1}, but was {power}")
     return order, range(order) if power is None else range(power, power + 1)
-
-
-def span(powers: range) -> str:
-    """For titles: the powers of h."""
-    return f"powers h^{powers[0]} to h^{powers[-1]}" if len(powers) > 1 else f"power h^{powers[0]}"
-
-
-def remarks(series: BSeries, method: Method, scene: Scene) -> dict[str, Any]:
-    """What JSON says of the numbers, the method and the scene where there is something to say."""
-    lists = {"issues": list(method.issues), "notes": list(scene.notes)}
-    digits = {} if series.digits is None else {"digits": series.digits}
-    return digits | {key: value for key, value in lists.items() if value}
-
-
-def notes(series: BSeries, method: Method, scene: Scene, *, nonzero: bool) -> Iterator[str]:
-    """What a reader must know about the formulas."""
-    if series.digits is not None:
-        yield f"The tableau is published as decimals with {series.digits} digits: numbers show what these tell."
-    elif not series.is_exact:
-        yield "Floating point: the tableau holds floats, so the numbers carry rounding errors."
-    for note in scene.notes:
-        yield f"{note[0].upper()}{note[1:]}."
-    if nonzero:
-        yield "What is zero is left out."
-    for issue in method.issues:
-        yield f"Beware: {issue}."

@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 WAYS = ("--scene", "--ode", "--hamiltonian")
 KEYWORDS = ("self", "effects")
-"""Names that mean something else where Python passes parameters on; effects are switched on by --effect."""
+"""Reserved names; effects are switched on by --effect."""
 
 
 def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -48,10 +48,18 @@ def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str)
     return [CompletionItem(name, help=summary) for name, summary in effects.items() if name.startswith(incomplete)]
 
 
-def takes_scene(*, as_argument: bool = False, required: bool = True) -> Callable[[Callable[..., T]], Callable[..., T]]:
-    """Give a verb the option --scene, or the argument SCENE, and the options that go with it.
+def takes_scene(
+    *, as_argument: bool = False, required: bool = True, compare: bool = False
+) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """Give a verb the option --scene, or the argument SCENE, and the options that belong to it.
 
     It gets `scene` (None if there is none) and `effects`, the names of those that are on.
+
+    Args:
+        as_argument: Whether it is an argument.
+        required: Whether there must be a scene.
+        compare: The verb switches effects itself. It gets the scene without them, a name if it is built in, and also
+            `parameters`, those of its effects included.
     """
     where = "name from `bseries scenes`, a .toml file, or - for one on standard input"
     if as_argument:
@@ -69,7 +77,8 @@ def takes_scene(*, as_argument: bool = False, required: bool = True) -> Callable
         @click.option("--blocks", metavar="TEXT", help='Blocks of variables in such text, as in "p=x,u;q=y".')
         @click.option(
             "--effect", "effects", metavar="NAME", multiple=True, shell_complete=complete_effect,
-            help="An effect of the scene to switch on; repeatable.",
+            help="An effect to look at; repeatable; by default, all." if compare
+            else "An effect of the scene to switch on; repeatable.",
         )  # fmt: skip
         @click.option(
             "--parameter", "parameters", metavar="NAME=VALUE", multiple=True,
@@ -77,10 +86,18 @@ def takes_scene(*, as_argument: bool = False, required: bool = True) -> Callable
         )  # fmt: skip
         @functools.wraps(verb)
         def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> T:
-            sources = [options.pop(name) for name in ("scene_source", "ode", "hamiltonian")]
-            scene = read_scene(sources, blocks, effects, parameters)
-            if scene is None and required:
+            way, text = _chosen_way(*(options.pop(name) for name in ("scene_source", "ode", "hamiltonian")))
+            values = read_values(parameters)
+            if blocks is not None and way in (None, "--scene"):
+                raise Refusal(f"blocks must come with --ode or --hamiltonian, but was {blocks!r:.60} without")
+            if way is None and (effects or values):
+                raise Refusal("effect and parameter must come with a SCENE that has them, but there was none")
+            if way is None and required:
                 raise Refusal(f"SCENE must be given: a {where}; or --ode or --hamiltonian")
+            if compare:
+                scene = text if way == "--scene" and not is_path(text) else _plain_scene(way, text, blocks, values)
+                return verb(scene=scene, effects=effects, parameters=values, **options)
+            scene = None if way is None else _scene(way, text, blocks, effects, values)
             on = () if scene is None else scene.active or tuple(dict.fromkeys(effects))
             return verb(scene=scene, effects=on, **options)
 
@@ -89,27 +106,31 @@ def takes_scene(*, as_argument: bool = False, required: bool = True) -> Callable
     return decorate
 
 
-def read_scene(
-    sources: Sequence[str | None], blocks: str | None, effects: Sequence[str], parameters: Iterable[str]
-) -> Scene | None:
-    """The scene that the command line describes, None if it describes none."""
-    values = read_values(parameters)
-    given = [way for way, text in zip(WAYS, sources, strict=True) if text is not None]
+def _chosen_way(*texts: str | None) -> tuple[str | None, str]:
+    """The option that gives the scene, and its text; None if there is none."""
+    given = [(way, text) for way, text in zip(WAYS, texts, strict=True) if text is not None]
     if len(given) > 1:
-        raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(given)}")
-    if blocks is not None and given in ([], ["--scene"]):
-        raise Refusal(f"blocks must come with --ode or --hamiltonian, but was {blocks!r:.60} without")
-    if not given:
-        if effects or values:
-            raise Refusal("effect and parameter must come with a SCENE that has them, but there was none")
-        return None
-    source, ode, hamiltonian = sources
-    if source is not None:
-        return _load(source, effects, values) if is_path(source) else _build(source, effects, values)
+        raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
+    return given[0] if given else (None, "")
+
+
+def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene:
+    """The scene of a file or of equations as it is there."""
     from integrators import parse_hamiltonian, parse_scene
 
-    parse = parse_scene if ode is not None else parse_hamiltonian
-    return parse(ode or hamiltonian or "", blocks, values).with_effects(*effects)
+    if way == "--scene":
+        return load_file(text)
+    return (parse_scene if way == "--ode" else parse_hamiltonian)(text, blocks, values)
+
+
+def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+    """The scene with its effects and parameters."""
+    from integrators import scene
+
+    if way == "--scene" and not is_path(text):
+        return scene(text, effects=effects or None, **values)
+    found = _plain_scene(way, text, blocks, values)
+    return found.with_effects(*(effects or found.active), **(values if way == "--scene" else {}))
 
 
 def read_values(parameters: Iterable[str]) -> dict[str, Any]:
@@ -135,17 +156,6 @@ def load_file(source: str) -> Scene:
     return load_scene(standard_input().buffer if source == "-" else source)
 
 
-def _load(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
-    scene = load_file(source)
-    return scene.with_effects(*(effects or scene.active), **values)
-
-
-def _build(source: str, effects: Sequence[str], values: dict[str, Any]) -> Scene:
-    from integrators import scene
-
-    return scene(source, effects=effects or None, **values)
-
-
 def _read_value(text: str) -> Any:
     """A number or formula as it is; with commas a list; with semicolons a list of rows."""
     rows = [split_row(row) for row in text.split(";")]
@@ -155,7 +165,7 @@ def _read_value(text: str) -> Any:
 
 
 def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """What ``NAME=VALUE`` says, by name."""
+    """The values of ``NAME=VALUE`` by name."""
     values: dict[str, str] = {}
     for text in texts:
         name, _, value = (part.strip() for part in text.partition("="))
@@ -179,7 +189,7 @@ def read_start_values(text: str) -> dict[str, list[str]]:
 
 
 def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
-    """Give a verb the option --parts, which says what the parts of a method are in a scene."""
+    """Give a verb the option --parts, which assigns blocks or parts of a scene to the parts of a method."""
     text = 'What the method\'s parts are: blocks or parts of the scene, as in "a=q;b=p".'
     return click.option("--parts", metavar="TEXT", help=text)(verb)
 
@@ -206,7 +216,7 @@ def read_part_names(text: str) -> dict[str, list[str]]:
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
-    """Say which option tells what a method's parts are, and how."""
+    """Refuse, with the option that assigns the parts of a method."""
     from integrators.scenes.scene import UNNAMED
 
     blocks = [block.name for block in scene.blocks]
@@ -229,13 +239,3 @@ def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
         f"parts must say what {names} of {method.name} are in {scene.name} ({known}), as in "
         f'--parts "{example}", but were not given'
     )
-
-
-def place(method: Method, scene: Scene, effects: Sequence[str]) -> str:
-    """For titles: the method and the scene."""
-    return f"{method.name} on {scene.name}" + (f" with {', '.join(effects)}" if effects else "")
-
-
-def head(kind: str, method: Method, scene: Scene, effects: Iterable[str]) -> dict[str, Any]:
-    """What JSON begins with."""
-    return {"schema": 1, "kind": kind, "method": method.name, "scene": scene.name, "effects": list(effects)}

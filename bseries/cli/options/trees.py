@@ -1,4 +1,4 @@
-"""The option --max-children, which says what trees to look at."""
+"""The option --max-children, which bounds the number of children of nodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ChildLimits(click.ParamType):
     name = "LIMITS"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read the text; the library judges the numbers."""
+        """Read the text; the library checks the numbers."""
         if not isinstance(value, str):
             return value
         rows = [[_bound(entry.strip(), value) for entry in row.split(",")] for row in value.split(";")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +14,7 @@ from bseries.cli.verbs.series import answer, count_rows, takes_series_options
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
     from bseries.cli.output import Output
+    from bseries.table import Table
 
 
 @click.command()
@@ -30,7 +30,7 @@ def compose(
     max_children: Any,
     output: Output,
     **options: Any,
-) -> Iterable[str]:
+) -> Table:
     """The B-series of several methods, one after another: the first METHOD acts first.
 
     Where the steps add up to 1, the composition is a method for the step h. Each METHOD is a name or a file, as for the
@@ -63,7 +63,7 @@ def compose(
     parts = (name.name if text == "1" else f"{name.name} ({text} h)" for name, text in zip(methods, texts, strict=True))
     s = (s.log() if modified else s).with_label(", then ".join(parts))
     issues = list(dict.fromkeys(issue for method in methods for issue in method.issues))
-    return answer(s, "modified" if modified else "series", issues, output=output, **options)
+    return answer(s, "modified" if modified else "series", issues, **options)
 
 
 def _parts(method: Any) -> str:

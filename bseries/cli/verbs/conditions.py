@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.trees import takes_max_children
-from bseries.cli.output import WholeNumber, names_or_none, takes_output
-from bseries.cli.table import Column
+from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.conditions.listing import OrderConditions
-
-FIELDS = ("tree", "levels", "colors", "order", "isomeric", "left", "right", "latex")
-COLUMNS = (Column("|τ|", True), Column("tree τ"), Column("condition"))
+    from bseries.table import Table
 
 
 def takes_code(write: Callable[..., None]) -> Callable[..., None]:
@@ -67,7 +62,7 @@ def conditions(
     max_children: Any,
     code: str | None,
     output: Output,
-) -> Iterable[str]:
+) -> Table | str:
     """The order conditions of a kind of methods.
 
     KIND is runge-kutta, partitioned, additive, nystrom (y'' = g(y)), general-nystrom (y'' = g(y, y')), rosenbrock or
@@ -100,56 +95,7 @@ def conditions(
         symmetric=symmetric,
         max_children=max_children,
     )
-    return [found.code(code)] if code is not None else _answer(found, output)
-
-
-def _answer(found: OrderConditions, output: Output) -> Iterable[str]:
-    """The conditions in any format."""
+    if code is not None:
+        return found.code(code)
     output.check_rows(len(found))
-    if output.format == "json":
-        return [table.json(found.to_dict(), "conditions")]
-    if output.format == "csv":
-        return table.csv(FIELDS, map(_csv_row, found.to_dict()["conditions"]))
-    if output.format == "latex":
-        return [found.latex() + "\n"]
-    title, notes = _title(found), _notes(found)
-    rows = list(_rows(found, output))
-    if output.format == "markdown":
-        return [table.markdown(COLUMNS, rows, title=title, notes=notes)]
-    text = table.text(COLUMNS, table.sections(rows, 0), output.width)
-    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
-
-
-def _rows(found: OrderConditions, output: Output) -> Iterator[table.Row]:
-    names = names_or_none(found.names)
-    for condition in output.track(found, len(found)):
-        yield (
-            str(condition.tree.order),
-            ", ".join(tree.text(names) for tree in condition.trees),
-            str(condition),
-        )
-
-
-def _csv_row(record: dict[str, Any]) -> table.Row:
-    return [" ".join(map(str, value)) if isinstance(value, list) else str(value) for value in record.values()]
-
-
-def _title(found: OrderConditions) -> str:
-    from bseries.conditions.kinds import KINDS
-
-    many = f"{len(found)} condition{'s' * (len(found) != 1)}"
-    return f"Order {found.order} of {KINDS[found.kind].about}: {many}"
-
-
-def _notes(found: OrderConditions) -> Iterator[str]:
-    from bseries.conditions.kinds import KINDS
-
-    request = found.request
-    yield f"{KINDS[found.kind].notation}."
-    if any(request.assumptions):
-        yield f"Conditions that follow from {request.assumptions} and from those listed are left out."
-    if request.scalar:
-        equation = "y' = f(y)" if request.scalar == "autonomous" else "y' = f(t, y)"
-        yield f"For scalar equations {equation}: isomeric trees share one condition."
-    if request.symmetric:
-        yield "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."
+    return found.to_table()

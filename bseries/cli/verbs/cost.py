@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import functools
-import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.advice.measures import ENERGY, MODIFIED_ENERGY, duration
-from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import is_tableau_file, read_method
 from bseries.cli.options.numbers import read_float
 from bseries.cli.options.scene_argument import read_start, takes_scene
 from bseries.cli.output import NO_LATEX, takes_output
-from bseries.cli.table import Column
 
 if TYPE_CHECKING:
     from bseries.advice.prediction.prediction import Prediction
@@ -25,101 +21,8 @@ if TYPE_CHECKING:
     from bseries.advice.work_precision.precision_curves import WorkPrecision
     from bseries.advice.work_precision.recommendation import Recommendation
     from bseries.cli.output import Output
+    from bseries.table import Table
     from integrators import Scene
-
-
-CSV = (
-    *("method", "h", "steps", "seconds_per_step", "low", "high", "rounds", "seconds"),
-    *("solution", "energy", "modified_energy", "modified_order", "failure"),
-)
-
-
-def written(
-    found: WorkPrecision,
-    choices: dict[float, Recommendation | str],
-    predictions: dict[float, Prediction],
-    output: Output,
-) -> Iterable[str]:
-    """The table for readers, and the notes below it."""
-    measure = found.measures[0]
-    decades = _decades(found.errors)
-    columns = [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)]
-    times = [_times(found, error, measure, choices.get(error)) for error in decades]
-    names = [curve.candidate.name for curve in found.curves]
-    rows = [[name, *(_cell(name, *column) for column in times)] for name in names]
-    title = f"{found.scene.title}, t = 0 to {found.span:g}: CPU time against the error of the {_spoken(measure)}"
-    notes = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
-    left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
-    return output.listing(columns, rows, title, [*notes, *found.notes, *left_out])
-
-
-def _spoken(measure: str) -> str:
-    return measure.replace("-", " ")
-
-
-def _decades(errors: tuple[float, float]) -> list[float]:
-    """The powers of ten among the errors of interest; the errors themselves if there are none."""
-    first, last = (math.log10(error) for error in errors)
-    return [float(f"1e{k}") for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
-
-
-def _times(
-    found: WorkPrecision, error: float, measure: str, choice: Recommendation | str | None
-) -> tuple[dict[str, float], str | None]:
-    """CPU seconds for an error by method, and the cheapest: where there is a recommendation, by the times behind it."""
-    interpolated = {curve.candidate.name: curve.seconds(error, measure) for curve in found.curves}
-    times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
-    if isinstance(choice, str):
-        return times, None
-    if choice is not None and choice.span == found.span:
-        return {**times, **choice.examined, choice.method: choice.seconds}, choice.method
-    return times, min(times, key=times.__getitem__, default=None)
-
-
-def _cell(name: str, times: dict[str, float], cheapest: str | None) -> str:
-    return duration(times[name]) + "*" * (name == cheapest) if name in times else ""
-
-
-def _advice(error: float, choice: Recommendation | str, prediction: Prediction | None) -> Iterator[str]:
-    """The recommendation for an error, in sentences."""
-    if isinstance(choice, str):
-        yield f"Error {_short(error)}: {choice}."
-        return
-    others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
-    yield (
-        f"Error {_short(error)}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
-        f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
-        + (f"; next {others}." if others else ".")
-    )
-    if prediction is not None and choice.measure != MODIFIED_ENERGY:
-        expected = prediction.energy if choice.measure == ENERGY else prediction.solution
-        yield f"    expected of the modified equation: {'' if expected.value is None else 'error '}{expected}."
-
-
-def choice_facts(
-    choices: dict[float, Recommendation | str], predictions: dict[float, Prediction]
-) -> list[dict[str, Any]]:
-    """The recommendations for JSON."""
-    facts = []
-    for error, choice in choices.items():
-        found = {"reason": choice} if isinstance(choice, str) else choice.to_dict()
-        prediction = predictions.get(error)
-        facts.append({"wanted": error, **found, "prediction": None if prediction is None else prediction.to_dict()})
-    return facts
-
-
-def csv_rows(found: WorkPrecision) -> Iterator[table.Row]:
-    """All runs, one a row."""
-    for curve in found.curves:
-        for row in curve.rows:
-            costs = (None,) * 4 if row.cost is None else row.cost
-            errors = (getattr(row.errors, name) for name in CSV[-5:])
-            yield table.values(curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)
-
-
-def _short(error: float) -> str:
-    """A wanted error with the digits that it was given with."""
-    return next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)
 
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -180,7 +83,7 @@ def cost(
     predict: bool,
     picture: str | None,
     output: Output,
-) -> Iterable[str]:
+) -> Table:
     """What accuracy costs on a scene: CPU time against errors, for many methods and steps.
 
     Runs methods that suit the scene over a range of steps, measures errors of the solution (against a reference), of
@@ -222,14 +125,11 @@ def cost(
     _check_length(longer, found.span)
     if picture is not None:
         _draw(found, picture)
-    if output.format == "csv":
-        return table.csv(CSV, csv_rows(found))
+    if output.has_records:
+        return found.to_table()
     goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
     choices = {error: _choice(found, error, longer) for error in goals}
-    predictions = _predictions(found, choices) if predict else {}
-    if output.format == "json":
-        return [table.json({**found.to_dict(), "choices": choice_facts(choices, predictions)}, "methods")]
-    return written(found, choices, predictions, output)
+    return found.to_table(choices, _predictions(found, choices) if predict else {})
 
 
 def _methods(text: str | None) -> list[Any] | str | None:

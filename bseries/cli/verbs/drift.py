@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from bseries.cli import table
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_float
-from bseries.cli.options.scene_argument import place, read_parts, read_start, takes_parts, takes_scene
+from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import WholeNumber, takes_output
-from bseries.cli.table import Column
 
 if TYPE_CHECKING:
-    import sympy
-
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.hamiltonians.drift.report import DriftReport
+    from bseries.table import Table
     from integrators import Scene
-
-    Fact = tuple[str, str | sympy.Expr]
-
-COLUMNS = (Column("what"), Column("value"))
-MOST_CHARACTERS = 300
-"""Longer formulas are cut in tables for readers."""
 
 
 @click.command()
@@ -48,7 +38,7 @@ def drift(
     steps: int | None,
     order: int | None,
     output: Output,
-) -> Iterable[str]:
+) -> Table:
     """Whether the energy error of a method stays bounded, drifts linearly, or like a random walk.
 
     Looks for the first power of h at which the modified equation has no Hamiltonian on the scene, and for the mean of
@@ -73,73 +63,4 @@ def drift(
         steps=STEPS if steps is None else steps,
         parts=read_parts(parts, method, scene),
     )
-    if output.format == "json":
-        slope = _slope(report)
-        return [table.json(report.to_dict() | ({} if slope is None else {"h": report.h, "slope": str(slope)}))]
-    if output.format == "latex":
-        from bseries.cli.scene_latex import latex_formula, latex_words
-
-        def latex(value: str | sympy.Expr) -> str:
-            return latex_words(value) if isinstance(value, str) else f"${latex_formula(value, scene)}$"
-
-        return [table.latex(COLUMNS, ([latex_words(what), latex(value)] for what, value in _facts(report)))]
-    rows = [(what, str(value)) for what, value in _facts(report)]
-    if output.format == "csv":
-        return table.csv([column.heading for column in COLUMNS], rows)
-    from integrators.core.errors import shorten
-
-    title = f"Energy of {place(method, scene, effects)}: {report.verdict}"
-    shown = [(what, shorten(value, MOST_CHARACTERS)) for what, value in rows]
-    return output.listing(COLUMNS, shown, title, [f"Looked at through h^{report.perturbation.field.order - 1}."])
-
-
-def _facts(report: DriftReport) -> Iterator[Fact]:
-    """What was found: text, or formulas."""
-    from bseries.hamiltonians.drift.report import LEADING_DIGITS, shown_number
-
-    r = report.perturbation
-    yield "verdict", report.verdict
-    yield "reason", report.reason
-    if report.breaks is not None:
-        names = r.field.series.names
-        yield "not Hamiltonian for every H, by", report.breaks.text(names if len(names) > 1 else None)
-    if report.power is not None:
-        yield from _break_facts(report)
-    if report.orbit is not None:
-        yield f"orbit through {list(report.orbit.y0)}", f"{report.orbit.kind}, period {float(report.orbit.period):.10g}"
-    for k, mean in report.means:
-        yield f"mean of dH~/dt at h^{k}", shown_number(mean)
-    for k, found in report.statistics:
-        yield (
-            f"mean of dH~/dt at h^{k}",
-            f"{found.mean:.4g} ± {found.error:.2g} over t = {found.time:.6g}: {found.kind}",
-        )
-    slope = _slope(report, LEADING_DIGITS)
-    if slope is not None:
-        yield f"leading slope of the energy at h = {report.h:g}", slope
-    if report.h is not None and report.spread is not None:
-        coefficient = shown_number(report.deviation(1.0), LEADING_DIGITS)
-        yield f"deviation of the energy after t, h = {report.h:g}", f"{coefficient}*sqrt(t)"
-
-
-def _break_facts(report: DriftReport) -> Iterator[Fact]:
-    """What is not Hamiltonian on the scene."""
-    r = report.perturbation
-    yield "not Hamiltonian on this scene at", f"h^{report.power}"
-    if r.twin is not None:
-        yield "but for a perturbation of", r.twin.name
-    if r.has_formulas and report.rate is not None:
-        yield f"dH~/dt at h^{report.power}", report.rate
-    for turn in report.turns:
-        how = "" if turn.digits is None else f", by quadrature to {turn.digits} digits"
-        yield f"gain of the energy at h^{report.power} in a turn of {turn.variable} by {turn.period}{how}", turn.gain
-
-
-def _slope(report: DriftReport, digits: int = 10) -> str | sympy.Expr | None:
-    """The predicted slope of the energy, to leading order; None where there is none."""
-    if report.h is None or report.drift is None:
-        return None
-    from bseries.hamiltonians.drift.report import shown_number
-
-    power, mean = report.drift
-    return shown_number(mean * report.h**power, digits)
+    return report.to_table(effects)

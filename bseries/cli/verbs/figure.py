@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal
 from bseries.cli.options.scene_argument import read_assignments
 from bseries.cli.output import Output
 from bseries.cli.progress import Progress
-from bseries.cli.table import Column
+from bseries.table import Column, Table, csv_lines, paragraphs
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -74,16 +73,15 @@ def figure(
         raise Refusal(f"format must be left out without --all, as the ending of FILE tells it, but was {format_!r:.60}")
     with Progress() as progress:
         if listed:
-            output = Output("table", None, progress)
-            output.write([table.text(COLUMNS, _rows(), output.width)])
+            Output("table", None, progress).write(Table("Figures", COLUMNS, _rows(), titled=False))
         elif everything:
             _draw_all(path, data, settings, format_ or "png", progress)
         else:
             _draw_one(str(name), path, data, settings, progress)
 
 
-def _rows() -> list[table.Row]:
-    """A line for each figure."""
+def _rows() -> list[tuple[str, str, str, str]]:
+    """A row for each figure."""
     from bseries.figures.registry import figure_file, figure_names, options_of
 
     files = {name: figure_file(name) for name in figure_names()}
@@ -109,7 +107,7 @@ def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[
     _make(file, _options(file, name, settings), path, format_, data, progress.update)
     if path is not None and data != "-":  # numbers on standard output stay alone
         output = Output("table", None, progress)
-        output.write([table.paragraphs([file.CAPTION], output.width)])
+        output.write(paragraphs([file.CAPTION], output.width))
 
 
 def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:
@@ -160,7 +158,7 @@ def _make(
     content = None if format_ is None else plotting.picture(drawn(file, numbers), format_)
     if data is not None:
         columns = file.columns(numbers)
-        _write_text(table.csv(list(columns), plotting.table(columns)), data)
+        _write_text(csv_lines(list(columns), plotting.table(columns)), data)
     if path is not None and content is not None:
         atomic_write(path, content)
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.method_argument import split_row
 from bseries.cli.options.numbers import read_float
 from bseries.cli.options.scene_argument import read_assignments, takes_scene
-from bseries.cli.output import WholeNumber, takes_output
-from bseries.cli.table import Column
+from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.shadow.report import ShadowReport
+    from bseries.table import Table
     from integrators import Scene
-
-FIELDS = ("order", "mean", "deviation", "scatter", "gap", "drift", "drift_error")
 
 
 @click.command()
@@ -43,7 +40,7 @@ FIELDS = ("order", "mean", "deviation", "scatter", "gap", "drift", "drift_error"
 @click.option("--tolerance", metavar="X", help="How far states may be from steps of the method; by default 1e-9.")
 @click.option("--bound", metavar="E", help="Also the largest step that keeps the energy within ±E.")
 @click.option("--plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
-@takes_output
+@functools.partial(takes_output, formats=NO_LATEX)
 def shadow(
     file: str | None,
     scene: Scene | None,
@@ -58,7 +55,7 @@ def shadow(
     bound: str | None,
     plot: str | None,
     output: Output,
-) -> Iterable[str]:
+) -> Table:
     """Is the step of a finished simulation too large? Does its energy drift?
 
     Measures the modified ("shadow") energies of order 2 (the energy), 4, 6, … along a trajectory of velocity Verlet
@@ -86,8 +83,6 @@ def shadow(
         from bseries.shadow.report import check_picture
 
         check_picture(plot)
-    if output.format == "latex":
-        raise Refusal("format must be one of table, json, csv, markdown, but was 'latex'")
     chosen = (
         None if columns is None else read_assignments(filter(str.strip, columns.split(";")), "columns", '"q=x*;v=vx*"')
     )
@@ -104,34 +99,12 @@ def shadow(
         tolerance=None if tolerance is None else read_float(tolerance, "tolerance"),
         progress=output.progress.update,
     )
-    text = list(_text(report, limit, output))
+    table = report.to_table(limit)
     if plot is not None:
         report.save_plot(plot)
-    return text
+    return table
 
 
 def _numbers(text: str | None, option: str) -> Any:
     """A list of numbers; None if there is none."""
     return None if text is None else [read_float(piece, option) for piece in split_row(text)]
-
-
-def _text(report: ShadowReport, bound: float | None, output: Output) -> Iterable[str]:
-    """The answer in any format."""
-    from bseries.shadow import report as sentences
-
-    if output.format == "json":
-        data = report.to_dict()
-        if bound is not None:
-            data["bound"] = {"energy": bound, "step": report.step_for(bound)}
-        return [table.json({**data, "rows": data.pop("rows")}, "rows")]
-    if output.format == "csv":
-        rows = (row._asdict() for row in report.rows)
-        return table.csv(FIELDS, (["" if row[key] is None else repr(row[key]) for key in FIELDS] for row in rows))
-    columns = [Column(heading, True) for heading in sentences.HEADINGS]
-    cells = [sentences.cells(row) for row in report.rows]
-    title, notes = sentences.title(report), list(sentences.sentences(report, bound))
-    if output.format == "markdown":
-        return [table.markdown(columns, cells, title=title, notes=[*notes, sentences.KEY])]
-    text = table.text(columns, cells, output.width)
-    below = table.paragraphs(["", *notes, "", sentences.KEY], output.width)
-    return [table.paragraphs([title, ""], output.width), text, below]

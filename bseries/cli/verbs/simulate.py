@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli import table
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.ensemble import simulate_ensemble, takes_ensemble
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import complete_method, read_method
 from bseries.cli.options.numbers import read_given
-from bseries.cli.options.scene_argument import head, place, read_parts, read_start, takes_parts, takes_scene
+from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
 from bseries.cli.progress import said_warnings
-from bseries.cli.table import Column
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -27,13 +25,11 @@ if TYPE_CHECKING:
     from bseries.cli.options.ensemble import EnsembleOptions
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
+    from bseries.table import Table
     from integrators import Scene
-    from integrators.runs.trajectory import Trajectory
 
-COLUMNS = (Column("what"), Column("start", True), Column("end", True), Column("change", True), Column("relative", True))
 LOOKS = 1000
-"""How often something is observed where states are not kept."""
-MOST_ROWS = 60
+"""The number of observations where states are not kept."""
 
 
 def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -114,7 +110,7 @@ def simulate(
     to: str | None,
     many: EnsembleOptions | None,
     output: Output,
-) -> Iterable[str]:
+) -> Table:
     """Many steps of a method on a scene.
 
     Prints where the run began and ended, and what became of the energy or of what --observe names. -o FILE.npz keeps
@@ -139,6 +135,7 @@ def simulate(
       bseries simulate --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --method gauss2 --step 0.1 --steps 100
       bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
     """
+    from bseries.advice.run_summary import run_summary
     from integrators.runs.integration import integrate
     from integrators.steppers.states import StepError
 
@@ -162,7 +159,7 @@ def simulate(
         return simulate_ensemble(
             many, scene, method, effects, observe_every=observe_every, to=to, predict=predict, output=output, **common
         )
-    kept = save_every if save_every is not None or (to is None and output.format != "csv") else 1
+    kept = save_every if save_every is not None or (to is None and not output.has_records) else 1
     if observe_every is None and kept is None:
         observe_every = max(1, count // LOOKS)
 
@@ -184,7 +181,9 @@ def simulate(
         where = f"; the same command goes on from {checkpoint}" if checkpoint else f"; {to} ends there" if to else ""
         say("warning", f"stopped after {watch.done:,} of {count:,} steps{where}")
         raise
-    return _text(run, scene, method, effects, count, watch, to, output)
+    if output.has_records and run.observed and run.observed_t is not run.t:
+        raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
+    return _with_outcome(run_summary(run, scene, method.name, count, effects=effects), scene, watch, to, len(run.t))
 
 
 def _number(text: str | None, option: str) -> Fraction:
@@ -196,7 +195,7 @@ def _number(text: str | None, option: str) -> Fraction:
 
 
 def _steps(h: Fraction, steps: int | None, span: str | None) -> int:
-    """How many steps there are to make."""
+    """The number of steps."""
     if (steps is None) == (span is None):
         raise Refusal(f"steps or span must be given, but {'neither was' if steps is None else 'both were'}")
     if steps is not None:
@@ -208,94 +207,24 @@ def _steps(h: Fraction, steps: int | None, span: str | None) -> int:
 
 
 def _energy(scene: Scene) -> str | None:
-    """What is observed where nothing is asked for."""
+    """The default of --observe."""
     return "energy" if scene.is_hamiltonian or scene.with_effects().is_hamiltonian else None
 
 
-def _text(
-    run: Trajectory,
-    scene: Scene,
-    method: Method,
-    effects: Sequence[str],
-    steps: int,
-    watch: Expectation,
-    to: str | None,
-    output: Output,
-) -> Iterable[str]:
-    """The answer in any format."""
-    if output.format == "csv":
-        return _csv(run)
-    records, cost = list(_records(run, scene)), watch.seconds_per_step
-    lost = _energy_error(records) if scene.is_hamiltonian else None
-    title = f"{place(method, scene, effects)}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}"
-    if output.format == "json":
-        facts = head("simulation", method, scene, effects)
-        facts |= {"h": run.h, "steps": steps, "t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
-        if watch.prediction is not None:
-            facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(lost)}
-        return [table.json({**facts, "file": to, "rows": records}, "rows")]
-    rows = [_row(record) for record in records]
-    notes = [*_notes(run, rows, cost, to), *watch.notes(lost)]
-    shown = rows[:MOST_ROWS]
-    if output.format == "markdown":
-        return [table.markdown(COLUMNS, shown, title=title, notes=notes)]
-    text = table.text(COLUMNS, shown, output.width)
-    return [table.paragraphs([title, ""], output.width), text, table.paragraphs(["", *notes], output.width)]
+def _with_outcome(summary: Table, scene: Scene, watch: Expectation, to: str | None, states: int) -> Table:
+    """The summary of a run with its cost and its file, and with errors and times beside the expected ones."""
+    from bseries.advice.run_summary import energy_error
 
-
-def _records(run: Trajectory, scene: Scene) -> Iterator[dict[str, Any]]:
-    """What was observed and all variables, at the start and at the end; None for numbers that are not finite."""
-    for name, values in run.observed.items():
-        first, last = _finite(values[0]), _finite(values[-1])
-        change = None if first is None else _finite(abs(values - first).max())
-        is_size = first and not (name == "energy" and _is_rounding(first, run, scene))
-        relative = change / abs(first) if change is not None and first and is_size else None
-        yield {"what": name, "start": first, "end": last, "change": change, "relative": relative}
-    for name, values in zip(run.variables, run.y, strict=True):
-        yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
-
-
-def _is_rounding(energy: float, run: Trajectory, scene: Scene) -> bool:
-    """Whether an energy at the start would be 0 but for rounding, so that nothing is relative to it."""
-    from bseries.advice.distances import energy_size
-
-    return energy_size(scene, run.y[:, 0]) != abs(energy)
-
-
-def _energy_error(records: Sequence[dict[str, Any]]) -> float | None:
-    """The largest change of the energy, relative to the start if that is not 0 but for rounding."""
-    for record in records:
-        if record["what"] == "energy":
-            return record["change"] if record["relative"] is None else record["relative"]
-    return None
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _row(record: dict[str, Any]) -> table.Row:
-    forms = {"start": ".15g", "end": ".15g", "change": ".3g", "relative": ".3g"}
-    cells = ("" if record.get(key) is None else format(record[key], form) for key, form in forms.items())
-    return [record["what"], *cells]
-
-
-def _notes(run: Trajectory, rows: Sequence[table.Row], cost: float | None, to: str | None) -> Iterator[str]:
-    if run.observed:
-        count = len(run.observed_t)
-        yield f"change: the largest distance from the start, at {count:,} times; relative: as a part of the start."
-    if len(rows) > MOST_ROWS:
-        yield f"The first {MOST_ROWS} of {len(rows):,} rows are shown; --format json has them all."
+    facts = dict(summary.data())
+    records, cost = facts.pop("rows"), watch.seconds_per_step
+    lost = energy_error(records) if scene.is_hamiltonian else None
+    notes = []
     if cost is not None:
-        yield f"A step took {cost * 1e9:,.0f} ns." if cost < 1e-4 else f"A step took {cost * 1e3:,.2f} ms."
+        notes.append(f"A step took {cost * 1e9:,.0f} ns." if cost < 1e-4 else f"A step took {cost * 1e3:,.2f} ms.")
     if to is not None:
-        yield f"{to} has {len(run.t):,} states."
-
-
-def _csv(run: Trajectory) -> Iterator[str]:
-    """The trajectory, a line for each time."""
-    if run.observed and run.observed_t is not run.t:
-        raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
-    columns = [run.t, *run.y, *run.observed.values()]
-    lines = ([repr(float(column[k])) for column in columns] for k in range(len(run.t)))
-    return table.csv(["t", *run.variables, *run.observed], lines)
+        notes.append(f"{to} has {states:,} states.")
+    facts["seconds_per_step"] = cost
+    if watch.prediction is not None:
+        facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(lost)}
+    facts |= {"file": to, "rows": records}
+    return summary.extended([*notes, *watch.notes(lost)])._replace(data=lambda: facts)

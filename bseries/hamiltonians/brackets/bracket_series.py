@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.presentation import latex_number, number_text
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power
+from bseries.scene_text import ENERGY, align, span
+from bseries.table import Column, Table, listed
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
@@ -181,6 +184,31 @@ class BracketSeries(Mapping[Bracket, Any]):
         ]
         return data
 
+    def to_table(
+        self, powers: Sequence[int] | None = None, *, nonzero: bool = False, issues: Sequence[str] = ()
+    ) -> Table:
+        """The sum as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            powers: Consecutive powers of h; by default all.
+            nonzero: Leave out brackets whose coefficient is zero.
+            issues: Contradictions in the method's tableau.
+        """
+        powers = range(self.order) if powers is None else powers
+        data = self.to_dict()
+        data |= {"issues": list(issues)} if issues else {}
+        kept = [x for x in data.pop("terms") if x["power"] in powers and (x["coefficient"] != "0" or not nonzero)]
+        return Table(
+            f"Modified Hamiltonian of {self.label}: {span(powers)}, in brackets of {', '.join(self.parts)}",
+            (Column("k", True), Column("coefficient of h^k")),
+            [(k, self.term_text(k)) for k in powers if self.term(k) or not nonzero],
+            list(_notes(self, issues, nonzero=nonzero)),
+            data=lambda: {**data, "terms": kept},
+            items="terms",
+            records=listed([(name, itemgetter(name)) for name in ("power", "bracket", "coefficient")], kept),
+            own={"latex": lambda width: _equation(self, powers)},
+        )
+
 
 def bracket_text(word: Sequence[str], fences: Sequence[str] = BRACES) -> str:
     """A right-nested bracket as text.
@@ -204,3 +232,30 @@ def _sum(terms: Any) -> str:
         summand = bracket if factor == "1" else f"{factor} {bracket}"
         text += f" {sign} {summand}" if text else f"-{summand}" if sign == "-" else summand
     return text or "0"
+
+
+def _equation(brackets: BracketSeries, powers: Sequence[int]) -> str:
+    """The sum as a displayed align."""
+    factors = {k: "h" if k == 1 else f"h^{{{k}}}" for k in powers}
+    summands = [
+        f"{factors[k]} \\left({brackets.term_latex(k)}\\right)" if k else brackets.term_latex(k)
+        for k in powers
+        if brackets.term(k)
+    ]
+    return align([(ENERGY, summands)], powers[0], powers[-1])
+
+
+def _notes(brackets: BracketSeries, issues: Sequence[str], *, nonzero: bool) -> Iterator[str]:
+    """Sentences on the brackets and their coefficients."""
+    yield "{A,B} = A_q·B_p − A_p·B_q, or the bracket of a Poisson system."
+    if brackets.kinetic is not None:
+        yield (
+            f"{brackets.kinetic} is taken to be quadratic in variables that the other parts do not depend on: "
+            "brackets that vanish are left out."
+        )
+    if brackets.digits is not None:
+        yield f"The method is published as decimals with {brackets.digits} digits: numbers show what these tell."
+    if nonzero:
+        yield "What is zero is left out."
+    for issue in issues:
+        yield f"Beware: {issue}."

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
+from bseries.scene_text import latex_formula, place
+from bseries.table import Column, Table, as_html, latex_text
+from integrators.core.errors import shorten
 
 if TYPE_CHECKING:
     import sympy
@@ -184,6 +187,16 @@ class DriftReport(NamedTuple):
             data["drift"] = {"power": self.drift[0], "coefficient": str(shown_number(self.drift[1]))}
         return data
 
+    def to_table(self, effects: Sequence[str] | None = None) -> Table:
+        """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+
+        Args:
+            effects: Effects for the title; by default those that are on.
+        """
+        return _table(self, effects)
+
+    _repr_html_ = as_html
+
 
 def _short(formula: Any) -> str:
     text = f"({formula})"
@@ -193,3 +206,72 @@ def _short(formula: Any) -> str:
 def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
     """A number to some digits; formulas of parameters as they are."""
     return value if getattr(value, "free_symbols", None) else f"{float(value):.{digits}g}"
+
+
+_Fact = tuple[str, "str | sympy.Expr"]
+
+
+def _table(report: DriftReport, effects: Sequence[str] | None) -> Table:
+    field, scene = report.perturbation.field, report.perturbation.scene
+
+    def latex(fact: _Fact) -> str:
+        value = fact[1]
+        return latex_text(value) if isinstance(value, str) else f"${latex_formula(value, scene)}$"
+
+    def data() -> dict[str, Any]:
+        slope = _slope(report)
+        return report.to_dict() | ({} if slope is None else {"h": report.h, "slope": str(slope)})
+
+    what, facts = Column("what"), list(_facts(report))
+    method = field.label.removeprefix("the modified equation of ")
+    return Table(
+        f"Energy of {place(method, scene, effects)}: {report.verdict}",
+        [what, Column("value", get=lambda fact: shorten(str(fact[1]), LONGEST_FORMULA), latex=latex)],
+        facts,
+        [f"Looked at through h^{field.order - 1}."],
+        data=data,
+        records=Table("", [what, Column("value")], facts),
+    )
+
+
+def _facts(report: DriftReport) -> Iterator[_Fact]:
+    """The rows of the table: text, or formulas."""
+    yield "verdict", report.verdict
+    yield "reason", report.reason
+    if report.breaks is not None:
+        names = report.perturbation.field.series.names
+        yield "not Hamiltonian for every H, by", report.breaks.text(names if len(names) > 1 else None)
+    if report.power is not None:
+        yield from _break_facts(report)
+    if report.orbit is not None:
+        yield f"orbit through {list(report.orbit.y0)}", f"{report.orbit.kind}, period {float(report.orbit.period):.10g}"
+    for k, mean in report.means:
+        yield f"mean of dH~/dt at h^{k}", shown_number(mean)
+    for k, s in report.statistics:
+        yield f"mean of dH~/dt at h^{k}", f"{s.mean:.4g} ± {s.error:.2g} over t = {s.time:.6g}: {s.kind}"
+    slope = _slope(report, LEADING_DIGITS)
+    if slope is not None:
+        yield f"leading slope of the energy at h = {report.h:g}", slope
+    if report.h is not None and report.spread is not None:
+        coefficient = shown_number(report.deviation(1.0), LEADING_DIGITS)
+        yield f"deviation of the energy after t, h = {report.h:g}", f"{coefficient}*sqrt(t)"
+
+
+def _break_facts(report: DriftReport) -> Iterator[_Fact]:
+    """The terms that are not Hamiltonian on the scene."""
+    yield "not Hamiltonian on this scene at", f"h^{report.power}"
+    if report.perturbation.twin is not None:
+        yield "but for a perturbation of", report.perturbation.twin.name
+    if report.perturbation.has_formulas and report.rate is not None:
+        yield f"dH~/dt at h^{report.power}", report.rate
+    for turn in report.turns:
+        how = "" if turn.digits is None else f", by quadrature to {turn.digits} digits"
+        yield f"gain of the energy at h^{report.power} in a turn of {turn.variable} by {turn.period}{how}", turn.gain
+
+
+def _slope(report: DriftReport, digits: int = 10) -> str | sympy.Expr | None:
+    """The predicted slope of the energy, to leading order; None where there is none."""
+    if report.h is None or report.drift is None:
+        return None
+    power, mean = report.drift
+    return shown_number(mean * report.h**power, digits)

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 import bseries as bs
+from bseries.advice.work_precision.precision_curves import times_of
 from bseries.advice.work_precision.recommendation import Recommendation
-from bseries.cli.verbs import cost as cost_output
 from bseries.cli.verbs.cost import PICTURES
 from bseries.plotting import FORMATS
 
@@ -46,10 +46,10 @@ def test_the_star_is_at_the_method_that_is_recommended():
     choice = Recommendation("rk4", 0.1, 100, 3e-6, 1e-4, "solution", 10.0, "measured over 10", {"gauss2": 4e-6})
     recommended = {"rk4": 3e-6, "gauss2": 4e-6, "midpoint": 3e-5}
     interpolated = {"rk4": 2e-5, "gauss2": 1e-5, "midpoint": 3e-5}
-    assert cost_output._times(found, 1e-3, "solution", choice) == (recommended, "rk4")
-    assert cost_output._times(found, 1e-3, "solution", None) == (interpolated, "gauss2")
-    assert cost_output._times(found, 1e-3, "solution", choice._replace(span=20.0)) == (interpolated, "gauss2")
-    assert cost_output._times(found, 1e-3, "solution", "no method reaches it") == (interpolated, None)
+    assert times_of(found, 1e-3, "solution", choice) == (recommended, "rk4")
+    assert times_of(found, 1e-3, "solution", None) == (interpolated, "gauss2")
+    assert times_of(found, 1e-3, "solution", choice._replace(span=20.0)) == (interpolated, "gauss2")
+    assert times_of(found, 1e-3, "solution", "no method reaches it") == (interpolated, None)
 
 
 def test_json_and_csv_have_all_runs(answer):
@@ -157,8 +157,11 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--errors", "1:2"), "errors must be two numbers from 1 to 1e-15"),
         (("pendulum", "--span", "0"), "span must be positive"),
         (("pendulum", "--measure", "x"), "measure must be one of solution, energy, modified-energy, but was 'x'"),
-        (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, but was 'latex'"),
-        (("pendulum", "-o", "k.tex"), "output must end in one of .txt, .json, .csv, .md, .png, .svg, .pdf where"),
+        (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
+        (
+            ("pendulum", "-o", "k.tex"),
+            "output must end in one of .txt, .json, .csv, .md, .html, .png, .svg, .pdf where",
+        ),
         (("pendulum", "--span", "1e300"), "span must be below 1.35e+16 for pendulum"),
         (("pendulum", "-o", "missing/cost.png"), "output must be a file in a folder that is there"),
         (("pendulum", "-o", "cost.jpg"), "output must end in one of"),

@@ -87,7 +87,7 @@ def test_a_bound_can_be_anything(answer, stored):
             "the ending of the plot 'run.gif' must be one of png, svg, pdf, but was 'gif'",
         ),
         (("run.npz", "--plot", "no/run.png"), "plot must be a file in a folder that is there, but was 'no/run.png'"),
-        (("run.npz", "--format", "latex"), "format must be one of table, json, csv, markdown, but was 'latex'"),
+        (("run.npz", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
         (("run.npz", "--order", "7"), "order must be an even number from 2 to 24, but was 7"),
         (("run.npz", "--order", "x"), "order must be a whole number, but was 'x'"),
         (("run.npz", "--step", "x"), "step"),

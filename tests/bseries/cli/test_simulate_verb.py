@@ -116,7 +116,10 @@ def test_scenes_without_energy_show_the_state(rows):
         (["--step", "1", "--steps", "1", "--observe", "mass"], "observe must be of functions and pendulum's energy"),
         (["--step", "1", "--steps", "1", "--start", "p"], "start must be NAME=VALUE"),
         (["--step", "1", "--steps", "1", "--start", "x=1"], "start must be of p, q, but one was x"),
-        (["--step", "1", "--steps", "1", "--format", "latex"], "format must be one of table, json, csv, markdown, but"),
+        (
+            ["--step", "1", "--steps", "1", "--format", "latex"],
+            "format must be one of table, json, csv, markdown, html, but",
+        ),
         (["--step", "1", "--steps", "1", "-o", "run.txt"], "output must end in .npz, but was 'run.txt'"),
         (["--step", "1", "--steps", "1", "-o", "no/run.npz"], "must be a folder that can be written, but was not"),
         (["--step", "1", "--steps", "9", "--observe-every", "2", "--format", "csv"], "observe-every must be left out"),

@@ -19,7 +19,6 @@ import pytest
 
 import bseries as bs
 from bseries import plotting
-from bseries.cli import table
 from bseries.figures import (
     energy_error,
     lotka_volterra,
@@ -32,6 +31,7 @@ from bseries.figures import (
 from bseries.figures.helpers import truncated_scene
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
 from bseries.plotting import FORMATS, new_figure, picture, picture_format
+from bseries.table import csv_lines
 
 pytest.importorskip("matplotlib")
 
@@ -386,7 +386,7 @@ def test_pictures_are_complete(name):
 @pytest.mark.parametrize("name", figures())
 def test_columns_survive_csv(name):
     columns = figure_file(name).columns(numbers_of(name))
-    text = "".join(table.csv(list(columns), plotting.table(columns)))
+    text = "".join(csv_lines(list(columns), plotting.table(columns)))
     rows = list(csv.reader(io.StringIO(text)))
     assert rows[0] == list(columns)
     for k, column in enumerate(columns.values()):

@@ -1,14 +1,13 @@
-"""Names and equations of a scene as LaTeX."""
+"""Titles that name a scene, and its formulas as LaTeX."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
-from unicodedata import decomposition
+from typing import TYPE_CHECKING, Any
 from unicodedata import name as unicode_name
 
-from bseries.cli.table import latex_text
+from bseries.table import latex_text
 from integrators.scenes.model.blocks import ROLES
 
 if TYPE_CHECKING:
@@ -17,11 +16,51 @@ if TYPE_CHECKING:
     from integrators import Scene
 
 LINE = 120
-"""So many characters of LaTeX go on one line of an equation."""
+"""Characters of LaTeX on a line of an equation."""
 ENERGY = r"\widetilde{H}"
 GREEK = "GREEK SMALL LETTER "
-_SIGNS = {"−": "$-$", "<": "$<$", ">": "$>$"}
-_RAISED = {"<super>": "^", "<sub>": "_"}
+
+
+def place(method: str, scene: Scene, effects: Sequence[str] | None = None) -> str:
+    """For titles: the method and the scene, with the effects that are on unless others are given."""
+    return f"{method} on {with_effects(scene.name, scene.active if effects is None else effects)}"
+
+
+def with_effects(scene: str, effects: Sequence[str]) -> str:
+    """For titles: the name of a scene with its effects."""
+    return scene + (f" with {', '.join(effects)}" if effects else "")
+
+
+def head(kind: str, method: str, scene: Scene, effects: Sequence[str] | None = None) -> dict[str, Any]:
+    """The first entries of JSON documents."""
+    on = scene.active if effects is None else effects
+    return {"schema": 1, "kind": kind, "method": method, "scene": scene.name, "effects": list(on)}
+
+
+def span(powers: Sequence[int]) -> str:
+    """For titles: the powers of h."""
+    return f"powers h^{powers[0]} to h^{powers[-1]}" if len(powers) > 1 else f"power h^{powers[0]}"
+
+
+def remarks(series: Any, issues: Sequence[str], scene: Scene) -> dict[str, Any]:
+    """Entries of JSON documents on the digits of a series, contradictions in a tableau and the notes of a scene."""
+    lists = {"issues": list(issues), "notes": list(scene.notes)}
+    digits = {} if series.digits is None else {"digits": series.digits}
+    return digits | {key: value for key, value in lists.items() if value}
+
+
+def formula_notes(series: Any, issues: Sequence[str], scene: Scene, *, nonzero: bool) -> Iterator[str]:
+    """Sentences on the numbers in formulas on a scene."""
+    if series.digits is not None:
+        yield f"The tableau is published as decimals with {series.digits} digits: numbers show what these tell."
+    elif not series.is_exact:
+        yield "Floating point: the tableau holds floats, so the numbers carry rounding errors."
+    for note in scene.notes:
+        yield f"{note[0].upper()}{note[1:]}."
+    if nonzero:
+        yield "What is zero is left out."
+    for issue in issues:
+        yield f"Beware: {issue}."
 
 
 def latex_formula(formula: sympy.Expr, scene: Scene) -> str:
@@ -62,20 +101,6 @@ def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int, *, r
         equations.append(f"{left} &= {_broken([*start, *summands, rest])}")
     equations += [f"&\\quad \\text{{{remark}}}"] if remark else []
     return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
-
-
-def latex_words(text: str) -> str:
-    """Text with Greek letters, raised and lowered digits, and signs of mathematics."""
-    return "".join(map(_latex_letter, text))
-
-
-def _latex_letter(letter: str) -> str:
-    kind, _, plain = decomposition(letter).partition(" ")
-    if kind in _RAISED:
-        return f"${_RAISED[kind]}{{{chr(int(plain, 16))}}}$"
-    if _is_greek(letter):
-        return f"${_latex_name(letter)}$"
-    return _SIGNS.get(letter) or latex_text(letter)
 
 
 def _latex_name(name: str) -> str:
