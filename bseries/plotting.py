@@ -73,6 +73,8 @@ def _print_figure() -> type[Figure]:
     class PrintFigure(Figure):
         """A matplotlib figure that notebooks show with its caption."""
 
+        caption: str = ""
+
         def _repr_png_(self) -> bytes:
             return picture(self, "png")
 

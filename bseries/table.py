@@ -144,12 +144,12 @@ class Table(NamedTuple):
         return self.to_html(MOST_HTML_ROWS)
 
 
-def as_text(result: Any) -> str:
+def as_text(result: Any, /) -> str:
     """What `print` shows of a result that has a table."""
     return result.to_table().to_text()
 
 
-def as_html(result: Any) -> str:
+def as_html(result: Any, /) -> str:
     """What notebooks show of a result that has a table."""
     return result.to_table().to_html(MOST_HTML_ROWS)
 
