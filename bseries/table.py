@@ -144,14 +144,14 @@ class Table(NamedTuple):
         return self.to_html(MOST_HTML_ROWS)
 
 
-def as_text(result: Any, /) -> str:
+def as_text(self: Any) -> str:
     """What `print` shows of a result that has a table."""
-    return result.to_table().to_text()
+    return self.to_table().to_text()
 
 
-def as_html(result: Any, /) -> str:
+def as_html(self: Any) -> str:
     """What notebooks show of a result that has a table."""
-    return result.to_table().to_html(MOST_HTML_ROWS)
+    return self.to_table().to_html(MOST_HTML_ROWS)
 
 
 class Format(NamedTuple):
