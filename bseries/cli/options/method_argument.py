@@ -63,6 +63,29 @@ def takes_method(*, required: bool = True) -> Callable[[Callable[..., T]], Calla
     return decorate
 
 
+def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a verb the option --method and those that go with it; it gets `method`."""
+
+    @click.option(
+        "--method", "source", metavar="METHOD", help="A name, a tableau file, or -.", shell_complete=complete_method
+    )
+    @click.option("--A", "A", metavar="ROWS", help='Stage matrix inline, as in "0,0;1/2,0".')
+    @click.option("--b", "b", metavar="ROW", help='Weights inline, as in "0,1".')
+    @click.option("--c", "c", metavar="ROW", help="Nodes inline; by default the row sums of A.")
+    @click.option(
+        "--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter of the method; repeatable."
+    )
+    @functools.wraps(verb)
+    def read(*, source: Any, A: Any, b: Any, c: Any, settings: Any, **options: Any) -> Any:
+        inline = {key: value for key, value in {"A": A, "b": b, "c": c}.items() if value is not None}
+        method = read_method(source, inline, settings)
+        if method is None:
+            raise Refusal("method must be given: --method with a name such as rk4 or a tableau file, or --A and --b")
+        return verb(method=method, **options)
+
+    return read
+
+
 def read_method(source: str | None, inline: dict[str, str], settings: Iterable[str]) -> Method | None:
     """The method of the command line; contradictions in a user's tableau are warnings."""
     from integrators import TableauWarning

@@ -11,10 +11,10 @@ import click
 from bseries.advice.measures import SOLUTION, whole_steps
 from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
+from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
 from bseries.cli.options.scene_argument import read_part_names, read_start_values, takes_parts, takes_scene
 from bseries.cli.output import WholeNumber, takes_output
-from bseries.cli.verbs.simulate import takes_method_option
 
 if TYPE_CHECKING:
     from bseries.advice.prediction.prediction import Prediction

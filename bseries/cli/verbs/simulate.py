@@ -12,7 +12,7 @@ import click
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.ensemble import simulate_ensemble, takes_ensemble
 from bseries.cli.options.expectation import Expectation
-from bseries.cli.options.method_argument import complete_method, read_method
+from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
 from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
@@ -30,29 +30,6 @@ if TYPE_CHECKING:
 
 LOOKS = 1000
 """The number of observations where states are not kept."""
-
-
-def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a verb the option --method and those that go with it; it gets `method`."""
-
-    @click.option(
-        "--method", "source", metavar="METHOD", help="A name, a tableau file, or -.", shell_complete=complete_method
-    )
-    @click.option("--A", "A", metavar="ROWS", help='Stage matrix inline, as in "0,0;1/2,0".')
-    @click.option("--b", "b", metavar="ROW", help='Weights inline, as in "0,1".')
-    @click.option("--c", "c", metavar="ROW", help="Nodes inline; by default the row sums of A.")
-    @click.option(
-        "--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter of the method; repeatable."
-    )
-    @functools.wraps(verb)
-    def read(*, source: Any, A: Any, b: Any, c: Any, settings: Any, **options: Any) -> Any:
-        inline = {key: value for key, value in {"A": A, "b": b, "c": c}.items() if value is not None}
-        method = read_method(source, inline, settings)
-        if method is None:
-            raise Refusal("method must be given: --method with a name such as rk4 or a tableau file, or --A and --b")
-        return verb(method=method, **options)
-
-    return read
 
 
 def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
