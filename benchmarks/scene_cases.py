@@ -25,7 +25,7 @@ def written_out(method: str, scene: str, order: int) -> Callable[[], Sampler]:
         f = bs.modifying_field(bs.method(method), bs.scene(scene), order)
 
         def work() -> None:
-            series = f.written()
+            series = f.symbolic_series()
             for n in range(1, order + 1):
                 series.term(n)
 
