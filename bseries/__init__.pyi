@@ -89,9 +89,9 @@ from .advice.effects.influences import effect_influence as effect_influence
 from .advice.effects.report import EffectReport as EffectReport
 from .advice.effects.report import EffectRow as EffectRow
 from .advice.effects.report import Influence as Influence
-from .advice.prediction.prediction import ExpectedError as ExpectedError
-from .advice.prediction.prediction import Prediction as Prediction
-from .advice.prediction.prediction import predict_run as predict_run
+from .advice.prediction.run_prediction import ExpectedError as ExpectedError
+from .advice.prediction.run_prediction import Prediction as Prediction
+from .advice.prediction.run_prediction import predict_run as predict_run
 from .advice.work_precision.precision_curves import WorkPrecision as WorkPrecision
 from .advice.work_precision.precision_curves import work_precision as work_precision
 from .advice.work_precision.recommendation import Recommendation as Recommendation

@@ -16,7 +16,7 @@ from integrators.core.errors import IntegratorError
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.advice.work_precision.curves import Curve
     from bseries.advice.work_precision.run_errors import Judge
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.measures import ENERGY, MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure, duration
-from bseries.advice.prediction.prediction import predict_run
+from bseries.advice.prediction.run_prediction import predict_run
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
 from bseries.advice.work_precision.dense_reference import affordable_span
@@ -24,7 +24,7 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.advice.work_precision.candidates import Methods
     from bseries.advice.work_precision.curves import Curve, Row
 

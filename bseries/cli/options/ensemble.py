@@ -17,7 +17,7 @@ from bseries.cli.progress import said_warnings
 from bseries.table import Column, LazyRows, Table
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
     from integrators import Scene
@@ -121,7 +121,7 @@ def simulate_ensemble(
     from integrators.runs.executors import cluster_executor
 
     def expect(cost: float | None) -> Prediction:
-        from bseries.advice.prediction.prediction import time_only
+        from bseries.advice.prediction.run_prediction import time_only
 
         return time_only(options["h"], options["steps"], "each run has a start of its own")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.advice.prediction.calibration import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.cli.progress import Progress
 
 LONG = 5.0

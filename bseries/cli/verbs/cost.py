@@ -16,7 +16,7 @@ from bseries.cli.options.scene_argument import read_start, takes_scene
 from bseries.cli.output import NO_LATEX, takes_output
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.advice.work_precision.candidates import Candidate
     from bseries.advice.work_precision.precision_curves import WorkPrecision
     from bseries.advice.work_precision.recommendation import Recommendation
@@ -186,7 +186,7 @@ def _predictions(found: WorkPrecision, choices: dict[float, Recommendation | str
 def _prediction(candidate: Candidate, choice: Recommendation) -> Prediction:
     """What the modified equation lets expect of a recommended run, or why that is unknown."""
     from bseries import errors
-    from bseries.advice.prediction.prediction import predict_run, time_only
+    from bseries.advice.prediction.run_prediction import predict_run, time_only
 
     if candidate.is_modifying:
         return time_only(choice.h, choice.steps, OF_MODIFYING, choice.seconds)

@@ -17,7 +17,7 @@ from bseries.cli.options.scene_argument import read_part_names, read_start_value
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
     from bseries.cli.progress import Progress
@@ -130,6 +130,6 @@ class FirstRun:
         return whole_steps(float(self._span), float(self._h))
 
     def _predict(self, cost: float | None) -> Prediction:
-        from bseries.advice.prediction.prediction import time_only
+        from bseries.advice.prediction.run_prediction import time_only
 
         return time_only(self._h, self._total, "they are what is to be measured")

@@ -21,7 +21,7 @@ from bseries.cli.progress import said_warnings
 if TYPE_CHECKING:
     from fractions import Fraction
 
-    from bseries.advice.prediction.prediction import Prediction
+    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.cli.options.ensemble import EnsembleOptions
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
@@ -141,7 +141,7 @@ def simulate(
         observe_every = max(1, count // LOOKS)
 
     def expect(cost: float | None) -> Prediction:
-        from bseries.advice.prediction.prediction import predict_run
+        from bseries.advice.prediction.run_prediction import predict_run
 
         run = {key: value for key, value in common.items() if key != "checkpoint"}
         return predict_run(scene, method, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)

@@ -72,7 +72,7 @@ def test_json_and_csv_have_all_runs(answer):
 
 def predicted(answer, monkeypatch, predict, methods="rk4"):
     """The advice and its JSON, with another prediction."""
-    monkeypatch.setattr("bseries.advice.prediction.prediction.predict_run", predict)
+    monkeypatch.setattr("bseries.advice.prediction.run_prediction.predict_run", predict)
     call = ("cost", "pendulum", "--methods", methods, "--span", "5", "--errors", "1e-1:1e-2", "--error", "1e-2")
     (choice,) = json.loads(answer(*call, "--format", "json"))["choices"]
     line = next(line for line in answer(*call).splitlines() if "expected of the modified equation" in line)
@@ -107,7 +107,7 @@ def test_the_solver_of_the_recommended_runs_is_passed_on(answer, monkeypatch, sc
         solvers.append(options["solver"])
         return plain(*arguments, **options)
 
-    monkeypatch.setattr("bseries.advice.prediction.prediction.predict_run", predict)
+    monkeypatch.setattr("bseries.advice.prediction.run_prediction.predict_run", predict)
     answer("cost", *scene, "--methods", method, "--span", "2", "--errors", "1e-1:1e-5", "--error", "1e-4")
     assert solvers == [expected]
 

@@ -117,7 +117,7 @@ class TestExpectation:
 
     @staticmethod
     def expected(seconds=None):
-        from bseries.advice.prediction.prediction import time_only
+        from bseries.advice.prediction.run_prediction import time_only
 
         return time_only(0.1, 10, "nobody looked", seconds)
 
