@@ -186,7 +186,7 @@ class FormWriter:
         parts = [self._product(block, term) for term in heads if term[1]]
         if tails:
             parts.append(f"({' + '.join(self._product(block, term) for term in tails)})")
-        return tidy(" + ".join(parts))
+        return tidy(" + ".join(parts)) or "0.0"
 
     def _product(self, block: int, term: tuple[int, Fraction]) -> str:
         """x_e k_e."""

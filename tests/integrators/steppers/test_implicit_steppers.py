@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators import IntegratorError, ProgramBuilder, method, scene
+from integrators import IntegratorError, ProgramBuilder, RungeKutta, method, scene
 from integrators.compile.scene_source import compiled_scene
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.steppers.states import StepError
@@ -255,3 +255,16 @@ def test_failure_is_told_with_the_last_good_state():
 def test_solver_must_be_known():
     with pytest.raises(IntegratorError, match="solver must be one of auto, fixed-point, newton, but was 'bisection'"):
         stepper(scene("kepler"), "gauss2", solver="bisection")
+
+
+@pytest.mark.filterwarnings("ignore:weights b sum to")
+@pytest.mark.parametrize("options", [{}, {"solver": "newton"}, {"split": False}, {"compensated": False}])
+def test_coefficients_below_the_range_of_doubles_are_zero(options):
+    """A stage at the start of the step gives an Euler step; weights of zero leave the state as it is."""
+    y = np.array([0.25, 1.0])
+    for weight in ("1", "1e-400"):
+        compiled = stepper(scene("pendulum"), RungeKutta([["1e-400"]], [weight]), **options)
+        state = compiled.start(y, h=0.125)
+        compiled.advance(state, 1)
+        euler = y + 0.125 * np.array([-np.sin(1.0), 0.25])
+        np.testing.assert_allclose(state.y, euler if weight == "1" else y, rtol=1e-15)
