@@ -18,12 +18,14 @@ MOST_DIGITS = 4300
 """Of an integer; Python's conversion takes quadratic time."""
 MOST_PARTS = 100
 """Of a dotted key; the parser takes quadratic memory."""
+MOST_NAMES = 100_000
+"""Parts of all keys and headers; the parser takes a kilobyte for each."""
 PART = r"""(?:[\w-]++|"(?:[^"\\\n]++|\\[^\n])*+"?|'[^'\n]*+'?)"""
 TOKEN = (
     r'''"""(?:[^"\\]++|\\.|"{1,2}+(?!"))*+(?:"{3,5}|\Z)|[']{3}.*?(?:[']{3,5}|\Z)|#[^\n]*+'''
-    rf"|(?P<key>{PART}(?:[ \t]*+\.[ \t]*+{PART})*+)"
+    rf"|(?P<key>{PART}(?:[ \t]*+\.[ \t]*+{PART})*+)(?P<named>[ \t]*+[=\]])?+"
 )
-"""Multi-line strings, comments, and anything that may be a key."""
+"""Multi-line strings, comments, and anything that may be a key; what names something ends at = or ]."""
 
 
 def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -> tuple[str, str]:
@@ -212,9 +214,14 @@ def parse_toml(text: str) -> Any:
 
     if re.search(rf"(?<!\w)[\d_]{{{MOST_DIGITS + 1}}}", text):
         raise IntegratorError(f"numbers must have at most {MOST_DIGITS} digits in a row, but one has more")
-    tokens = re.finditer(TOKEN, text, re.DOTALL)
-    if any(token["key"] and len(re.findall(PART, token["key"])) > MOST_PARTS for token in tokens):
-        raise IntegratorError(f"content must have keys of at most {MOST_PARTS} parts, but one has more")
+    total = 0
+    for token in re.finditer(TOKEN, text, re.DOTALL):
+        parts = len(re.findall(PART, token["key"] or ""))
+        total += parts if token["named"] else 0
+        if parts > MOST_PARTS:
+            raise IntegratorError(f"content must have keys of at most {MOST_PARTS} parts, but one has more")
+        if total > MOST_NAMES:
+            raise IntegratorError(f"content must have at most {MOST_NAMES} parts in all keys, but has more")
     try:
         return tomllib.loads(text, parse_float=Decimal)
     except ValueError as error:

@@ -235,11 +235,15 @@ def test_bad_json(tmp_path, text, message):
         ("[" + " . ".join("a" * 1000) + "]", "content must have keys of at most 100 parts, but one has more"),
         (".".join(['"\\""', "'.'"] * 500) + " = 1", "content must have keys of at most 100 parts, but one has more"),
         ('A = {x = """ " """, ' + ".".join("a" * 1000) + " = 1}", "content must have keys of at most 100 parts"),
+        ("".join(f"[{'a.' * 98}b{k}]\n" for k in range(1100)), "content must have at most 100000 parts in all keys"),
+        ("".join(f"{'a . ' * 98}b{k} = 1\n" for k in range(1100)), "content must have at most 100000 parts in all"),
+        ("A = [" + f"{{{'a.' * 98}b = 1}}, " * 1100 + "]", "content must have at most 100000 parts in all keys"),
+        ("name = [" + "0.5, " * 100_000 + "]", "content must have the key A, but had name"),
         ("A = " + "1" * 10**6, "numbers must have at most 4300 digits in a row, but one has more"),
         (f"name = '''{'a.' * 1000}'''  # {'a.' * 1000}", "content must have the key A, but had name"),
         (f'name = "{"0.1." * 1000}"', "content must have the key A, but had name"),
     ],
-    ids=range(14),
+    ids=range(18),
 )
 def test_bad_toml(text, message):
     with pytest.raises(IntegratorError, match=message):
