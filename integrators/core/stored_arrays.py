@@ -311,14 +311,16 @@ def read_json(text: str, form: Any, name: str) -> Any:
         name: Its name in messages.
 
     Raises:
-        ValueError: It does not match the form.
-        RecursionError: It is nested too deeply.
+        ValueError: It is no JSON, is nested too deeply, or does not match the form.
 
     Example:
         >>> read_json('{"names": ["p", "q"], "h": null}', {"names": [str], "h": (None, float)}, "head")
         {'names': ['p', 'q'], 'h': None}
     """
-    value = json.loads(text)
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        raise ValueError(f"{name} must hold JSON, not too deeply nested, but did not") from None
     reason = _misfit(value, form, name)
     if reason is not None:
         raise ValueError(reason)
