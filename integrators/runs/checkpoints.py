@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -101,12 +101,13 @@ class Checkpoint:
         write_arrays(self.path, {"digest": _digest(arrays), **arrays})
         self._last = monotonic()
 
-    def restore(self, state: State, steps: int) -> Counts | None:
+    def restore(self, state: State, steps: int, rows: Callable[[int], Counts]) -> Counts | None:
         """Restore the state of a run.
 
         Args:
             state: The state at the start; overwritten.
             steps: The total number of steps.
+            rows: The numbers of rows that a run has recorded after a number of steps.
 
         Returns:
             The numbers of recorded rows; None if there is no file.
@@ -127,7 +128,9 @@ class Checkpoint:
             found = arrays.read(_forms(state), sizes)
             if found.pop("digest") != _digest(found | run) or found["solver"] not in (state.solver, "newton"):
                 raise ValueError("its content is not what a run has written")
-        counts = Counts(*found.pop("counts").tolist())
+            counts, n = Counts(*found.pop("counts").tolist()), int(found["n"])
+            if counts != rows(n):
+                raise ValueError(f"counts must be {tuple(rows(n))} at step {n}, but were {tuple(counts)}")
         for name, value in found.items():
             setattr(state, name, np.array(value, dtype=float) if name in VECTORS else np.asarray(value).item())
         if state.n > steps:

@@ -50,7 +50,11 @@ class OutputSteps(NamedTuple):
 
     def count(self, steps: int) -> int:
         """The number of outputs in a run of `steps` steps."""
-        return 1 + self.between(0, steps) + (not self.includes(steps))
+        return self.so_far(steps) + (not self.includes(steps))
+
+    def so_far(self, n: int) -> int:
+        """The number of outputs up to step n of a run that goes on."""
+        return 1 + self.between(0, n)
 
 
 class Run:
@@ -242,8 +246,12 @@ def integrate(
     if path is not None and path == target:
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
     saved = None if path is None else Checkpoint(path, identity(compiled, observer, options, state), checkpoint_every)
-    counts = None if saved is None else saved.restore(state, steps)
     stored, observed = OutputSteps(save_every), OutputSteps(observe_every)
+    counts = None
+    if saved is not None:
+        counts = saved.restore(
+            state, steps, lambda n: Counts(stored.so_far(n), observed.so_far(n) if observer.names else 0)
+        )
     contents = Contents(
         variables=scene.variables,
         names=observer.names,

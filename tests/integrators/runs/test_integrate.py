@@ -17,6 +17,7 @@ import pytest
 from integrators import IntegratorError, Scene, method, scene
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.runs import integration
+from integrators.runs.checkpoints import _digest
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
 from integrators.runs.trajectory import load_trajectory
@@ -343,13 +344,44 @@ def test_a_damaged_checkpoint_is_refused(stopped, case):
         integrate(KEPLER, "rk4", **stopped)
 
 
-@pytest.mark.parametrize("content", [b"null", b"[" * 100_000, b'{"meta": null}', b"\xff", b'{"variables": ["p", 1]}'])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"counts": np.array([5, 5])},
+        {"counts": np.array([11, 10])},
+        {"counts": np.array([11, 0])},
+        {"n": np.array(1440)},
+    ],
+)
+def test_a_checkpoint_must_count_the_rows_of_its_step(stopped, change):
+    stopped |= {"observe_every": 10}
+    with np.load(stopped["checkpoint"]) as file:
+        arrays = dict(file) | change
+    arrays["digest"] = np.array(_digest({name: array for name, array in arrays.items() if name != "digest"}))
+    with open(stopped["checkpoint"], "wb") as file:
+        np.savez(file, **arrays)
+    with pytest.raises(
+        IntegratorError, match=r"checkpoint must be .*check was not: counts must be \(\d+, \d+\) at step"
+    ):
+        integrate(KEPLER, "rk4", **stopped)
+
+
+@pytest.mark.parametrize("content", [b"null", b'{"meta": null}', b"\xff", b'{"variables": ["p", 1]}'])
 def test_a_damaged_description_is_refused(stopped, content):
     (stopped["checkpoint"].with_name("check.part") / "run.json").write_bytes(content)
     with pytest.raises(IntegratorError, match=r"check\.part"):
         integrate(KEPLER, "rk4", **stopped)
     with pytest.raises(IntegratorError, match=r"check\.part"):
         load_trajectory(stopped["checkpoint"].with_name("check.part"))
+
+
+@pytest.mark.parametrize("content", ["[" * 100_000, '{"a', "1" * 5000])
+def test_a_description_must_hold_json(stopped, content):
+    (stopped["checkpoint"].with_name("check.part") / "run.json").write_text(content)
+    with pytest.raises(
+        IntegratorError, match=r"check\.part must .*: run.json must hold JSON, not too deeply nested, but"
+    ):
+        integrate(KEPLER, "rk4", **stopped)
 
 
 def test_memory_does_not_grow_with_steps():
