@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.optional_modules import optional_module
-from integrators.core.stored_arrays import LOCAL_HEADER, MOST_TEXT, TEXT, Form, StoredArrays, read_json, reading
+from integrators.core.stored_arrays import FINITE, LOCAL_HEADER, MOST_TEXT, TEXT, Form, StoredArrays, read_json, reading
 from integrators.core.text_files import check_path, read_text, replacing
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
             name; then everything written so far is read.
 
     Returns:
-        The trajectory; large arrays are read-only and mapped into memory.
+        The trajectory; large arrays are read-only and mapped into memory, without a check of their numbers.
 
     Raises:
         IntegratorError: The file does not exist, or is not a trajectory.
@@ -193,9 +193,11 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         forms |= {name: Form(REAL, (times,), None) for name in arrays if name.startswith(OBSERVED)}
         found = arrays.read({name: form for name, form in forms.items() if name != "observed_t" or name in arrays})
         meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in arrays else {}
-    observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
-    labels = {"h": float(found["h"]), "variables": found["variables"], "meta": meta}
-    return Trajectory(found["t"], found["y"], observed=observed, observed_t=found.get("observed_t"), **labels)
+        observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
+        labels = {"h": float(found["h"]), "variables": found["variables"], "meta": meta}
+        return _checked(
+            Trajectory(found["t"], found["y"], observed=observed, observed_t=found.get("observed_t"), **labels)
+        )
 
 
 def read_run(folder: str) -> dict[str, Any]:
@@ -227,4 +229,34 @@ def _of_folder(folder: str, sentence: str) -> Trajectory:
     if y.shape[1] < len(t) or any(len(row) < len(times) for row in observed.values()):
         raise ValueError(f"it has {len(t)} times, but fewer states or observations")
     labels = {"h": run["h"], "variables": run["variables"], "meta": run["meta"]}
-    return Trajectory(t, y, observed=observed, observed_t=None if run["same_times"] else times, **labels)
+    return _checked(Trajectory(t, y, observed=observed, observed_t=None if run["same_times"] else times, **labels))
+
+
+def _checked(run: Trajectory) -> Trajectory:
+    """A trajectory as a run may have made it; arrays that are mapped into memory are too large to be scanned.
+
+    Runs store finite states only, also if they fail. Times may repeat only where steps may be
+    below the resolution of time.
+
+    Raises:
+        ValueError: It is not.
+    """
+    import numpy as np
+
+    if len(set(run.variables)) < len(run.variables):
+        raise ValueError(f"variables must have different names, but were {shorten(', '.join(run.variables))}")
+    if not 0 < abs(run.h) <= FINITE[1]:
+        raise ValueError(f"h must be finite and not 0, but was {shorten(str(run.h))}")
+    if not isinstance(run.y, np.memmap) and not np.isfinite(run.y).all():
+        raise ValueError("y must be finite, but was not")
+    for name, t in (("t", run.t), ("observed_t", run.observed_t)):
+        if isinstance(t, np.memmap):
+            continue
+        if not np.isfinite(t).all():
+            raise ValueError(f"{name} must be finite, but was not")
+        resolution = 2 * np.spacing(np.abs(t).max(initial=0.0))  # of n h as well, where t = t0 + n h
+        is_fine = run.meta.get("control") is None and abs(run.h) > resolution
+        follows = np.greater if is_fine else np.greater_equal
+        if not (follows(t[1:], t[:-1]).all() or follows(t[:-1], t[1:]).all()):
+            raise ValueError(f"{name} must be times in order, without repetition, but was not")
+    return run

@@ -110,6 +110,33 @@ def test_what_is_no_trajectory_is_refused(tmp_path, change):
         load_trajectory(tmp_path / "run.npz")
 
 
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"t": [0.0, 2.0, 1.0]}, "t must be times in order, without repetition, but was not"),
+        ({"t": [0.0, 1.0, 1.0]}, "t must be times in order, without repetition, but was not"),
+        ({"t": np.array([2, 1, 3], "u1")}, "t must be times in order, without repetition, but was not"),
+        ({"t": [0.0, 1.0, np.inf]}, "t must be finite, but was not"),
+        ({"observed_t": [0.0, np.nan]}, "observed_t must be finite, but was not"),
+        ({"y": np.full((2, 3), np.nan)}, "y must be finite, but was not"),
+        ({"variables": ["a", "a"]}, "variables must have different names, but were a, a"),
+        ({"h": 0.0}, "h must be finite and not 0, but was 0.0"),
+    ],
+)
+def test_numbers_that_no_run_has_stored_are_refused(tmp_path, change, reason):
+    arrays = {"t": np.arange(3.0), "y": np.ones((2, 3)), "h": 1.0, "variables": ["a", "b"]}
+    np.savez(tmp_path / "run.npz", **(arrays | change))
+    with pytest.raises(IntegratorError, match=rf"run\.npz must be a trajectory file, but was not: {reason}"):
+        load_trajectory(tmp_path / "run.npz")
+
+
+def test_runs_backwards_and_below_the_resolution_of_time_are_read(tmp_path):
+    options = [{"h": -0.1}, {"h": 0.1, "control": "1/(1 + p^2)", "t0": 1e18}, {"h": 0.1, "t0": 1e15}]
+    for k, option in enumerate(options):
+        run = integrate(PENDULUM, "stormer-verlet", steps=20, **option, to=tmp_path / f"{k}.npz")
+        check_same(load_trajectory(tmp_path / f"{k}.npz"), run)
+
+
 def test_other_files_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("no archive")
     with zipfile.ZipFile(tmp_path / "empty.npz", "w"):
@@ -183,7 +210,7 @@ def test_what_is_compressed_takes_little_memory(tmp_path, monkeypatch):
     """Beyond a number of bytes in all, arrays go through the disk, and text is refused."""
     monkeypatch.setattr(stored_arrays, "LARGE", 10_000)
     series = {f"observed/{k}": np.zeros(1000) for k in range(5)}
-    arrays = {"t": np.zeros(1000), "y": np.zeros((1, 1000)), "h": 1.0, "variables": ["a"], **series}
+    arrays = {"t": np.arange(1000.0), "y": np.zeros((1, 1000)), "h": 1.0, "variables": ["a"], **series}
     np.savez_compressed(tmp_path / "run.npz", **arrays)
     read = load_trajectory(tmp_path / "run.npz")
     mapped = [isinstance(array, np.memmap) for array in (read.t, read.y, *read.observed.values())]
