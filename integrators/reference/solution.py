@@ -171,7 +171,9 @@ def reference_solution(
 
 
 def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
-    """The first step of `reference_solution`, at most the span, which is positive; the span if no step is possible.
+    """The first step of `reference_solution`, at most the span, which is positive.
+
+    If no step is possible, it is the shortest time that was tried.
 
     Example:
         >>> from integrators import Scene
@@ -192,6 +194,8 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))
     while status == kernels.RUNNING and not state[0]:
         _, status = kernels.advance(program, series, state, order, 0.0, 1, times, 0, values)
+    if status == kernels.STUCK and (shorter := abs(float(state[2]))):  # a step is sought from there
+        return first_step(scene, shorter, y0=y0, digits=digits)
     return float(state[0]) or span
 
 

@@ -113,9 +113,9 @@ class Orbit(NamedTuple):
 def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.Expr]) -> Orbit:
     """The closed orbit of a scene of two variables through a point, followed by Taylor series.
 
-    No period is shorter than 2π/L, L being the Lipschitz constant of the field. The first window of time is a part of
-    that, with L at the start, or a step of the Taylor series if L is much larger elsewhere on the orbit. Windows are
-    doubled until one contains a return.
+    No period is shorter than 2π/L, L being the Lipschitz constant of the field, in any units of the variables. The
+    first window of time is a part of that, with L at the start in the units that make it least, or a step of the Taylor
+    series if L is much larger elsewhere on the orbit. Windows are doubled until one contains a return.
 
     Args:
         scene: The scene.
@@ -140,6 +140,7 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
 
     start = np.array(y0)
     field, window = _first_window(scene, start)
+    searched = 0.0
     with mpmath.workdps(WORKING_DIGITS):
         lengths = {i: mpmath.mpf(str(period.evalf(WORKING_DIGITS))) for i, period in periods.items()}
         if not field.any():
@@ -150,12 +151,14 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
                 states = reference_solution(scene, times, y0=start, full=True).high
             except IntegratorError:
                 break
+            sizes = np.abs(states).max(axis=1)
             for guess in _candidates(times, states - start[:, None], field, lengths):
-                if (found := _refined(scene, start, guess, field, lengths)) is not None:
+                if (found := _refined(scene, start, guess, field, lengths, sizes)) is not None:
                     return Orbit(scene, tuple(y0), *found)
-            window *= 2
+            window, searched = 2 * window, window
     raise SeriesError(
-        f"y0 must lie on a closed orbit, but from {list(y0)!s:.60} nothing returned up to t = {window:.4g}"
+        f"y0 must lie on a closed orbit, but from {list(y0)!s:.60} nothing returned up to t = {searched:.4g}, "
+        "where the search ended"
     )
 
 
@@ -173,10 +176,11 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     formulas = sympy.Matrix(scene.field)
     field, slopes = (np.array(m.subs(at_start).tolist()) for m in (formulas, formulas.jacobian(scene.symbols)))
     try:
-        field, steepest = field.astype(float).ravel(), float(np.linalg.norm(slopes.astype(float)))
+        field, slopes = field.astype(float).ravel(), np.abs(slopes.astype(float))
     except TypeError:
         raise SeriesError(f"scene must have numbers for its parameters, but {scene.name} has symbols") from None
-    at_rest = np.linalg.norm(field) <= AT_REST * steepest * (1 + np.linalg.norm(start))
+    at_rest = (np.abs(field) <= AT_REST * slopes @ (1 + np.abs(start))).all()
+    steepest = np.linalg.norm(np.sqrt(slopes) * np.sqrt(slopes.T))  # the least of the Frobenius norms in other units
     longest = FIRST_WINDOW * 2 * np.pi / steepest if steepest else 1.0
     return field * (not at_rest), first_step(scene, longest, y0=start, digits=STEP_DIGITS)
 
@@ -188,13 +192,13 @@ def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, lengths:
     reduced = away.copy()
     for i, length in lengths.items():
         reduced[i] -= float(length) * np.rint(away[i] / float(length))
-    ahead = field @ reduced
+    ahead = field / abs(field).max() @ reduced
     for k in np.flatnonzero((ahead[:-1] <= 0) & (ahead[1:] > 0)):
         yield times[k] - ahead[k] * (times[k + 1] - times[k]) / (ahead[k + 1] - ahead[k])
 
 
 def _refined(
-    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, lengths: Mapping[int, Any]
+    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, lengths: Mapping[int, Any], sizes: np.ndarray
 ) -> tuple[Any, dict[int, int]] | None:
     """The period and the revolutions, by Newton's method; None if the orbit does not close at that time.
 
@@ -202,7 +206,6 @@ def _refined(
     together.
     """
     import mpmath
-    import numpy as np
 
     period = mpmath.mpf(guess)
     away, revolutions, error = _displacement(scene, start, period, lengths)
@@ -211,12 +214,12 @@ def _refined(
         if period <= 0:
             return None
         away, revolutions, error = _displacement(scene, start, period, lengths)
-    if np.linalg.norm(error) > CERTAIN * float(period) * np.linalg.norm(field):
+    if mpmath.fdot(error, abs(field)) > CERTAIN * period * mpmath.fdot(field, field):
         raise SeriesError(
             f"y0 must lie on a closed orbit, but from {start.tolist()!s:.60} rounding decides when it returns, as on a "
             "separatrix"
         )
-    return (period, revolutions) if max(map(abs, away)) <= CLOSED * max(1, *map(abs, start)) else None
+    return (period, revolutions) if all(abs(x) <= CLOSED * size for x, size in zip(away, sizes, strict=True)) else None
 
 
 def _displacement(
@@ -230,4 +233,4 @@ def _displacement(
     for i, length in lengths.items():
         revolutions[i] = int(mpmath.nint(away[i] / length))
         away[i] -= revolutions[i] * length
-    return away, revolutions, solution.error
+    return away, revolutions, solution.error[:, 0]

@@ -400,9 +400,27 @@ def test_an_orbit_that_is_much_faster_than_at_its_start():
     assert abs(orbit.period / (4 * quarter) - 1) < 1e-9
 
 
+@pytest.mark.parametrize("y0", [[0.0, 1.0], [1.0, 1.0]])
+@pytest.mark.parametrize("power", [-30, -4, 0, 4, 6, 8, 10, 30])
+def test_an_orbit_is_found_in_any_unit_of_time(power, y0):
+    orbit = closed_orbit(oscillator(f"10^({power})*q^2/2"), y0, {})
+    assert orbit.kind == "oscillating"
+    assert abs(orbit.period * mpmath.mpf(10) ** (power // 2) / (2 * mpmath.pi) - 1) < 1e-14
+
+
+@pytest.mark.parametrize("p0", [1.0, 1e10, 1e150])
+def test_an_orbit_is_found_where_the_field_is_flat_at_the_start(p0):
+    """With U = q^4 the period is that of energy 1/2 divided by sqrt(p0)."""
+    turn = mpmath.mpf(0.5) ** 0.25
+    period = 4 * turn * mpmath.beta(0.25, 0.5) / 4  # 4 int_0^turn dq/sqrt(1 - 2 q^4)
+    orbit = closed_orbit(oscillator("q^4"), [p0, 0.0], {})
+    assert abs(orbit.period * mpmath.sqrt(p0) / period - 1) < 1e-13
+
+
 @pytest.mark.parametrize(("potential", "y0"), [("-q^2/2", [1, 1]), ("q/10", [1, 0]), ("-q^4", [1, 0])])
 def test_orbits_that_do_not_close_are_refused(potential, y0):
-    with pytest.raises(bs.SeriesError, match=r"y0 must lie on a closed orbit, but from .* nothing returned up to t = "):
+    refusal = r"y0 must lie on a closed orbit, but from .* nothing returned up to t = .*, where the search ended"
+    with pytest.raises(bs.SeriesError, match=refusal):
         closed_orbit(oscillator(potential), y0, {})
 
 
