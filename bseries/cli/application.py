@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from io import StringIO
 from typing import Any, TextIO
 
 import click
@@ -143,9 +142,9 @@ def standard_input() -> TextIO:
 
 
 def prepare_stdout() -> None:
-    """Ensure that standard output is there and encodes the letter τ."""
-    if sys.stdout is None:  # closed by the caller
-        sys.stdout = StringIO()
+    """Ensure that standard output is there, to write or to refuse, and encodes the letter τ."""
+    if sys.stdout is None:  # closed by the caller: what is written fails, as on a full disk
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     elif (sys.stdout.encoding or "").lower().replace("-", "") != "utf8" and hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(encoding="utf-8")  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -91,6 +91,23 @@ def test_standard_input_may_be_closed(arguments):
     assert (job.returncode, job.stderr) == ((2, sentence) if needed else (0, ""))
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a shell of POSIX")
+@pytest.mark.parametrize("arguments", ["check rk4", "--help", "--version", "check --help"])
+def test_a_lost_answer_is_a_failure(arguments):
+    command = f'exec "$0" -c "from bseries.cli import main; main()" {arguments} >&-'
+    job = subprocess.run(["sh", "-c", command, sys.executable], capture_output=True, text=True, check=False)
+    sentence = "bseries: error: output must be writable, but was not: Bad file descriptor\n"
+    assert (job.returncode, job.stderr) == (2, sentence)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell of POSIX")
+def test_an_answer_in_a_file_needs_no_standard_output(tmp_path):
+    command = f'exec "$0" -c "from bseries.cli import main; main()" modified rk4 -o {tmp_path / "found.csv"} >&-'
+    job = subprocess.run(["sh", "-c", command, sys.executable], capture_output=True, text=True, check=False)
+    assert (job.returncode, job.stderr) == (0, "")
+    assert (tmp_path / "found.csv").stat().st_size
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
 @pytest.mark.parametrize("verb", ["modified", "scenes", "shadow"])
 def test_input_without_end(verb):
