@@ -223,14 +223,14 @@ def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
     count, names, known = len(method.names), ", ".join(method.names), f"blocks {', '.join(blocks)}"
     known += f", parts {', '.join(scene.parts)}" if scene.parts else ""
     variables = [name for name in scene.variables if name != "t"]
-    if scene.name == UNNAMED and len(variables) >= count and not scene.parts:
+    if len(scene.parts) == count or len(blocks) >= count:
+        pieces = scene.parts if len(scene.parts) == count else blocks
+    elif scene.name == UNNAMED and len(variables) >= count and not scene.parts:
         example = ";".join(f"{name}=…" for name in method.names)
         raise Refusal(
             f"blocks must say which of {', '.join(variables)} the parts {names} of {method.name} are, as in "
             f'--blocks "{example}", but were not given'
         )
-    if len(scene.parts) == count or len(blocks) >= count:
-        pieces = scene.parts if len(scene.parts) == count else blocks
     else:
         raise Refusal(f"scene must have blocks or parts for {names} of {method.name}, but {scene.name} has {known}")
     values = [*pieces[: count - 1], ",".join(pieces[count - 1 :])]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bseries.cli.application import Refusal
+from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.powers import read_powers, takes_powers
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
@@ -92,6 +92,8 @@ def hamiltonian(
     if route == "auto" and energy.route == "integration" and scene.poisson is None:
         limit, *others = table.notes
         table = table._replace(notes=[limit, OF_INTEGRATION, *others])
+    if output.has_records and (end := energy.verdict.limit()):  # records have no notes
+        say("warning", end)
     return table
 
 

@@ -100,6 +100,10 @@ MISTAKES = {
     "block": ("rk4 --scene pendulum --start x=1", "start"),
     "no orbit": ("rk4 --hamiltonian p^2/2-q^2/2 --start p=1;q=1", "y0 must lie on a closed orbit"),
     "splitting": ("strang --scene pendulum", "parts must say what a, b"),
+    "blocks that are there": (
+        "strang --hamiltonian p^2/2-cos(q)",
+        'parts must say what a, b .* in scene .blocks p, q., as in --parts "a=p;b=q"',
+    ),
     "order zero": ("rk4 --scene pendulum --order 0", "order must be 1 or more, but was 0"),
 }
 

@@ -170,6 +170,14 @@ def test_brackets_of_the_lecture(answer, method, order, options, key):
         assert found == VERLET[order][name]
 
 
+def test_the_end_of_the_series_is_told_beside_csv(run):
+    call = ("hamiltonian", "rk4", "--scene", "pendulum", "--order", "5", "--format")
+    limit = bs.modified_hamiltonian(bs.method("rk4"), bs.scene("pendulum"), 5).verdict.limit()
+    result = run(*call, "csv")
+    assert (result.exit_code, result.stderr) == (0, f"bseries: warning: {limit}\n")
+    assert run(*call, "table").stderr == ""
+
+
 def test_brackets_in_all_formats(answer):
     call = ("hamiltonian", "stormer-verlet", "--brackets", "--kinetic", "T", "--order", "3")
     title = "Modified Hamiltonian of stormer-verlet-kdk: powers h^0 to h^2, in brackets of T, U\n"
