@@ -12,7 +12,7 @@ from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, e
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
 from bseries.analysis.stability.tableau_facts import tableau_properties
 from bseries.analysis.structure import STRUCTURES
-from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, structure_order
+from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, block_names, structure_order
 from bseries.exceptions import SeriesError
 from bseries.table import Column, Table, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -271,7 +271,8 @@ def _facts(report: Report) -> Iterator[_Fact]:
         yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
     yield "stages", str(method.stages)
     for name, holds in report.properties.items():
-        yield name.replace("_", " "), _answer(holds)
+        as_blocks = name == "symplectic_tableau" and len(method.names) > 1 and block_names(method.names) is None
+        yield name.replace("_", " ") + " for momenta and positions" * as_blocks, _answer(holds)
     names = method.names if len(method.names) > 1 else None
     for name, verdict in report.structure.items():
         until = f"to all {verdict.tested_to} nodes tested"
@@ -319,8 +320,9 @@ def _notes(report: Report) -> Iterator[str]:
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
     names = report.method.names
     if report.structure and len(names) > 1:
-        if set(names) == {"p", "q"}:
-            yield "Structure: p and q are taken as blocks of variables, p' = -H_q and q' = H_p."
+        if (pair := block_names(names)) is not None:
+            p, q = pair
+            yield f"Structure: {p} and {q} are taken as blocks of variables, {p}' = -H_{q} and {q}' = H_{p}."
         else:
             yield f"Structure: {', '.join(names)} are taken as parts of the field, each with the property itself."
     if not report.stability:

@@ -172,7 +172,7 @@ def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_
         method: A method, or a flow.
         order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"`` p and q of the variables of one Hamiltonian system, or ``"parts"`` of a sum of
-            Hamiltonian systems, f = Σ f^[ν]. By default blocks if the colours are called p and q.
+            Hamiltonian systems, f = Σ f^[ν]. By default blocks if two colours are called p and q, or v and x.
 
     Returns:
         A `Verdict`.
@@ -262,7 +262,7 @@ def energy_preservation(method: Method | BSeries, order: int | None = None, *, c
         method: A method, a flow, or a field.
         order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"``: p' = −H_q, q' = H_p; ``"parts"``: f = Σ J ∇H^[ν], and the sum of all H^[ν] is
-            conserved. By default blocks if the colours are called p and q.
+            conserved. By default blocks if two colours are called p and q, or v and x.
 
     Returns:
         A `Verdict`.
@@ -326,7 +326,7 @@ def volume_preservation(method: Method | BSeries, order: int | None = None, *, c
         method: A method, a flow, or a field.
         order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"``: the whole field is divergence-free; ``"parts"``: each f^[ν] is. By default blocks if
-            the colours are called p and q.
+            two colours are called p and q, or v and x.
 
     Returns:
         A `Verdict`.
@@ -387,7 +387,7 @@ def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colo
         method: A method, a flow, or a field.
         order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
         colors_are: ``"blocks"``: the whole field has the invariant; ``"parts"``: each f^[ν] has it. By default blocks
-            if the colours are called p and q.
+            if two colours are called p and q, or v and x.
 
     Returns:
         A `Verdict`.

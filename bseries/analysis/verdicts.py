@@ -18,6 +18,7 @@ from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.order import affordable_order, order_of, trusted
 from bseries.exact.domains import RingValues, make_values
 from bseries.exceptions import SeriesError
+from integrators.core.canonical_names import canonical_names
 
 if TYPE_CHECKING:
     from bseries.analysis.structure_conditions import StructureConditions
@@ -93,13 +94,18 @@ def _numbers(s: BSeries, flow: bool) -> Any:
     return [int(x) * factors[n] for n, x in zip(order, values.numerators, strict=True)]
 
 
+def block_names(names: Sequence[str]) -> tuple[str, str] | None:
+    """The names of momenta and of positions, if two colours are blocks of them by their names."""
+    return canonical_names(names) if len(names) == 2 else None
+
+
 def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
-    """Whether the colours of a series are blocks of variables; by default if they are called p and q."""
+    """Whether the colours of a series are blocks of variables; by default if their names say so."""
     if colors_are not in (None, "blocks", "parts"):
         raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
     if colors_are == "blocks" and s.table.colors != 2:
         raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
-    return set(s.names) == {"p", "q"} if colors_are is None else colors_are == "blocks"
+    return block_names(s.names) is not None if colors_are is None else colors_are == "blocks"
 
 
 def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:

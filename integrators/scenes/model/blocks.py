@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from integrators.core.canonical_names import canonical_names
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import check_names
 
@@ -13,9 +14,6 @@ MAX_VARIABLES = 1_000_000
 ROLES = ("i", "j", "k", "l")
 """The site indices of a term: ``q_i``, ``q_j``, …"""
 TIME = "t"
-MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})
-POSITIONS = frozenset({"q", "Q", "x", "r", "theta", "phi"})
-"""Names of blocks of momenta (velocities, actions) and of positions (angles)."""
 
 
 class Block(NamedTuple):
@@ -158,12 +156,12 @@ def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
         >>> canonical_blocks(read_blocks({"x": 1, "y": 1})) is None
         True
     """
-    for names in (({"p"}, {"q"}), (MOMENTA, POSITIONS)):
-        found = [block for group in names for block in blocks if block.name in group]
-        if len(found) == 2 and found[0].name in names[0] and found[1].name in names[1]:
-            momenta, positions = found
-            return (momenta, positions) if momenta.dimension == positions.dimension else None
-    return None
+    by_name = {block.name: block for block in blocks}
+    names = canonical_names(by_name)
+    if names is None:
+        return None
+    momenta, positions = (by_name[name] for name in names)
+    return (momenta, positions) if momenta.dimension == positions.dimension else None
 
 
 def poisson_matrix(pair: Sequence[Block]) -> list[list[int]]:

@@ -1,5 +1,6 @@
 """Orders and error coefficients: every catalogue method, the simplifying assumptions, published numbers, controls."""
 
+import re
 from fractions import Fraction
 
 import pytest
@@ -142,6 +143,24 @@ def test_check_reports_what_the_tableau_decides(name, properties):
         assert report.structure[verdict].holds == properties[key]
     data = report.to_dict()
     assert (data["kind"], data["order"]) == ("check", report.order)
+
+
+@pytest.mark.parametrize("names", [("v", "x"), ("x", "v"), ("omega", "theta"), ("y", "z")])
+def test_names_of_momenta_and_positions_are_blocks(names):
+    momenta, positions = bs.method("lobatto-iiia-iiib3").partitions
+    if names[0] == "x":
+        momenta, positions = positions, momenta
+    report = bs.check(bs.PartitionedRungeKutta(dict(zip(names, (momenta, positions), strict=True))), 5)
+    named = bs.check(bs.method("lobatto-iiia-iiib3"), 5)
+    label = "symplectic tableau" + " for momenta and positions" * (names == ("y", "z"))
+    assert f"\n{label}  yes" in re.sub("  +", "  ", str(report))
+    if names == ("y", "z"):
+        assert not report.structure["symplectic"].holds
+        return
+    p, q = sorted(names, key=["v", "omega", "x", "theta"].index)
+    assert f"{p} and {q} are taken as blocks of variables, {p}' = -H_{q} and {q}' = H_{p}." in str(report)
+    assert {k: v.order for k, v in report.structure.items()} == {k: v.order for k, v in named.structure.items()}
+    assert report.structure["symplectic"].holds
 
 
 def test_check_needs_no_program_of_a_tableau():
