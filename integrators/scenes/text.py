@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from integrators.core.canonical_names import MOMENTA, POSITIONS, canonical_names
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import NOT_FINITE
 from integrators.scenes.model.blocks import TIME, read_blocks
@@ -13,8 +14,10 @@ from integrators.scenes.model.formulas import FUNCTIONS, words
 from integrators.scenes.scene import Scene
 
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
-_CANONICAL = re.compile(r"[pq]((?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)")
-"""A momentum or position in a Hamiltonian: p, p1, px, px1, p_a, …"""
+_CANONICAL = re.compile(
+    rf"(?P<block>{'|'.join(sorted(MOMENTA | POSITIONS))})(?P<ending>(?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)"
+)
+"""A momentum or position in a Hamiltonian: p, p1, px, px1, p_a, v, v1, …"""
 _COMMA = re.compile(r",(?![^()]*\))")
 """A comma outside parentheses."""
 
@@ -71,7 +74,8 @@ def parse_hamiltonian(
     Args:
         text: The formula, as ``p^2/2 - cos(q)``.
         blocks: The momenta and positions, as ``"p=x,u; q=y,v"`` or as a mapping. By default these are the names p, q
-            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added.
+            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added. Or
+            they are another pair that tells momenta from positions, such as v and x, or v1, v2, x1 and x2.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
         name: The name of the scene in messages.
@@ -160,11 +164,20 @@ def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
 
 def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
     """Momenta and positions in pairs, sorted by number and axis."""
-    matches = [match for match in map(_CANONICAL.fullmatch, names) if match is not None]
-    if not matches:
-        raise IntegratorError("hamiltonian must have names such as p, q, p1, qx, or blocks must be given, but had none")
-    suffixes = sorted({(int(match["site"] or 0), match["axis"] or "", match[1]) for match in matches})
-    return {name: [name + suffix for _, _, suffix in suffixes] for name in "pq"}
+    endings: dict[str, set[tuple[int, str, str]]] = {}
+    for match in filter(None, map(_CANONICAL.fullmatch, names)):
+        ending = int(match["site"] or 0), match["axis"] or "", match["ending"]
+        endings.setdefault(match["block"], set()).add(ending)
+    pair = canonical_names(endings)
+    if pair is None or endings[pair[0]] != endings[pair[1]]:  # only p and q have conjugates that the text leaves out
+        pair = ("p", "q")
+    found = sorted(set().union(*(endings.get(block, ()) for block in pair)))
+    if not found:
+        raise IntegratorError(
+            "hamiltonian must have names such as p, q, p1, qx, or a pair such as v, x, or blocks must be given, "
+            "but had none"
+        )
+    return {block: [block + ending for _, _, ending in found] for block in pair}
 
 
 def _read_blocks(blocks: Any) -> dict[str, list[str]]:

@@ -137,6 +137,8 @@ def test_bad_equations_are_refused_in_one_sentence(text, arguments, message):
         ("p1*p2 + q3", {"p": 3, "q": 3}),
         ("px^2 + py^2 - 1/sqrt(qx^2 + qy^2)", {"p": ["px", "py"], "q": ["qx", "qy"]}),
         ("px1*py1 + qx2*qy2", {"p": [2, 2], "q": [2, 2]}),
+        ("v^2/2 + x^4/4", {"v": 1, "x": 1}),
+        ("omega1^2 + omega2^2 - cos(theta1 - theta2)", {"omega": 2, "theta": 2}),
         ("p_r^2 + q_phi", {"p": ["p_phi", "p_r"], "q": ["q_phi", "q_r"]}),
     ],
 )
@@ -163,9 +165,11 @@ def test_hamiltonians_with_blocks_parameters_and_start_values():
 @pytest.mark.parametrize(
     ("text", "arguments", "message"),
     [
-        ("x^2/2", {}, "must have names such as p, q, p1, qx, or blocks must be given"),
+        ("x^2/2", {}, "must have names such as p, q, p1, qx, or a pair such as v, x, or blocks must be given"),
         ("1", {}, "must have names such as p"),
-        ("phi^2/2 + p", {}, "phi has neither a place in blocks nor a value in parameters"),
+        ("v1^2/2 + x2^2/2", {}, "must have names such as p"),
+        ("p_r^2/2 + r", {}, "r has neither a place in blocks nor a value in parameters"),
+        ("psi^2/2 + p", {}, "psi has neither a place in blocks nor a value in parameters"),
         ("x + y", {"blocks": "p=x; q=z"}, "y has neither a place in blocks"),
         ("x", {"blocks": "p=x; q=z,y"}, "must have a block of momenta and one of positions of equal size"),
         ("x^2 + y^2", {"blocks": "x=x; y=y"}, "told apart by their names: p and q, .* but had x of 1, y of 1"),
