@@ -35,8 +35,8 @@ PERTURBATION = 2.0**-104
 SAFETY = 4.0
 WORK = 3e8
 """Operations on coefficients in one call of compiled code: about a second, the delay of Ctrl-C."""
-MOST_WORK = 3e11
-"""Total operations on coefficients: about a quarter of an hour."""
+MOST_WORK = 1e10
+"""Total operations on coefficients in one of the two solutions: about half a minute."""
 LEAST_STEPS = 1000
 """Steps before their total is extrapolated: towards a singularity they shrink by a constant factor."""
 
