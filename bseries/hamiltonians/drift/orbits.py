@@ -180,7 +180,8 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     except TypeError:
         raise SeriesError(f"scene must have numbers for its parameters, but {scene.name} has symbols") from None
     at_rest = (np.abs(field) <= AT_REST * slopes @ (1 + np.abs(start))).all()
-    steepest = np.linalg.norm(np.sqrt(slopes) * np.sqrt(slopes.T))  # the least of the Frobenius norms in other units
+    # the least Frobenius norm of the Jacobian in any units of the variables
+    steepest = float(np.linalg.norm(np.sqrt(slopes) * np.sqrt(slopes.T)))
     longest = FIRST_WINDOW * 2 * np.pi / steepest if steepest else 1.0
     return field * (not at_rest), first_step(scene, longest, y0=start, digits=STEP_DIGITS)
 
