@@ -1,19 +1,22 @@
 # Everything runs inside .venv, which the first target that needs it creates from Python alone.
 PYTHON ?= python3
 BIN := .venv/bin
-STAMP := .venv/.installed
+INSTALLED := .venv/.installed
+STAMP := .venv/.developer
 # Exact results do not depend on whether numba is loaded: these tests run in both kinds of processes.
 EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
 	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
-.PHONY: demo test test-all hard-cases bench lint notebooks clean
+.PHONY: demo dev test test-all hard-cases bench lint notebooks docs clean
 
-demo: $(STAMP)
+demo: $(INSTALLED)
 	$(BIN)/bseries modified rk4 --order 5
 	$(BIN)/bseries modified stormer-verlet-kdk --order 3
 
+dev: $(STAMP)
+
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --ignore docs
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" tests foundation trees integrators bseries README.md
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal
@@ -35,11 +38,19 @@ lint: $(STAMP)
 notebooks: $(STAMP)
 	$(BIN)/python -m notebooks
 
+docs: notebooks
+	$(BIN)/sphinx-build --fail-on-warning --quiet -d build/doctrees docs build/docs
+
 clean:
-	rm -rf .venv .pytest_cache .ruff_cache build *.egg-info
+	rm -rf .venv .pytest_cache .ruff_cache build docs/notebooks docs/reference/generated *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(STAMP): pyproject.toml
+$(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	touch $(INSTALLED)
+
+# What developing needs beside the package, three times as much, is installed only where it is used.
+$(STAMP): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
 	touch $(STAMP)

@@ -128,7 +128,7 @@ def check_folder(path: Path) -> Path:
 
 def write_page(result: Mapping[str, Any], page: Path) -> None:
     """Write the page and its pictures."""
-    from bseries.plotting import picture
+    from foundation.plotting import picture
     from integrators.core.text_files import atomic_write
 
     for name, drawn in pictures(result).items():

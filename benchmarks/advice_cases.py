@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sysconfig
 import tempfile
 from collections.abc import Callable, Sequence
@@ -12,11 +11,10 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.measures import SOLUTION
-from bseries.advice.work_precision.curves import Curve
+from bseries.advice.timing import step_costs
 from bseries.advice.work_precision.precision_curves import WorkPrecision
 from bseries.advice.work_precision.recommendation import bracket
-from bseries.advice.work_precision.run_errors import Judge
-from bseries.advice.work_precision.step_costs import step_costs
+from bseries.advice.work_precision.sweeps import Curve, Judge
 
 from .kinds import Figure, Measurement
 from .timing import run
@@ -80,8 +78,8 @@ def search(advice: WorkPrecision, everything: WorkPrecision, judge: Judge, error
 
 def most_steps(curve: Curve, error: float) -> int | None:
     """Where a search among the steps of a method begins; None if its coarse curve does not reach the error."""
-    sizes = {row.steps: math.inf if (e := row.errors.error(SOLUTION)) is None else e for row in curve.rows}
-    good, _ = bracket(sizes, error, curve.rounded(SOLUTION))
+    sizes = curve.sizes(SOLUTION)
+    good, _ = bracket(sizes, error)
     return None if good is None else max(n for n, size in sizes.items() if size <= error and n <= FINER * good)
 
 
@@ -108,8 +106,8 @@ def fewest(meets: Callable[[int], bool], most: int, grid: float) -> int | None:
 def recommended(name: str, methods: Sequence[str] | str = "all", errors: Sequence[float] = ERRORS) -> list[Figure]:
     """How recommended methods compare with the best ones on a scene."""
     scene = bs.scene(name)
-    advice = bs.work_precision(scene, measure=SOLUTION)
-    everything = bs.work_precision(scene, methods, span=advice.span, measure=SOLUTION)
+    advice = bs.work_precision("auto", scene, measure=SOLUTION)
+    everything = bs.work_precision(methods, scene, span=advice.span, measure=SOLUTION)
     judge = Judge(scene, advice.span, (SOLUTION,))
     figures = []
     for error in errors:

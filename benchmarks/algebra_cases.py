@@ -130,7 +130,11 @@ def cases() -> list[Case]:
             structure(bs.symplecticity, "implicit-midpoint", 9),
             0.7e-3,
         ),
-        Case("errors-8", f"{MIDPOINT}, error coefficients, order 8", structure(bs.error_coefficients, MIDPOINT, 7)),
+        Case(
+            "errors-8",
+            f"{MIDPOINT}, error coefficients, order 8",
+            structure(bs.analysis.error_coefficients, MIDPOINT, 7),
+        ),
         Case("order-7", "gauss3, order conditions, order 7", structure(bs.order_of, "gauss3", 7)),
         Case("conditions-10", "order conditions to order 10, residual and Jacobian, s = 17", conditions(10, 17), 5e-3),
         Case(

@@ -19,7 +19,7 @@ from .kinds import GB, Case
 from .timing import ROOT, Sample, Sampler, run, time_calls
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
 
 FLOAT_MIDPOINT = ([[0, 0], [0.5, 0]], [0.0, 1.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 import bseries as bs
-from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
+from bseries.advice.timing import MOST_STEPS, Work, step_costs
 
 from .kinds import Figure, Measurement
 
@@ -21,7 +21,7 @@ def against_effects_on() -> list[Figure]:
     """Time for a step and for a field evaluation, and trees, against the number of effects that are on."""
     found = []
     for scene, (method, h) in MEASURED.items():
-        for row in bs.effect_costs(scene, method, h=h):
+        for row in bs.effect_costs(method, scene, h=h):
             work = f"{scene}, {len(row.effects)} effects on"
             found += [
                 Figure(f"{work}: a step of {method}", row.step.seconds, unit="s"),

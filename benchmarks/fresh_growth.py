@@ -134,7 +134,7 @@ def scene(name: str, method: str, route: str, limit: float) -> list[dict[str, An
     return found
 
 
-def precise_error(field: bs.SceneSeries, point: np.ndarray, value: np.ndarray) -> float:
+def precise_error(field: bs.fields.SceneSeries, point: np.ndarray, value: np.ndarray) -> float:
     """The largest relative error of a component of the value at a point."""
     precise = field.precise(point.tolist(), STEP, DIGITS)
     return max(float(abs(x - y) / abs(y)) if y else abs(x) for x, y in zip(value.tolist(), precise, strict=True))

@@ -27,9 +27,9 @@ def once(work: Callable[[], object]) -> Callable[[], Sampler]:
     return prepare
 
 
-def verlet_brackets(order: int, *, quadratic: bool) -> bs.BracketSeries:
+def verlet_brackets(order: int, *, quadratic: bool) -> bs.hamiltonians.BracketSeries:
     """The nested brackets of Störmer–Verlet."""
-    return bs.bracket_hamiltonian(bs.method("stormer-verlet-kdk"), order, quadratic_kinetic=quadratic)
+    return bs.hamiltonians.bracket_hamiltonian(bs.method("stormer-verlet-kdk"), order, quadratic_kinetic=quadratic)
 
 
 def written_out(route: str) -> object:
@@ -38,7 +38,7 @@ def written_out(route: str) -> object:
     return [H.symbolic(k) for k in range(7)]
 
 
-def energy(method: str, scene: str, order: int) -> bs.ModifiedHamiltonian:
+def energy(method: str, scene: str, order: int) -> bs.hamiltonians.ModifiedHamiltonian:
     """H̃ of a method on a scene."""
     return bs.modified_hamiltonian(bs.method(method), bs.scene(scene), order)
 
@@ -48,7 +48,7 @@ def stored_trajectory() -> Sampler:
     folder: Any = tempfile.TemporaryDirectory()
     path = Path(folder.name) / "atoms.npz"
     scene = bs.scene("lennard-jones")
-    bs.integrate(scene, "stormer-verlet", h=ATOM_STEP, steps=STATES - 1, to=path)
+    bs.integrate("stormer-verlet", scene, h=ATOM_STEP, steps=STATES - 1, to=path)
     bs.shadow_energy(path, order=8)
 
     def sample(kept: Any = folder) -> Sample:

@@ -7,8 +7,8 @@ from time import perf_counter
 from typing import NamedTuple
 
 import bseries as bs
-from bseries.advice.distances import energy_size, relative_change, relative_distance
-from bseries.advice.prediction.expected_errors import ONLY_ROUNDING
+from bseries.advice.measures import energy_size, relative_change, relative_distance
+from bseries.advice.predictions.expected_errors import ONLY_ROUNDING
 
 from .kinds import Figure, Measurement
 
@@ -56,8 +56,8 @@ class Row(NamedTuple):
     method: str
     h: float
     span: float
-    energy: tuple[bs.ExpectedError, float]
-    solution: tuple[bs.ExpectedError, float]
+    energy: tuple[bs.advice.ExpectedError, float]
+    solution: tuple[bs.advice.ExpectedError, float]
 
 
 def rows(settings: tuple[Setting, ...] = SETTINGS, methods: tuple[str, ...] = METHODS) -> list[Row]:
@@ -73,10 +73,10 @@ def rows(settings: tuple[Setting, ...] = SETTINGS, methods: tuple[str, ...] = ME
 
 def _row(setting: Setting, method: str, h: float, span: float) -> Row:
     scene, steps = bs.scene(setting.scene), round(span / h)
-    expected = bs.predict_run(scene, method, h=h, steps=steps, timed=False)
+    expected = bs.predict_run(method, scene, h=h, steps=steps, timed=False)
     every, finer = max(1, steps // LOOKS), max(1, round(h / setting.exact))
-    run = bs.integrate(scene, method, h=h, steps=steps, save_every=every, observe="energy")
-    exact = bs.integrate(scene, "gauss4", h=h / finer, steps=steps * finer, save_every=every * finer).y
+    run = bs.integrate(method, scene, h=h, steps=steps, save_every=every, observe="energy")
+    exact = bs.integrate("gauss4", scene, h=h / finer, steps=steps * finer, save_every=every * finer).y
     change = relative_change(run.observed["energy"], energy_size(scene, scene.y0))
     error = relative_distance(run.y, exact)
     return Row(setting.scene, method, h, span, (expected.energy, change), (expected.solution, error))
@@ -91,7 +91,7 @@ def table(found: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _cell(expected: bs.ExpectedError, value: float) -> str:
+def _cell(expected: bs.advice.ExpectedError, value: float) -> str:
     if expected.value is None:
         return f"unknown, {value:.1e}"
     return f"{expected.value:.1e} / {value:.1e} = {expected.value / value:.2f}"
@@ -120,14 +120,14 @@ def time_figures() -> list[Figure]:
     for name, method, h in TIMED:
         scene = bs.scene(name)
         run = {"h": h, "observe": "energy", "save_every": None}
-        trial = bs.predict_run(scene, method, steps=10**6, observe_every=1000, **run).seconds or 1.0
+        trial = bs.predict_run(method, scene, steps=10**6, observe_every=1000, **run).seconds or 1.0
         steps = max(10_000, int(10**6 * LONGEST / trial))
         every = steps // LOOKS
         ratios = []
         for _ in range(ROUNDS):
-            expected = bs.predict_run(scene, method, steps=steps, observe_every=every, **run).seconds or 0.0
+            expected = bs.predict_run(method, scene, steps=steps, observe_every=every, **run).seconds or 0.0
             began = perf_counter()
-            bs.integrate(scene, method, steps=steps, observe_every=every, **run)
+            bs.integrate(method, scene, steps=steps, observe_every=every, **run)
             ratios.append(expected / (perf_counter() - began))
         ratio = median(ratios)
         work = f"{method} on {name}, {steps:.0e} steps: time, predicted over measured or the inverse"

@@ -75,7 +75,7 @@ OURS: dict[str, Callable[[int], Any]] = {
     "symplecticity": lambda n: Fraction(bs.symplecticity(bs.method("implicit-midpoint"), n).order),
     "energy preservation": lambda n: Fraction(bs.energy_preservation(bs.method("avf"), n).order),
     "error coefficients": lambda n: sum(
-        e for _, e in bs.error_coefficients(bs.method("explicit-midpoint"), n - 1).terms
+        e for _, e in bs.analysis.error_coefficients(bs.method("explicit-midpoint"), n - 1).terms
     ),
     "order conditions of gauss3": lambda n: Fraction(bs.order_of(bs.method("gauss3"), n)),
 }

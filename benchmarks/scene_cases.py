@@ -41,7 +41,7 @@ def pendulum_points() -> Any:
     return np.random.default_rng(1).uniform(-1, 1, (POINTS, 2))
 
 
-def per_point(make: Callable[[], SceneSeries | bs.ModifiedHamiltonian]) -> Callable[[], Sampler]:
+def per_point(make: Callable[[], SceneSeries | bs.hamiltonians.ModifiedHamiltonian]) -> Callable[[], Sampler]:
     """A value at one of many points near the start, in a compiled loop."""
 
     def prepare() -> Sampler:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bseries.advice.measures import duration as with_unit
+from bseries.advice.durations import duration as with_unit
 
 
 def duration(seconds: float | None) -> str:

@@ -1,14 +1,12 @@
-"""Titles that name a scene, and its formulas as LaTeX."""
+"""Titles that name a scene, and displayed equations on it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
-from unicodedata import name as unicode_name
 
-from bseries.table import latex_text
-from integrators.scenes.model.blocks import ROLES
+from foundation.table import Column, Table
+from integrators.scenes.latex import latex_formula
 
 if TYPE_CHECKING:
     import sympy
@@ -17,8 +15,10 @@ if TYPE_CHECKING:
 
 LINE = 120
 """Characters of LaTeX on a line of an equation."""
+MOST_VARIABLES = 12
+SHORT = 1_000
+"""Displays write formulas out on scenes of at most so many variables, and stop after this many characters."""
 ENERGY = r"\widetilde{H}"
-GREEK = "GREEK SMALL LETTER "
 
 
 def place(method: str, scene: Scene, effects: Sequence[str] | None = None) -> str:
@@ -42,6 +42,23 @@ def span(powers: Sequence[int]) -> str:
     return f"powers h^{powers[0]} to h^{powers[-1]}" if len(powers) > 1 else f"power h^{powers[0]}"
 
 
+def short_powers(scene: Scene, formulas: Callable[[int], Iterable[sympy.Expr]], count: int) -> range:
+    """The first powers of h for displays: formulas of each further power take several times longer."""
+    length = 0
+    for k in range(count if scene.dimension <= MOST_VARIABLES else 0):
+        if length > SHORT:
+            return range(k)
+        length += sum(len(str(formula)) for formula in formulas(k))
+    return range(count if scene.dimension <= MOST_VARIABLES else 0)
+
+
+def first_powers(title: str, count: int, to_table: Callable[[Sequence[int]], Table], powers: range) -> Table:
+    """The table of the first powers of h out of `count`, with a note on the others."""
+    rest = len(powers) < count and f"… {span(range(len(powers), count))}: to_table() writes all formulas"
+    table = to_table(powers) if powers else Table(title, (), ())
+    return table._replace(notes=[*filter(None, [rest]), *table.notes])
+
+
 def remarks(series: Any, issues: Sequence[str], scene: Scene) -> dict[str, Any]:
     """Entries of JSON documents on the digits of a series, contradictions in a tableau and the notes of a scene."""
     lists = {"issues": list(issues), "notes": list(scene.notes)}
@@ -52,23 +69,15 @@ def remarks(series: Any, issues: Sequence[str], scene: Scene) -> dict[str, Any]:
 def formula_notes(series: Any, issues: Sequence[str], scene: Scene, *, nonzero: bool) -> Iterator[str]:
     """Sentences on the numbers in formulas on a scene."""
     if series.digits is not None:
-        yield f"The tableau is published as decimals with {series.digits} digits: numbers show what these tell."
+        yield f"The tableau is published as decimals with {series.digits} digits, and so are these formulas."
     elif not series.is_exact:
         yield "Floating point: the tableau holds floats, so the numbers carry rounding errors."
     for note in scene.notes:
         yield f"{note[0].upper()}{note[1:]}."
     if nonzero:
-        yield "What is zero is left out."
+        yield "Zero terms are left out."
     for issue in issues:
-        yield f"Beware: {issue}."
-
-
-def latex_formula(formula: sympy.Expr, scene: Scene) -> str:
-    """A formula in variables and parameters of a scene."""
-    import sympy
-
-    names = {symbol: _latex_name(str(symbol)) for symbol in formula.free_symbols}
-    return sympy.latex(formula, symbol_names=names | _components(scene))
+        yield f"Warning: {issue}."
 
 
 def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr]]]) -> str:
@@ -76,7 +85,7 @@ def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr
 
     Args:
         scene: The scene.
-        terms: Consecutive powers of h with what they multiply, one formula for each variable.
+        terms: Consecutive powers of h with their coefficients, one formula for each variable.
     """
     rows = []
     for i, symbol in enumerate(scene.symbols):
@@ -87,13 +96,13 @@ def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr
 
 
 def hamiltonian_equation(scene: Scene, terms: Sequence[tuple[int, sympy.Expr]], limit: str) -> str:
-    """A modified Hamiltonian by powers of h, as a displayed align, with a sentence that says where it ends, if any."""
+    """A modified Hamiltonian by powers of h, as a displayed align, with a note on its truncation, if any."""
     summands = [_summand(k, formula, scene) for k, formula in terms if formula != 0]
     return align([(ENERGY, summands)], terms[0][0], terms[-1][0], remark=limit)
 
 
 def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int, *, remark: str = "") -> str:
-    """Left sides and what they are equal to, sums of terms with consecutive powers of h; and a remark below."""
+    """Equations with sums over consecutive powers of h on the right-hand sides, and a remark below."""
     rest = f"\\mathcal{{O}}(h^{{{last + 1}}})" if last else r"\mathcal{O}(h)"
     equations = []
     for left, summands in rows:
@@ -103,38 +112,8 @@ def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int, *, r
     return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
 
 
-def _latex_name(name: str) -> str:
-    """The name of a variable or parameter: Greek letters and indices as LaTeX writes them."""
-    import sympy
-
-    if name.startswith("_"):
-        return f"\\mathrm{{{latex_text(name)}}}"
-    spelled = (unicode_name(letter).removeprefix(GREEK).lower() if _is_greek(letter) else letter for letter in name)
-    return sympy.latex(sympy.Symbol("".join(spelled)))
-
-
-def _is_greek(letter: str) -> bool:
-    return unicode_name(letter, "").startswith(GREEK)
-
-
-@lru_cache(maxsize=1)
-def _components(scene: Scene) -> dict[sympy.Symbol, str]:
-    """The names of components at sites: p_{x,1} for px1, and p_{x,i} for px_i in a term over sites."""
-    import sympy
-
-    names = {}
-    for block in scene.blocks:
-        base = _latex_name(block.name)
-        for component in block.components if block.components != (block.name,) else ():
-            axis = component.removeprefix(block.name)
-            for site, symbol in enumerate(scene.symbols[block.places(component)], 1):
-                names[symbol] = f"{base}_{{{axis},{site}}}"
-            names |= {sympy.Symbol(f"{component}_{role}"): f"{base}_{{{axis},{role}}}" for role in ROLES}
-    return names
-
-
 def _summand(k: int, formula: sympy.Expr, scene: Scene) -> str:
-    """What a power of h multiplies, with it and with a sign if that is a minus."""
+    """A power of h with its coefficient, and with a sign if that is a minus."""
     text = latex_formula(formula, scene)
     if k == 0:
         return text
@@ -156,3 +135,9 @@ def _broken(summands: Sequence[str]) -> str:
         else:
             lines[-1] += f" {text}"
     return " \\\\\n&\\quad ".join(lines)
+
+
+def power_table(title: str, terms: Sequence[sympy.Expr], first: int, data: Callable[[], dict[str, Any]]) -> Table:
+    """Formulas by powers of h, from the first power on."""
+    columns = (Column("k", True), Column("coefficient of h^k"))
+    return Table(title, columns, [(k, str(term)) for k, term in enumerate(terms, first)], data=data)

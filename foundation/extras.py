@@ -1,13 +1,36 @@
-"""Installation hints for optional packages."""
+"""Import of optional packages."""
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import Any
 
-def how_to_install(extra: str) -> str:
-    """The command that installs the packages of an extra.
+EXTRAS = {"matplotlib": "plot", "scipy": "scipy", "pandas": "frames", "xarray": "frames", "distributed": "cluster"}
+"""The extra of this distribution that installs a package."""
+
+
+class MissingPackage(ImportError):
+    """An optional package is not installed."""
+
+
+def optional_module(module: str, user: str) -> Any:
+    """Import a module of an optional package.
+
+    Args:
+        module: The module.
+        user: What needs it, for the message.
+
+    Raises:
+        MissingPackage: The package cannot be imported; the message has the command to install it.
 
     Example:
-        >>> how_to_install("plot")
-        "pip install '.[plot]' in the clone of bseries-engine"
+        >>> optional_module("matplotlib.colors", "draw").to_hex("red")
+        '#ff0000'
     """
-    return f"pip install '.[{extra}]' in the clone of bseries-engine"
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise MissingPackage(
+            f"{user} needs {package}: pip install '.[{EXTRAS[package]}]' in the clone of bseries-engine ({error})"
+        ) from None

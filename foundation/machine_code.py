@@ -1,9 +1,9 @@
 """Numba's decorators with a safe cache of machine code on disk.
 
-Numba's own cache raises where nothing can be written, trusts damaged files, and runs code that others may have put
-there. Here the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum and numba's data.
-The key covers everything the code depends on: the text of the module and of further `sources` (numba does not notice
-edits of callees in other files), options, types, the processor, and versions. The cache is
+Numba's own cache raises an error if its folder cannot be written, trusts damaged files, and runs code that other users
+may have put there. Here the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum and
+numba's data. The key covers everything the code depends on: the text of the module and of further `sources` (numba does
+not notice edits of callees in other files), options, types, the processor, and versions. The cache is
 
 - the folder that the environment variable ``BSERIES_CACHE`` names, else
 - the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
@@ -26,6 +26,8 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -114,6 +116,39 @@ def cache_directory() -> Path | None:
 
 
 @cache
+def has_numba() -> bool:
+    """Whether numba is installed; browsers do not have it."""
+    return find_spec("numba") is not None
+
+
+def load_numba() -> None:
+    """Load numba, if it is installed, so that compiled kernels do all work from now on."""
+    if has_numba():
+        import_module("numba")
+
+
+def has_machine_code(module: ModuleType) -> bool:
+    """Whether the cache has code for functions of a module as it is now; numba is not loaded to find out."""
+    mark = _mark(Path(module.__file__ or ""))
+    return mark is not None and mark.exists()
+
+
+def _mark(source: Path) -> Path | None:
+    """The empty file beside the code of a module's functions; None without a home or a source."""
+    directory, text_hash = cache_directory(), _text_hash(source)
+    return None if directory is None or text_hash is None else directory / f"{text_hash}.module"
+
+
+@cache
+def _text_hash(source: Path) -> str | None:
+    """A hash of the text of a module and of the versions of this package and of Python; None without such a file."""
+    if not source.is_file():
+        return None
+    versions = repr((package_version(), sys.implementation.cache_tag)).encode()
+    return sha256(versions + source.read_bytes()).hexdigest()
+
+
+@cache
 def package_version() -> str:
     """The version of this package; empty if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
@@ -168,6 +203,9 @@ class _Cache:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             if _is_private(path.parent):
                 _write(path, sha256(content).digest() + content)
+                mark = _mark(Path(self._function.__code__.co_filename))
+                if mark is not None and not mark.exists():
+                    _write(mark, b"")
         except OSError as error:
             if error.errno not in UNWRITABLE:
                 _warn(f"the cache {path.parent} cannot be written ({error.strerror})")

@@ -34,6 +34,10 @@ def refuse_beyond_memory(needed: int, refusal: type[Exception], what: str) -> No
         )
 
 
+BROWSER = 2**30
+"""Bytes that are assumed to be available in a browser, where psutil is not."""
+
+
 def available_memory() -> int:
     """Bytes available to this process: of the machine, its control groups and its resource limits (ulimit).
 
@@ -41,8 +45,10 @@ def available_memory() -> int:
         >>> available_memory() > 0
         True
     """
-    import psutil
-
+    try:
+        import psutil
+    except ModuleNotFoundError:  # in a browser
+        return BROWSER
     return min([psutil.virtual_memory().available, *_left_by_limits(), *_left_by_cgroups()])
 
 

@@ -30,7 +30,7 @@ conditions = bs.order_conditions("runge-kutta", 4, stages=4, explicit=True)
 print(conditions)
 
 # %% [markdown]
-# The same conditions come as SymPy equations, as source code in several languages, and as compiled functions for the
+# The same conditions come as SymPy equations, as source code for NumPy, C and Julia, and as compiled functions for the
 # residual and its Jacobian. The vector of unknowns holds the entries of A below the diagonal, then b.
 
 # %%

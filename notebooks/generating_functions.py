@@ -42,7 +42,7 @@ H = sympy.Function("H")(p, q)
 # $\partial_t S = H(P, q + \nabla_P S)$. Comparing powers of t gives each S_j from those before, without any integral:
 
 # %%
-S1, S2, S3 = bs.exact_generating_function(H, [p], [q], 3).terms
+S1, S2, S3 = bs.hamiltonians.exact_generating_function(H, [p], [q], 3).terms
 assert S1 == H
 assert sympy.expand(2 * S2 - H.diff(q) * S1.diff(p)) == 0
 assert sympy.expand(3 * S3 - H.diff(q) * S2.diff(p) - H.diff(q, 2) * S1.diff(p) ** 2 / 2) == 0
@@ -57,7 +57,7 @@ print(S3)
 # The method implicit in p is nothing but (20) with S = h H(P, q). Its H̃ is formula (25):
 
 # %%
-terms = bs.generating_hamiltonian(h * H, [p], [q], 3)
+terms = bs.hamiltonians.generating_hamiltonian(h * H, [p], [q], 3)
 Hp, Hq = H.diff(p), H.diff(q)
 assert sympy.expand(terms[1] + Hp * Hq / 2) == 0
 assert sympy.expand(12 * terms[2] - (H.diff(p, 2) * Hq**2 + H.diff(q, 2) * Hp**2 + 4 * Hp * Hq * Hp.diff(q))) == 0
@@ -68,7 +68,7 @@ terms[2]
 
 # %%
 central = bs.scene("central-field", potential="-1/r")
-energy = bs.modified_hamiltonian(bs.method("symplectic-euler-p"), central, 3)
+energy = bs.modified_hamiltonian("symplectic-euler-p", central, 3)
 P, Q, E = central.symbols[:2], central.symbols[2:], energy.symbolic(0)
 expected = sum(
     E.diff(P[i], P[j]) * E.diff(Q[i]) * E.diff(Q[j])
@@ -91,21 +91,21 @@ assert sympy.simplify(12 * energy.symbolic(2) - expected) == 0
 # %%
 pendulum = bs.scene("pendulum")
 for name in ("implicit-midpoint", "gauss2", "stormer-verlet"):
-    print(bs.generating_function(bs.method(name), pendulum, 3))
-verlet = bs.generating_function(bs.method("stormer-verlet"), pendulum, 5)
+    print(bs.hamiltonians.generating_function(bs.method(name), pendulum, 3))
+verlet = bs.hamiltonians.generating_function("stormer-verlet", pendulum, 5)
 q0, q1 = sympy.symbols("q Q")
 action = (q1 - q0) ** 2 / (2 * h) + h * (sympy.cos(q0) + sympy.cos(q1)) / 2
-assert bs.variational_generating_function(action, [q0], [q1], [p], 5).hamiltonian() == verlet.hamiltonian()
+assert bs.hamiltonians.variational_generating_function(action, [q0], [q1], [p], 5).hamiltonian() == verlet.hamiltonian()
 
 # %% [markdown]
 # Truth from outside: steps of the method obey (20) with S truncated after N = 4 terms, up to O(h⁵).
 
 # %%
-S = bs.generating_function(bs.method("gauss2"), pendulum, 4).expression(h)
+S = bs.hamiltonians.generating_function("gauss2", pendulum, 4).expression(h)
 slopes = sympy.lambdify((p, q, h), (S.diff(q), S.diff(p)), "numpy")
 gaps = []
 for step in (0.1, 0.05, 0.025):
-    (p0, p1), (q0, q1) = bs.integrate(pendulum, "gauss2", h=step, steps=1, y0=[1.0, 0.5]).y
+    (p0, p1), (q0, q1) = bs.integrate("gauss2", pendulum, h=step, steps=1, y0=[1.0, 0.5]).y
     S_q, S_P = slopes(p1, q0, step)
     gaps.append(np.hypot(p1 + S_q - p0, q0 + S_P - q1))
 orders = np.log2(np.array(gaps[:-1]) / gaps[1:])
@@ -118,7 +118,7 @@ print(orders)
 # them. The same happens in `takahashi_imada.py`.
 
 # %%
-bs.generating_hamiltonian(h * (p**2 / 2 - sympy.cos(q)) + h**3 * q / 10, [p], [q], 3)[2]
+bs.hamiltonians.generating_hamiltonian(h * (p**2 / 2 - sympy.cos(q)) + h**3 * q / 10, [p], [q], 3)[2]
 
 # %% [markdown]
 # ## Exercise 5: a series that converges
@@ -128,7 +128,7 @@ bs.generating_hamiltonian(h * (p**2 / 2 - sympy.cos(q)) + h**3 * q / 10, [p], [q
 
 # %%
 scene, euler = bs.scene("field-nijhoff"), bs.method("symplectic-euler-p")  # α = β = 1
-run = bs.integrate(scene, euler, h=0.5, steps=50)
+run = bs.integrate(euler, scene, h=0.5, steps=50)
 invariant = (1 + run.y[0]) * (1 + run.y[1])
 factor = 1 - 0.5 / invariant[0]
 assert np.allclose(invariant, invariant[0], rtol=1e-13)
@@ -141,7 +141,7 @@ assert np.allclose(1 + run.y[0], (1 + run.y[0, 0]) * factor ** np.arange(51), rt
 # %%
 energy, I = bs.modified_hamiltonian(euler, scene, 10), (1 + p) * (1 + q)  # noqa: E741
 assert all(sympy.simplify(energy.symbolic(k) * k * (k + 1) * I**k) == -1 for k in range(1, 10))
-closed = bs.closed_hamiltonian(euler, scene)
+closed = bs.hamiltonians.closed_hamiltonian(euler, scene)
 assert sympy.simplify(closed.radius - I) == 0
 print(closed)
 
@@ -193,14 +193,14 @@ pyplot.show()
 abc = bs.scene("abc-flow", A="A", B="B", C="C")
 methods = {"explicit Euler": bs.method("explicit-euler"), "implicit midpoint": bs.method("implicit-midpoint")}
 methods |= {"RK4": bs.method("rk4"), "Gauss, order 4": bs.method("gauss2")}
-methods |= {"Lie–Trotter": bs.lie_trotter(["a", "b", "c"]), "Strang": bs.strang(["a", "b", "c"])}
+methods |= {"Lie–Trotter": bs.methods.lie_trotter(["a", "b", "c"]), "Strang": bs.methods.strang(["a", "b", "c"])}
 first = {}
 for name, method in methods.items():
     field = bs.modified_field(method, abc, 6)
-    first[name] = next((k for k in range(6) if bs.divergence(field, k) != 0), None)
+    first[name] = next((k for k in range(6) if bs.fields.divergence(field, k) != 0), None)
     print(f"{name:18} divergence from h^{first[name]} on" if first[name] else f"{name:18} no divergence through h^5")
 assert list(first.values()) == [1, 2, 4, 4, None, None]
-bs.divergence(bs.modified_field(methods["implicit midpoint"], abc, 3), 2)
+bs.fields.divergence(bs.modified_field(methods["implicit midpoint"], abc, 3), 2)
 
 # %% [markdown]
 # The midpoint rule is symplectic and preserves area in the plane, but not volume in space. Indeed no Runge–Kutta method
@@ -214,7 +214,7 @@ abc, step = bs.scene("abc-flow"), 0.1
 jacobian = sympy.lambdify(abc.symbols, sympy.Matrix(abc.field).jacobian(abc.symbols), "numpy")
 figure, panels = pyplot.subplots(1, 2, figsize=(8.4, 3.4), layout="constrained")
 for axes, name in zip(panels, methods, strict=False):
-    run, k = bs.integrate(abc, methods[name], h=step, steps=400), first[name]
+    run, k = bs.integrate(methods[name], abc, h=step, steps=400), first[name]
     ends = run.y[:, :-1], run.y[:, 1:]
     if name == "explicit Euler":
         ratios = [np.linalg.det(np.eye(3) + step * jacobian(*y)) for y in ends[0].T]
@@ -222,7 +222,9 @@ for axes, name in zip(panels, methods, strict=False):
         halves = [step / 2 * jacobian(*y) for y in (ends[0] + ends[1]).T / 2]
         ratios = [np.linalg.det(np.eye(3) + half) / np.linalg.det(np.eye(3) - half) for half in halves]
     measured = np.cumsum(np.log(ratios))
-    rate = sympy.lambdify(abc.symbols, bs.divergence(bs.modified_field(methods[name], abc, k + 1), k), "numpy")(*run.y)
+    rate = sympy.lambdify(abc.symbols, bs.fields.divergence(bs.modified_field(methods[name], abc, k + 1), k), "numpy")(
+        *run.y
+    )
     predicted = np.cumsum(rate[1:] + rate[:-1]) / 2 * step ** (k + 1)
     assert abs(measured - predicted).max() < step * abs(measured).max()
     axes.plot(run.t[1:], predicted, color=ORANGE, label="predicted")
@@ -234,4 +236,4 @@ pyplot.show()
 
 # %% [markdown]
 # **Try next.** If one of A, B, C is zero, the midpoint rule does preserve volume: why? And give
-# `bs.generating_hamiltonian` an S of your own: every S makes a symplectic method.
+# `bs.hamiltonians.generating_hamiltonian` an S of your own: every S makes a symplectic method.

@@ -37,7 +37,9 @@ BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#999999"  # told apart by all (Okabe
 
 # %%
 cartesian, polar = {"p": 2, "q": 2}, {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
-change = bs.point_transformation(cartesian, polar, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}, positive=["r"])
+change = bs.hamiltonians.point_transformation(
+    cartesian, polar, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}, positive=["r"]
+)
 print(change)
 
 # %% [markdown]
@@ -57,11 +59,11 @@ assert change.is_symplectic
 
 # %%
 back = {"q1": "Q1", "q2": "Q2 - Q1^2"}
-bent = bs.generating_transformation(cartesian, {"P": 2, "Q": 2}, "P1*q1 + P2*(q2 + q1^2)", positions=back)
-assert bent == bs.point_transformation(cartesian, {"P": 2, "Q": 2}, back)
+bent = bs.hamiltonians.generating_transformation(cartesian, {"P": 2, "Q": 2}, "P1*q1 + P2*(q2 + q1^2)", positions=back)
+assert bent == bs.hamiltonians.point_transformation(cartesian, {"P": 2, "Q": 2}, back)
 wrong = {"p1": "p_r", "p2": "p_phi", "q1": "r*cos(phi)", "q2": "r*sin(phi)"}
 try:
-    bs.canonical_transformation(cartesian, polar, wrong)
+    bs.hamiltonians.canonical_transformation(cartesian, polar, wrong)
     raise AssertionError("this map is not symplectic")
 except bs.SeriesError as error:
     print(error)
@@ -134,7 +136,7 @@ def turn(y, mu):
 
 def measured_turn(planet, h):
     """The mean over 100 turns of Störmer–Verlet."""
-    p, q = bs.integrate(planet, "stormer-verlet", h=h, steps=round(630 / h)).y.reshape(2, 2, -1)
+    p, q = bs.integrate("stormer-verlet", planet, h=h, steps=round(630 / h)).y.reshape(2, 2, -1)
     radial, angle = (p * q).sum(axis=0), np.unwrap(np.arctan2(q[1], q[0]))
     k = np.flatnonzero((radial[:-1] < 0) & (radial[1:] >= 0))  # r is least between k and k + 1
     angles = angle[k] - radial[k] / (radial[k + 1] - radial[k]) * (angle[k + 1] - angle[k])
@@ -158,7 +160,7 @@ left.axvline(0, color=ORANGE, linestyle=":", label="L = 0")
 left.plot(0.8, -0.5, "ko", markersize=4, label="start of (b)")
 left.set(xlabel="angular momentum $L$", ylabel="energy $H$", ylim=(-2, 0.5), title="(a) Kepler problem")
 figure.legend(loc="outside lower left", fontsize=8, ncols=5)
-run = bs.integrate(planet, "stormer-verlet", h=0.01, steps=15_000)
+run = bs.integrate("stormer-verlet", planet, h=0.01, steps=15_000)
 right.plot(run.y[2], run.y[3], color=BLUE, linewidth=0.6)
 right.plot(0, 0, "+", color=GREY, markersize=8)
 right.plot(run.y[2, 0], run.y[3, 0], "ko", markersize=4)
@@ -212,7 +214,7 @@ EXPECTED = {
 }
 matrix = sympy.lambdify(toda.symbols, lax, "numpy")
 for name, h, times in (("rk4", 0.08, ("24.96", 50, 100)), ("stormer-verlet", 0.02, (25, 50, 100))):
-    run, exact = bs.integrate(toda, name, h=h, steps=round(100 / h)), bs.reference_solution(toda, times)
+    run, exact = bs.integrate(name, toda, h=h, steps=round(100 / h)), bs.reference_solution(toda, times)
     spectra = [np.linalg.eigvalsh(matrix(*y)) for y in (toda.y0, *run.y[:, [round(float(t) / h) for t in times]].T)]
     for t, y, spectrum, expected in zip(times, exact.T, spectra[1:], EXPECTED[name], strict=True):
         found = np.linalg.norm(spectrum - spectra[0]), np.linalg.norm(run.y[:, round(float(t) / h)] - y)

@@ -45,7 +45,7 @@ H_STEP, SPAN = 0.01, 1000.0
 # %%
 old, new = {"p": 1, "q": 1}, {"a": 1, "theta": 1}
 rotor = bs.Scene(old, hamiltonian="(p^2 + q^2)/2 + (p^2 + q^2)^2/8", name="rotor")
-change = bs.harmonic_action_angle(old, new, [1])
+change = bs.hamiltonians.harmonic_action_angle(old, new, [1])
 integrable = change.hamiltonian(rotor)
 print(change)
 print("K =", integrable.hamiltonian)
@@ -61,7 +61,7 @@ def turning(state, omega, t):
 
 def run(method, h=H_STEP):
     """Times, actions and the global error."""
-    found = bs.integrate(rotor, method, h=h, steps=round(SPAN / h), y0=change.to_old(START), save_every=10)
+    found = bs.integrate(method, rotor, h=h, steps=round(SPAN / h), y0=change.to_old(START), save_every=10)
     exact = change.to_old(turning(START, 1 + START[0], found.t))
     return found.t, (found.y**2).sum(axis=0) / 2, np.linalg.norm(found.y - exact, axis=0)
 
@@ -75,7 +75,7 @@ runs = {name: run(name) for name in ("stormer-verlet", "kutta3")}
 # perturbation, ε = h², and the perturbation contains θ: a is not constant any more.
 
 # %%
-energy = bs.modified_hamiltonian(bs.method("stormer-verlet"), rotor, 5)
+energy = bs.modified_hamiltonian("stormer-verlet", rotor, 5)
 perturbations = [change.hamiltonian(bs.Scene(old, hamiltonian=energy.symbolic(k))).hamiltonian for k in (2, 4)]
 perturbations[0]
 
@@ -86,7 +86,7 @@ perturbations[0]
 # solves an equation ω(b) ∂S/∂θ + (known function) = (its mean), Fourier mode by Fourier mode: sin kθ is divided by kω.
 
 # %%
-form = bs.lindstedt_poincare(integrable, 2, perturbations=perturbations)
+form = bs.hamiltonians.lindstedt_poincare(integrable, 2, perturbations=perturbations)
 print(form)
 print("S_1 =", form.generating_function(1))
 
@@ -97,13 +97,13 @@ print("S_1 =", form.generating_function(1))
 # %%
 epsilon = H_STEP**2
 b, phase = form.to_normal(START, epsilon)
-omega_h = bs.right_hand_side(form.normal_scene.with_parameters(eps=epsilon))(0.0, np.array([b, phase]))[1]
+omega_h = bs.integrators.right_hand_side(form.normal_scene.with_parameters(eps=epsilon))(0.0, np.array([b, phase]))[1]
 linear = np.sqrt(2 * START[0]) * abs(omega_h - 1 - START[0])
 print(f"b - a = {b - START[0]:.2e}, error predicted: {linear:.4e} t")
 
 t, actions, errors = runs["stormer-verlet"]
 assert abs(np.polyfit(t, errors, 1)[0] / linear - 1) < 0.01
-states = bs.integrate(rotor, "stormer-verlet", h=H_STEP, steps=5000, y0=change.to_old(START)).y
+states = bs.integrate("stormer-verlet", rotor, h=H_STEP, steps=5000, y0=change.to_old(START)).y
 angles = np.array([(states**2).sum(axis=0) / 2, np.arctan2(states[1], states[0])])
 varies = {"a": np.ptp(angles[0]), "b": np.ptp(form.to_normal(angles, epsilon)[0])}
 assert varies["a"] > 5e-5 > 1e-10 > varies["b"]
@@ -115,7 +115,7 @@ print(f"in 5000 steps a varies by {varies['a']:.1e}, b by {varies['b']:.1e}")
 # t²·ω'(a)·slope/(2ω).
 
 # %%
-report = bs.energy_drift(bs.method("kutta3"), rotor, y0=change.to_old(START), h=H_STEP)
+report = bs.energy_drift("kutta3", rotor, y0=change.to_old(START), h=H_STEP)
 rate = report.slope() / (1 + START[0])
 quadratic = np.sqrt(2 * START[0]) * abs(rate) / 2
 print(report.verdict, f"of the action: {rate:.3e} t; error predicted: {quadratic:.3e} t^2")
@@ -142,7 +142,7 @@ pyplot.show()
 # not drift, and the error grows like t:
 
 # %%
-assert not bs.symplecticity(bs.method("lobatto-iiia3"), 5).holds
+assert not bs.symplecticity("lobatto-iiia3", 5).holds
 t, actions, errors = run("lobatto-iiia3", h=0.05)
 late = t > 10
 exponent = np.polyfit(np.log(t[late]), np.log(errors[late]), 1)[0]
@@ -167,7 +167,7 @@ bs.figure("linear-error-growth")
 # %%
 energy = "a1 + 3/2*a2 + a1*a2/2 + eps*a1*a2*cos(2*theta1 - 2*theta2)"
 rotors = bs.Scene({"a": 2, "theta": 2}, hamiltonian=energy, parameters={"eps": "1/100"}, name="rotors")
-form = bs.lindstedt_poincare(rotors, 2)
+form = bs.hamiltonians.lindstedt_poincare(rotors, 2)
 for actions in ([1, "2*sqrt(5) - 4"], [1, 2], [1, "2001/1000"]):
     smallest = form.small_denominators(actions, 1)[0]
     print(f"actions {actions}: k = {smallest.k}, k·ω = {smallest.value:.4g}")
@@ -185,11 +185,11 @@ resonant = bs.Scene(
     name="resonant rotors",
 )
 try:
-    bs.lindstedt_poincare(resonant, 1)
+    bs.hamiltonians.lindstedt_poincare(resonant, 1)
     raise AssertionError("these frequencies are resonant")
 except bs.SeriesError as error:
     print(error)
-print(bs.lindstedt_poincare(resonant, 1, keep_resonant=True))
+print(bs.hamiltonians.lindstedt_poincare(resonant, 1, keep_resonant=True))
 
 # %% [markdown]
 # ## Condition (28)

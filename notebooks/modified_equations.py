@@ -175,7 +175,7 @@ def truncated(terms, h):
 
 # %%
 TRUNCATED = {2: 15.95466885, 3: 19.11913372, 4: 17.74042893}
-step = bs.integrate(riccati, "explicit-euler", h=0.02, steps=50).y[0, -1]
+step = bs.integrate("explicit-euler", riccati, h=0.02, steps=50).y[0, -1]
 print(f"step 50      {step:.5f}")
 np.testing.assert_allclose(step, 18.1285001919, rtol=1e-11)
 for terms, given in TRUNCATED.items():
@@ -201,7 +201,7 @@ LINEAR = {
 for name, (text, radius) in LINEAR.items():
     tall = bs.modified_equation(METHODS[name], 6, max_children=1)
     assert tall.coefficients() == [Fraction(c) for c in text.split(",")]
-    found = bs.convergence_radius(METHODS[name])
+    found = bs.fields.convergence_radius(METHODS[name])
     assert abs(found.radius / radius - 1) < 1e-14
     print(f"{name:18} b = {text};  ρ = {found}")
 
@@ -281,7 +281,7 @@ def truncation_errors(h):
     t = h * (nodes + 1) / 2
     p = f.terms(np.array([0 * t, t]))[:, 0] @ weights * h / 2
     flows = np.cumsum(p * h ** np.arange(TERMS))
-    return abs(flows - bs.integrate(quadrature, verlet, h=h, steps=1, y0=[0, 0]).y[0, 1])[::2]
+    return abs(flows - bs.integrate(verlet, quadrature, h=h, steps=1, y0=[0, 0]).y[0, 1])[::2]
 
 
 # %%
@@ -310,5 +310,5 @@ pyplot.show()
 
 # %% [markdown]
 # `bs.figure("optimal-truncation")` has the same for the pendulum. What such errors mean for long times is told by
-# theorem 3 (`modified_hamiltonians.py`). To try next: `bs.reach` says how many terms are worth having at a point.
-# `lotka_volterra.py` goes on with equations in the plane.
+# theorem 3 (`modified_hamiltonians.py`). To try next: `bs.fields.reach` says how many terms are worth having at a
+# point. `lotka_volterra.py` goes on with equations in the plane.

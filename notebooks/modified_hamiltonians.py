@@ -39,7 +39,7 @@ import bseries as bs
 
 midpoint, verlet, pendulum = bs.method("implicit-midpoint"), bs.method("stormer-verlet"), bs.scene("pendulum")
 print(bs.modified_hamiltonian(midpoint, pendulum, 5))
-print(bs.hamiltonian_verdict(bs.method("rk4"), pendulum, 6))
+print(bs.hamiltonians.hamiltonian_verdict("rk4", pendulum, 6))
 
 # %% [markdown]
 # ## Example 4: the pendulum on the cylinder
@@ -58,10 +58,10 @@ bs.figure("pendulum-portraits")
 bs.figure("energy-error")
 
 # %%
-slope = bs.energy_drift(bs.method("explicit-euler"), pendulum, y0=[2.5, 0], h=0.005).slope()
+slope = bs.energy_drift("explicit-euler", pendulum, y0=[2.5, 0], h=0.005).slope()
 errors = {}
 for name in ("explicit-euler", "symplectic-euler-p"):
-    energies = bs.integrate(pendulum, name, h=0.005, steps=40_000, y0=[2.5, 0], observe="energy").observed["energy"]
+    energies = bs.integrate(name, pendulum, h=0.005, steps=40_000, y0=[2.5, 0], observe="energy").observed["energy"]
     errors[name] = energies - energies[0]
 assert abs(slope - 0.00244) < 5e-6
 assert abs(errors["explicit-euler"][-1] / 200 - slope) < 3e-5
@@ -76,7 +76,7 @@ print(f"explicit Euler: slope {slope:.5f}; symplectic Euler: up to {abs(errors['
 # %%
 drifts = []
 for h in (0.2, 0.1, 0.05):
-    run = bs.integrate(pendulum, "rk4", h=h, steps=round(100 / h), y0=[2.5, 0], observe="energy")
+    run = bs.integrate("rk4", pendulum, h=h, steps=round(100 / h), y0=[2.5, 0], observe="energy")
     drifts.append(run.observed["energy"][-1] - run.observed["energy"][0])
 np.testing.assert_allclose(drifts, (-1.168171096e-3, -3.860285678e-5, -1.302958731e-6), rtol=1e-5)
 assert all(28 < first / second < 33 for first, second in pairwise(drifts))
@@ -108,7 +108,7 @@ EXPECTED = {
 
 def deviation(energy, h, start):
     """The largest change of a function along 20,000 steps."""
-    values = energy(bs.integrate(pendulum, midpoint, h=h, steps=20_000, y0=start).y, h)
+    values = energy(bs.integrate(midpoint, pendulum, h=h, steps=20_000, y0=start).y, h)
     return abs(values - values[0]).max()
 
 
@@ -158,7 +158,7 @@ pyplot.show()
 def separation(h, start):
     """The distance of two orbits in the end."""
     starts = [(start[0] + shift, start[1]) for shift in (0, 1e-10)]
-    ends = [bs.integrate(pendulum, midpoint, h=h, steps=20_000, y0=y0, save_every=None).y[:, -1] for y0 in starts]
+    ends = [bs.integrate(midpoint, pendulum, h=h, steps=20_000, y0=y0, save_every=None).y[:, -1] for y0 in starts]
     return np.linalg.norm(ends[0] - ends[1])
 
 
@@ -186,7 +186,7 @@ bs.figure("chaos-onset")
 # Campbell and Hausdorff: the kick–drift–kick method,
 
 # %%
-brackets = bs.bracket_hamiltonian(verlet, 5, quadratic_kinetic=True)
+brackets = bs.hamiltonians.bracket_hamiltonian(verlet, 5, quadratic_kinetic=True)
 GIVEN = {
     "{T,{T,U}}": "1/12", "{U,{U,T}}": "-1/24",
     "{T,{T,{T,{T,U}}}}": "-1/720", "{U,{T,{T,{T,U}}}}": "1/360", "{U,{U,{T,{T,U}}}}": "-1/480",
@@ -201,8 +201,8 @@ brackets
 # $h^2(p^2u_2/12 - u_1^2/24) + h^4(-p^4u_4/720 + p^2u_1u_3/120 + p^2u_2^2/60 - u_1^2u_2/240)$:
 
 # %%
-print(bs.bracket_hamiltonian(bs.method("position-verlet"), 3))
-general = bs.bracket_hamiltonian(verlet, 5)
+print(bs.hamiltonians.bracket_hamiltonian("position-verlet", 3))
+general = bs.hamiltonians.bracket_hamiltonian(verlet, 5)
 assert [str(general[word]) for word in ("{U,{U,{U,{U,T}}}}", "{T,{U,{U,{U,T}}}}")] == ["7/5760", "1/360"]
 p, q, *u = sympy.symbols("p q u1:6")
 taylor = " + ".join(f"u{k}*q^{k}/{factorial(k)}" for k in range(1, 6))
@@ -234,10 +234,10 @@ assert all(sympy.expand(term - terms["trees"]) == 0 for term in terms.values())
 
 # %%
 simplified, asymmetric = bs.method("simplified-takahashi-imada"), bs.scene("pendulum", effects=["asymmetry"])
-print(bs.hamiltonian_verdict(simplified, asymmetric, 5))
+print(bs.hamiltonians.hamiltonian_verdict(simplified, asymmetric, 5))
 print(bs.energy_drift(simplified, asymmetric, y0=[2.5, 0], h=0.2).verdict)
 for kind in (pendulum, asymmetric):
-    print(f"∫ U‴U′² dq = {bs.takahashi_imada_integral(kind)} for the {kind.title}")
+    print(f"∫ U‴U′² dq = {bs.hamiltonians.takahashi_imada_integral(kind)} for the {kind.title}")
 
 # %% [markdown]
 # That story is `takahashi_imada.py`. **Try next:** another method in figure 6's place (`bs.method("gauss2")`), or the

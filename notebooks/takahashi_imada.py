@@ -48,7 +48,9 @@ p, q, alpha, *u = sympy.symbols("p q alpha u1:6")
 u1, u2, u3, u4, u5 = u
 taylor = " + ".join(f"u{k}*q^{k}/{factorial(k)}" for k in range(1, 6))
 anything = bs.Scene({"p": 1, "q": 1}, hamiltonian=f"p^2/2 + {taylor}", parameters={str(s): str(s) for s in u})
-any_true, any_simplified = (bs.TakahashiImada("alpha", simplified=kind, parameters=["alpha"]) for kind in (False, True))
+any_true, any_simplified = (
+    bs.methods.TakahashiImada("alpha", simplified=kind, parameters=["alpha"]) for kind in (False, True)
+)
 energy = bs.modified_hamiltonian(any_true, anything, 5)
 H3, H5 = (sympy.expand(energy.symbolic(k).subs(q, 0)) for k in (2, 4))
 assert energy.symbolic(1) == energy.symbolic(3) == 0
@@ -129,12 +131,12 @@ assert is_zero(fourth[1] - p * u1 * u3 / 60 - p * u2**2 / 30 + alpha * p * (u1 *
 # it has five nodes.
 
 # %%
-assert all(bs.divergence(other, k) == 0 for k in range(7))
+assert all(bs.fields.divergence(other, k) == 0 for k in range(7))
 pendulum, asymmetric = bs.scene("pendulum"), bs.scene("pendulum", effects=["asymmetry"])
-verdict: Any = bs.hamiltonian_verdict(simplified, pendulum, 6)
+verdict: Any = bs.hamiltonians.hamiltonian_verdict(simplified, pendulum, 6)
 assert verdict.holds
 assert verdict.general.breaks.order == 5
-assert not bs.hamiltonian_verdict(simplified, bs.scene("henon-heiles"), 6).holds
+assert not bs.hamiltonians.hamiltonian_verdict(simplified, "henon-heiles", 6).holds
 print(verdict)
 
 # %% [markdown]
@@ -148,10 +150,10 @@ print(verdict)
 report: Any = bs.energy_drift(simplified, asymmetric, y0=[2.5, 0], h=0.2)
 U = -sympy.cos(q) + sympy.sin(2 * q) / 5
 assert is_zero((report.rate + p * U.diff(q, 3) * U.diff(q) ** 2 / 288).rewrite(sympy.exp))
-integral = bs.takahashi_imada_integral(asymmetric)
+integral = bs.hamiltonians.takahashi_imada_integral(asymmetric)
 assert integral == 6 * sympy.pi / 5
 assert abs(float(integral) - 3.769911184307751886) < 1e-15
-assert bs.takahashi_imada_integral(pendulum) == 0
+assert bs.hamiltonians.takahashi_imada_integral(pendulum) == 0
 assert bs.energy_drift(true, asymmetric).verdict == bs.energy_drift(simplified, pendulum).verdict == "bounded"
 assert abs(report.slope() / -6.542905262680666e-06 - 1) < 1e-12
 assert abs(report.orbit.period / 3.2010170074434336 - 1) < 1e-12
@@ -179,7 +181,7 @@ def line(t, values):
 lines = {}
 for scene in (pendulum, asymmetric):
     for method in (simplified, true):
-        run = bs.integrate(scene, method, h=0.2, steps=25_000, y0=[2.5, 0])
+        run = bs.integrate(method, scene, h=0.2, steps=25_000, y0=[2.5, 0])
         for n in (3, 5):
             lines[scene, method, n] = line(run.t, bs.modified_hamiltonian(true, scene, n)(run.y, 0.2))
         (slope, rest), (_, finer) = lines[scene, method, 3], lines[scene, method, 5]
@@ -202,7 +204,7 @@ assert all(abs(slope) < 3e-11 for (*case, _), (slope, _) in lines.items() if cas
 
 # %%
 for momentum, expected, close in ((2.5, -6.568936359e-6, 1e-13), (-2.5, -report.slope(), 7e-8), (0.5, 0, 1e-10)):
-    run = bs.integrate(asymmetric, simplified, h=0.2, steps=10_000, y0=[momentum, 0])
+    run = bs.integrate(simplified, asymmetric, h=0.2, steps=10_000, y0=[momentum, 0])
     slope = line(run.t, bs.modified_hamiltonian(true, asymmetric, 3)(run.y, 0.2))[0]
     print(f"p = {momentum:4}: {slope:10.3e}")
     assert abs(slope - expected) < close
@@ -232,20 +234,20 @@ bs.figure("lennard-jones-drift", h=STEP, members=12, span=SPAN)
 
 # %%
 atoms, KINETIC, MEMBERS = bs.scene("lennard-jones"), 2.4, 60
-momenta, energy = bs.thermal_momenta(atoms, 1), bs.modified_hamiltonian(true, atoms, 5).observer(STEP)
+momenta, energy = bs.runs.thermal_momenta(atoms, 1), bs.modified_hamiltonian(true, atoms, 5).observer(STEP)
 
 
 def start(random):
     """A state in disorder."""
     y = momenta(random)
     y[:18] *= np.sqrt(2 * KINETIC / (y[:18] @ y[:18]))
-    return bs.integrate(atoms, simplified, h=STEP, steps=2500, y0=y, save_every=None).y[:, -1]
+    return bs.integrate(simplified, atoms, h=STEP, steps=2500, y0=y, save_every=None).y[:, -1]
 
 
 diffusion = {}
 for method in (simplified, true):
     result = bs.ensemble(
-        atoms, method, h=STEP, steps=round(SPAN / STEP), sample=start, members=MEMBERS, seed=4,
+        method, atoms, h=STEP, steps=round(SPAN / STEP), sample=start, members=MEMBERS, seed=4,
         observe={"E": energy}, observe_every=round(SPAN / STEP / 20), change="absolute",
     )  # fmt: skip
     t, mean, deviation = result.t[2:], result.mean["E"], result.std["E"]

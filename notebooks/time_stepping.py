@@ -46,11 +46,11 @@ PERIODS = 10_000
 METHODS = {"stormer-verlet": (1200, BLUE), "rk4": (600, ORANGE), "gauss3": (150, GREEN)}
 runs = {}
 for name, (steps, _) in METHODS.items():
-    bs.integrate(kepler, name, h=0.01, steps=1, observe="energy")  # compiles
+    bs.integrate(name, kepler, h=0.01, steps=1, observe="energy")  # compiles
     start = process_time()
     runs[name] = bs.integrate(
-        kepler,
         name,
+        kepler,
         h=PERIOD / steps,
         steps=steps * PERIODS,
         save_every=None,
@@ -107,11 +107,11 @@ assert all(last[name] < 1.1 * early[name] for name in ("stormer-verlet", "gauss3
 
 # %%
 STEPS, EVERY, MEMBERS = 400_000, 2000, 24
-starts = bs.perturbed_start(kepler, 1e-3)
+starts = bs.runs.perturbed_start(kepler, 1e-3)
 for name, colour in (("stormer-verlet", BLUE), ("gauss3", GREEN)):
     for compensated, style in ((True, "-"), (False, ":")):
         result = bs.ensemble(
-            kepler, name, h=PERIOD / 200, steps=STEPS, sample=starts, members=MEMBERS, keep=MEMBERS,
+            name, kepler, h=PERIOD / 200, steps=STEPS, sample=starts, members=MEMBERS, keep=MEMBERS,
             observe="angular_momentum", change="relative", observe_every=EVERY, compensated=compensated,
         )  # fmt: skip
         rms = np.sqrt((result.series["angular_momentum"] ** 2).mean(axis=0))[1:]
@@ -137,8 +137,8 @@ pyplot.show()
 # %%
 comet = bs.scene("kepler", eccentricity="0.9")
 STEPS = 200_000
-variable = bs.integrate(comet, "stormer-verlet", h=0.02, steps=STEPS, control="(q1^2 + q2^2)^(3/4)", observe="energy")
-constant = bs.integrate(comet, "stormer-verlet", h=variable.t[-1] / STEPS, steps=STEPS, observe="energy")
+variable = bs.integrate("stormer-verlet", comet, h=0.02, steps=STEPS, control="(q1^2 + q2^2)^(3/4)", observe="energy")
+constant = bs.integrate("stormer-verlet", comet, h=variable.t[-1] / STEPS, steps=STEPS, observe="energy")
 
 figure, (orbit, errors) = pyplot.subplots(2, 1, figsize=(6.4, 5.6), height_ratios=(1, 1.6))
 for run, colour, name in ((constant, ORANGE, "constant steps"), (variable, BLUE, "variable steps")):
@@ -162,7 +162,7 @@ assert (
 # They are reversible: with the opposite step the run goes back to its start.
 
 # %%
-steps = bs.stepper(comet, "stormer-verlet", control="(q1^2 + q2^2)^(3/4)")
+steps = bs.stepper("stormer-verlet", comet, control="(q1^2 + q2^2)^(3/4)")
 state = steps.start(h=0.02)
 steps.advance(state, 10_000)
 state = steps.restart(state, h=-state.h)
@@ -181,7 +181,7 @@ state.t, state.y - comet.y0
 # %%
 atoms = bs.scene("lennard-jones")
 result = bs.ensemble(
-    atoms, "stormer-verlet", h=0.005, steps=8000, sample=bs.thermal_momenta(atoms, 0.1), members=200,
+    "stormer-verlet", atoms, h=0.005, steps=8000, sample=bs.runs.thermal_momenta(atoms, 0.1), members=200,
     change="absolute", observe_every=20, keep=3,
 )  # fmt: skip
 mean, std = result.mean["energy"], result.std["energy"]
@@ -201,7 +201,7 @@ result
 # %%
 assert not result.failures
 assert std[-100:].mean() < 1.5 * std[100:200].mean()
-first_start = bs.thermal_momenta(atoms, 0.1)(np.random.default_rng(np.random.SeedSequence(0).spawn(1)[0]))
-alone = bs.integrate(atoms, "stormer-verlet", h=0.005, steps=8000, y0=first_start, observe="energy", save_every=20)
+first_start = bs.runs.thermal_momenta(atoms, 0.1)(np.random.default_rng(np.random.SeedSequence(0).spawn(1)[0]))
+alone = bs.integrate("stormer-verlet", atoms, h=0.005, steps=8000, y0=first_start, observe="energy", save_every=20)
 energy = alone.observed["energy"]
 assert (result.series["energy"][0] == energy - energy[0]).all()

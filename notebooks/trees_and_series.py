@@ -51,9 +51,9 @@ assert all(t.left.butcher_product(t.right) == t for t in table if t.order > 1)
 
 # %%
 separable = [[0, None], [None, 0]]
-print(bs.count_trees(12))
-print(bs.count_trees(8, colors=2))
-print(bs.count_trees(8, colors=2, max_children=separable))
+print(bs.trees.count_trees(12))
+print(bs.trees.count_trees(8, colors=2))
+print(bs.trees.count_trees(8, colors=2, max_children=separable))
 
 # %% [markdown]
 # ## Flows form a group
@@ -63,12 +63,12 @@ print(bs.count_trees(8, colors=2, max_children=separable))
 
 # %%
 half = Fraction(1, 2)
-explicit = bs.series(bs.method("explicit-euler"), 6).scale_step(half)
-implicit = bs.series(bs.method("implicit-euler"), 6).scale_step(half)
+explicit = bs.series("explicit-euler", 6).scale_step(half)
+implicit = bs.series("implicit-euler", 6).scale_step(half)
 midpoint = bs.compose(implicit, explicit)
 trapezoidal = bs.compose(explicit, implicit)
-assert midpoint == bs.series(bs.method("implicit-midpoint"), 6)
-assert trapezoidal == bs.series(bs.method("trapezoidal"), 6)
+assert midpoint == bs.series("implicit-midpoint", 6)
+assert trapezoidal == bs.series("trapezoidal", 6)
 
 # %% [markdown]
 # The same two half steps in either order: the trapezoidal rule is the midpoint rule seen in other coordinates, which
@@ -84,7 +84,7 @@ bs.method("implicit-midpoint").is_symplectic, bs.method("trapezoidal").is_symple
 # make a symmetric method, whose order is even: from order 3 comes order 4 (*Geometric Numerical Integration*, II.4).
 
 # %%
-kutta3 = bs.series(bs.method("kutta3"), 6).scale_step(half)
+kutta3 = bs.series("kutta3", 6).scale_step(half)
 symmetric = bs.compose(kutta3, kutta3.adjoint())
 assert explicit.adjoint() == implicit
 assert symmetric.adjoint() == symmetric
@@ -97,9 +97,9 @@ bs.order_of(kutta3.scale_step(2)), bs.order_of(symmetric)
 # is the whole step again.
 
 # %%
-rk4 = bs.series(bs.method("rk4"), 6)
+rk4 = bs.series("rk4", 6)
 field = rk4.log()
-assert field == bs.modified_equation(bs.method("rk4"), 6)
+assert field == bs.modified_equation("rk4", 6)
 assert field.exp() == rk4
 root = rk4**half
 assert bs.compose(root, root) == rk4

@@ -5,6 +5,8 @@ import sys
 import pytest
 from hypothesis import settings
 
+from trees import compiled
+
 settings.register_profile("untimed", deadline=None, max_examples=50)  # the first example may import SymPy
 settings.load_profile("untimed")
 
@@ -26,6 +28,11 @@ def pytest_configure(config):
         import numba  # noqa: F401
     elif config.getoption("numba") == "never":
         sys.meta_path.insert(0, SkipsWhatLoadsNumba())
+
+
+def pytest_runtest_setup(item):
+    if item.config.getoption("numba") == "never":
+        compiled._interpreted = 0.0  # each test begins as a new process does
 
 
 def pytest_sessionfinish(session):

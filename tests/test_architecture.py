@@ -12,6 +12,8 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+import bseries
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("trees", "integrators", "bseries")
 BELOW = "foundation"
@@ -92,19 +94,26 @@ def evaluations(tree):
                 yield name
 
 
+STUBS = sorted(module_name(path) for package in PACKAGES for path in (ROOT / package).rglob("__init__.pyi"))
+
+
 def public_names(package):
-    """The names that a package's stub re-exports or declares."""
-    for node in ast.parse((ROOT / package / "__init__.pyi").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom):
+    """The names that the stub of a package or a room re-exports or declares."""
+    path = ROOT.joinpath(*package.split("."), "__init__.pyi")
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
             yield from (alias.asname or alias.name for alias in node.names)
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             yield node.target.id
 
 
 def public_objects():
-    for package in PACKAGES:
+    """Functions and classes in public places, not the places themselves."""
+    for package in STUBS:
         for name in public_names(package):
-            yield package, name, getattr(importlib.import_module(package), name)
+            thing = getattr(importlib.import_module(package), name)
+            if not inspect.ismodule(thing):
+                yield package, name, thing
 
 
 def test_every_folder_is_a_room_of_the_table():
@@ -161,11 +170,20 @@ def test_public_names_resolve_and_are_documented_with_an_example():
 
 
 def test_stub_and_runtime_list_the_same_names():
-    for package in PACKAGES:
+    assert {"bseries", "bseries.analysis.stability", "trees.hopf"} < set(STUBS)
+    for package in STUBS:
         module = importlib.import_module(package)
         own = sorted(public_names(package))
         assert own == sorted(module.__all__)
         assert set(module.__all__) <= set(dir(module))
+
+
+def test_names_at_the_top_are_few_and_all_others_are_one_level_down():
+    top = set(public_names("bseries"))
+    assert len(top) <= 80
+    places = [name for name in top if inspect.ismodule(getattr(bseries, name))]
+    below = {name for place in places for name in vars(getattr(bseries, place))["__all__"]}
+    assert below | top >= {name for package in STUBS for name in public_names(package)}
 
 
 def test_no_room_hides_a_public_function():

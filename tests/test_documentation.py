@@ -3,6 +3,7 @@
 The Python examples run as doctests; here are the others.
 """
 
+import inspect
 import re
 import shlex
 from pathlib import Path
@@ -10,10 +11,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import bseries
 from bseries.cli.application import application
 
 ROOT = Path(__file__).parent.parent
-PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("[hr]*/*.md")]
 
 
 def console_session(page):
@@ -67,7 +69,34 @@ def test_make_demo_shows_what_readme_shows():
     )
 
 
+def test_reference_lists_all_public_names_once():
+    listed = []
+    for page in (ROOT / "docs" / "reference").glob("*.md"):
+        for block in re.findall(r":nosignatures:\n\n((?:   \w+\n)+)", page.read_text(encoding="utf-8")):
+            listed += block.split()
+    places = [bseries, *(thing for name in dir(bseries) if inspect.ismodule(thing := getattr(bseries, name)))]
+    public = {name for place in places for name in dir(place) if not inspect.ismodule(getattr(place, name))}
+    assert sorted(listed) == sorted(public - {"errors"})
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_between_files_lead_somewhere(page):
     targets = re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8"))
     assert all((page.parent / target).exists() for target in targets), targets
+
+
+@pytest.mark.parametrize(
+    ("pattern", "last"),
+    [
+        (r"\((\d+)\)", 28),
+        (r"Theorem (\d+)", 7),
+        (r"Example (\d+)", 9),
+        (r"Figure (\d+)", 10),
+        (r"Exercise (\d+)", 6),
+        (r"Definition (\d+)", 1),
+    ],
+)
+def test_everything_that_the_lecture_numbers_is_listed(pattern, last):
+    page = (ROOT / "docs" / "lecture.md").read_text(encoding="utf-8")
+    first_cells = " ".join(re.findall(r"^\| ([^|]*) \| .*; notebook \[", page, re.MULTILINE))
+    assert {int(number) for number in re.findall(pattern, first_cells)} == set(range(1, last + 1))

@@ -1,3 +1,4 @@
+from . import hopf as hopf
 from .counting import count_trees as count_trees
 from .drawing import draw as draw
 from .drawing import svg as svg

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import sys
 import types
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property, update_wrapper
 from pathlib import Path
+from time import perf_counter
 from typing import Any
+
+from foundation.machine_code import has_machine_code, has_numba
 
 
 class Kernel:
@@ -44,7 +48,9 @@ class Kernel:
 
     @cached_property
     def compiled(self) -> Callable[..., Any]:
-        """The kernel compiled by numba, with cached machine code; it releases the GIL."""
+        """The kernel compiled by numba, with cached machine code; it releases the GIL. Without numba, `py_func`."""
+        if not has_numba():
+            return self.py_func
         from foundation.machine_code import njit
 
         return njit(sources=self._sources, nogil=True, **self._options)(self._bind(lambda kernel: kernel.compiled))
@@ -96,9 +102,29 @@ def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.Module
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 
 
-def compiling_pays(work: float) -> bool:
-    """Whether `work` elementary operations are faster with compiled kernels.
+LOADING, COMPILING = 0.4, 5.0
+"""Seconds that the first compiled call takes: numba's import, and machine code from the cache or compiled."""
+_interpreted = 0.0  # seconds that the interpreter has spent in kernels
 
-    The interpreter performs some five million per second. If numba is loaded, its fixed cost has been paid.
+
+@contextmanager
+def interpreting() -> Iterator[None]:
+    """Count the time that the interpreter spends in kernels, for `compiling_pays`."""
+    global _interpreted
+    start = perf_counter()
+    try:
+        yield
+    finally:
+        _interpreted += perf_counter() - start
+
+
+def compiling_pays(seconds: float) -> bool:
+    """Whether compiled kernels should do the next work, for which the interpreter would need this time.
+
+    They should once the interpreter's time in this process would exceed that of the first compiled call. The process
+    then takes at most about twice as long as with the better choice from the start.
     """
-    return work > 1e6 or "numba" in sys.modules
+    if "numba" in sys.modules or not has_numba():
+        return has_numba()
+    total = _interpreted + seconds
+    return total > LOADING and (total > COMPILING or has_machine_code(sys.modules["trees.kernels"]))

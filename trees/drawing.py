@@ -7,10 +7,10 @@ from html import escape
 from itertools import accumulate, islice
 from typing import TYPE_CHECKING, NamedTuple
 
-from foundation.extras import how_to_install
+from foundation.extras import optional_module
+from foundation.plotting import PALETTE
 from trees.errors import TreeError
-from trees.names import check_names, default_names
-from trees.notation import TreeLike, parents_of, tree_text
+from trees.notation import TreeLike, check_names, default_names, parents_of, tree_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -153,11 +153,6 @@ def _tidy(levels: Sequence[int]) -> tuple[list[float], list[float]]:
     return [STEP * place for place in places], [STEP * rise * level for level in levels]
 
 
-PALETTE = ("#000000", "#ffffff", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
-"""Fill of colours 0, 1, …, repeated beyond the last: black and white as in the literature on partitioned methods, then
-the colours of Okabe and Ito (2008), distinguishable by the colour-blind."""
-
-
 def svg(
     trees: TreeLike | Iterable[TreeLike],
     columns: int | None = None,
@@ -215,11 +210,8 @@ def draw(
     """The drawing of `svg` in matplotlib.
 
     Args:
-        trees: A tree, or at most 2,000 of them, each of at most 1,000 nodes.
+        trees: As for `svg`, like `columns`, `labels` and `names`.
         ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-        columns: The number of trees in a row; None for at most 10.
-        labels: Captions below the trees: True for their texts, or one string per tree.
-        names: The names of the colours in texts; None for the default names.
 
     Returns:
         The axes.
@@ -235,10 +227,7 @@ def draw(
         2
     """
     picture = arrange(trees, columns, labels, names)
-    try:
-        from matplotlib.collections import EllipseCollection, LineCollection
-    except ImportError as missing:
-        raise ImportError(f"draw needs matplotlib: {how_to_install('plot')}") from missing
+    collections = optional_module("matplotlib.collections", "draw")
     if ax is None:
         from matplotlib import pyplot
 
@@ -252,7 +241,7 @@ def draw(
     nodes = [node for tree in picture.drawn for node in tree.nodes]
     edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
     diameters = [2 * RADIUS] * len(nodes)
-    circles = EllipseCollection(
+    circles = collections.EllipseCollection(
         diameters,
         diameters,
         [0.0] * len(nodes),
@@ -264,7 +253,7 @@ def draw(
         linewidths=LINE * scale,
         zorder=2,
     )
-    ax.add_collection(LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
+    ax.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
     ax.add_collection(circles)
     for tree in picture.drawn:
         ax.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)

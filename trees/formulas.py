@@ -8,11 +8,12 @@ The matrix, weights and row sums of a part have its name as superscript: b^ν_i,
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fractions import Fraction
 from itertools import groupby
 
+from foundation.numbers import latex_number
 from trees.errors import TreeError
-from trees.names import node_names
-from trees.notation import TreeLike, nest, parents_of
+from trees.notation import TreeLike, nest, node_names, parents_of
 
 _INDICES = "ijklmnrsuvwxyz"  # without p and q (blocks), t (node) and o (zero)
 
@@ -103,8 +104,8 @@ def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] |
     density = tree.density
     if density.bit_length() > 9_966:  # Python does not print numbers of more than 4300 digits
         raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {density.bit_length()} bits")
-    quotient = f"\\frac{{1}}{{{density}}}" if _is_latex(format) else f"1/{density}"
-    return f"{elementary_weight(tree, format, names)} = {quotient if density > 1 else 1}"
+    quotient = Fraction(1, density)
+    return f"{elementary_weight(tree, format, names)} = {latex_number(quotient) if _is_latex(format) else quotient}"
 
 
 def _children(parents: list[int]) -> list[list[int]]:

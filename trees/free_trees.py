@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from trees import kernels
 from trees.compiled import kernel
+from trees.drawing import svg
 from trees.errors import TreeError
 from trees.kernels import OUTSIDE, graft, product
 from trees.table import TreeTable, tree_table
@@ -56,6 +57,12 @@ class FreeTree(NamedTuple):
     rootings: tuple[Rooting, ...]
     symmetry: int
     is_superfluous: bool
+
+    def __repr__(self) -> str:
+        return f"FreeTree({self.representative.text()}: {len(self.rootings)} rootings, symmetry {self.symmetry})"
+
+    def _repr_svg_(self) -> str:
+        return svg(self.representative)
 
 
 @kernel

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
+from foundation.table import Table, as_frame, as_html, as_text
 from trees import kernels
 from trees.compiled import compiling_pays
 from trees.counting import (
@@ -18,8 +19,9 @@ from trees.counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
-from trees.drawing import svg
+from trees.drawing import MAX_TREES, svg
 from trees.errors import TreeError
+from trees.listing import listing
 from trees.tree import Tree
 
 if TYPE_CHECKING:
@@ -117,7 +119,7 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self.compiled = compiling_pays(1000 * size)
+        self.compiled = compiling_pays(_interpreted_seconds(order, size))
         limits = [bound for row in self.limits for bound in row]
         self.columns = Columns(
             self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
@@ -125,6 +127,15 @@ class TreeTable(Sequence[Tree]):
         )  # fmt: skip
         self.run(kernels.enumerate_trees)(order, colors, self.column(limits), *self.columns)
         self._complete = True
+
+    def choose_kernels(self) -> None:
+        """Make the columns anew for compiled kernels if these now pay (see `trees.compiled.compiling_pays`)."""
+        if not self.compiled and compiling_pays(_interpreted_seconds(self.max_order, len(self))):
+            compiled = TreeTable(self.max_order, self.colors, self.limits).__dict__
+            for name, value in vars(TreeTable).items():
+                if isinstance(value, cached_property):
+                    self.__dict__.pop(name, None)
+            self.__dict__.update(compiled)
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_complete" in self.__dict__:
@@ -228,8 +239,27 @@ class TreeTable(Sequence[Tree]):
         restricted = "" if self.limits == normal_limits(self.colors, None) else f", max_children={shown}"
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
-    def _repr_svg_(self) -> str:
-        return svg(self)
+    def to_table(self) -> Table:
+        """The trees with their numbers and formulas.
+
+        Example:
+            >>> print(TreeTable(2).to_table().to_text())
+            2 rooted trees with at most 2 nodes
+            <BLANKLINE>
+            id  |τ|  tree τ  σ  γ  α  differential  elementary weight
+            ──  ───  ──────  ─  ─  ─  ────────────  ─────────────────
+             0    1  τ       1  1  1  f             Σ b_i
+            <BLANKLINE>
+             1    2  [τ]     1  2  1  f'(f)         Σ b_i c_i
+            <BLANKLINE>
+            σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings.
+        """
+        return listing(self, self.max_order, self.colors)
+
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
+
+    def _repr_svg_(self) -> str | None:
+        return svg(self) if len(self) <= MAX_TREES else None
 
     def ids(self, order: int) -> range:
         """Ids of the trees with `order` nodes."""
@@ -368,6 +398,11 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
         refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
     return count_by_color(order, limits)
+
+
+def _interpreted_seconds(order: int, size: int) -> float:
+    """About the time of one operation on series in the interpreter."""
+    return 2e-5 * order * size
 
 
 @lru_cache(maxsize=16)

@@ -44,12 +44,13 @@ class Tree:
         Butcher: Numerical Methods for Ordinary Differential Equations (2016), chapter 3, doi:10.1002/9781119121534.
     """
 
-    __slots__ = ("_children", "_color", "_hash", "_order")
+    __slots__ = ("_children", "_color", "_hash", "_order", "_shape")
 
     _children: tuple[Tree, ...]
     _color: int
     _hash: int
     _order: int
+    _shape: tuple[tuple[int, ...], tuple[int, ...]]
 
     def __new__(cls, text: str | Tree, *, names: Iterable[str] | None = None) -> Tree:
         """Read the text."""
@@ -198,12 +199,20 @@ class Tree:
     @property
     def levels(self) -> tuple[int, ...]:
         """The distance of each node from the root, in preorder."""
-        return tuple(level for level, _ in self.preorder())
+        return self._levels_and_colors[0]
 
     @property
     def colors(self) -> tuple[int, ...]:
         """The colour of each node, in preorder."""
-        return tuple(tree._color for _, tree in self.preorder())
+        return self._levels_and_colors[1]
+
+    @property
+    def _levels_and_colors(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Levels and colours, kept from the first time on."""
+        if not hasattr(self, "_shape"):
+            nodes = list(self.preorder())
+            self._shape = tuple(level for level, _ in nodes), tuple(tree._color for _, tree in nodes)
+        return self._shape
 
     @property
     def height(self) -> int:

@@ -37,7 +37,7 @@ def observed_steps(scene: str, method: str) -> Run:
     from integrators.runs.observers import observers
 
     model = bs.scene(scene)
-    stepper, energy = bs.stepper(model, method), observers(model, "energy")
+    stepper, energy = bs.stepper(method, model), observers(model, "energy")
 
     def run(y: np.ndarray, h: float, steps: int) -> None:
         import numpy as np
@@ -132,12 +132,12 @@ def ensemble_speedup(kind: str, *, steps: int, members: int = MEMBERS, rounds: i
 
 def _ensemble_timer(options: dict[str, Any], steps: int, members: int) -> Callable[[], float]:
     scene = bs.scene("lennard-jones")
-    start = bs.perturbed_start(scene, SPREAD)
+    start = bs.runs.perturbed_start(scene, SPREAD)
 
     def timer() -> float:
         begin = perf_counter()
         bs.ensemble(
-            scene, "stormer-verlet", h=STEP_SIZES[scene.name], steps=steps, sample=start, members=members, **options
+            "stormer-verlet", scene, h=STEP_SIZES[scene.name], steps=steps, sample=start, members=members, **options
         )
         return perf_counter() - begin
 
@@ -150,5 +150,5 @@ def _workers(kind: str, count: int) -> Iterator[dict[str, Executor | str | int]]
     if kind == "threads":
         yield {"executor": kind, "workers": count}
         return
-    with bs.cluster_executor(workers=count) as executor:
+    with bs.runs.cluster_executor(workers=count) as executor:
         yield {"executor": executor}

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bseries.advice.work_precision.curves import pareto_front
-from bseries.advice.work_precision.diagram import Label, label_ends
+from bseries.advice.work_precision.diagram import name_curves
+from bseries.advice.work_precision.sweeps import pareto_front
 
 from .precision import OURS, Curve
 from .problems import Problem
@@ -27,12 +27,12 @@ ERRORS = (1e-1, 1e-15)
 def draw(curves: Sequence[Curve], problems: Sequence[Problem]) -> Figure:
     """A panel for each problem; of a curve the points that no other of it beats.
 
-    Curves that are somewhere the best of their package are strong and have their names beside their last points.
+    Curves that are somewhere the best of their package are strong and have their names in the legend.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.5 * len(problems), 7.5))
-    room = {"left": 0.15 / len(problems), "right": 1 - 0.35 / len(problems), "wspace": 0.75}  # for names on the right
+    room = {"left": 0.15 / len(problems), "right": 1 - 0.35 / len(problems), "wspace": 0.75}
     panels = figure.subplots(1, len(problems), squeeze=False, gridspec_kw=room)[0]
     for panel, problem in zip(panels, problems, strict=True):
         _panel(panel, [curve for curve in curves if curve.problem == problem.name])
@@ -44,7 +44,7 @@ def _panel(panel: Axes, curves: Sequence[Curve]) -> None:
     panel.set(xscale="log", yscale="log", xlim=ERRORS)
     panel.grid(color="#dddddd", linewidth=0.5)
     panel.spines[["top", "right"]].set_visible(False)
-    ends, drawn = [], Counter()
+    drawn = Counter()
     fronts = [(curve, [p for p in curve.front if ERRORS[1] < p.error < ERRORS[0]]) for curve in curves]
     shown = [(curve, points) for curve, points in fronts if points]
     best = {
@@ -60,6 +60,7 @@ def _panel(panel: Axes, curves: Sequence[Curve]) -> None:
         ours = package == OURS
         panel.plot(
             *xy,
+            label=curve.method if ours else f"{package} {curve.method}",
             color=colour,
             marker=MARKERS[package],
             linestyle=DASHES[drawn[package] % len(DASHES)],
@@ -67,6 +68,4 @@ def _panel(panel: Axes, curves: Sequence[Curve]) -> None:
             linewidth=2 if ours else 1,
         )
         drawn[package] += 1
-        name = curve.method if ours else f"{package} {curve.method}"
-        ends.append(Label(name, colour, points[-1].error, points[-1].seconds))
-    label_ends(panel, ends)
+    name_curves(panel, size=8)

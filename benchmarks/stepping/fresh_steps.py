@@ -21,7 +21,7 @@ def memory(steps: int) -> list[int]:
     def run(count: int) -> int:
         every = max(1, count // ROWS)
         bs.integrate(
-            bs.scene("pendulum"), "stormer-verlet", h=0.1, steps=count, save_every=None,
+            "stormer-verlet", bs.scene("pendulum"), h=0.1, steps=count, save_every=None,
             observe="energy", observe_every=every,
         )  # fmt: skip
         return peak_memory()
@@ -33,7 +33,7 @@ def first_step(scene: str, method: str) -> float:
     """Seconds to the end of the first step of a method on a scene that is at hand."""
     model = bs.scene(scene)
     begin = perf_counter()
-    stepper = bs.stepper(model, method)
+    stepper = bs.stepper(method, model)
     stepper.advance(stepper.start(h=1e-3), 1)
     return perf_counter() - begin
 

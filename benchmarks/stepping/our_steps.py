@@ -17,7 +17,7 @@ LIKE_C: dict[str, Any] = {"compensated": False, "split": False}
 
 def our_steps(scene: str, method: str, **options: Any) -> Run:
     """The stepper of a scene and a method, with options of `bseries.stepper`."""
-    stepper = bs.stepper(bs.scene(scene), bs.method(method), **options)
+    stepper = bs.stepper(bs.method(method), bs.scene(scene), **options)
 
     def run(y: np.ndarray, h: float, steps: int) -> None:
         state = stepper.start(y.tolist(), h=h)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.advice.work_precision.curves import pareto_front, seconds_at
+from bseries.advice.work_precision.sweeps import pareto_front, seconds_at
 
 from .c_steps import METHODS, CFailure
 from .our_steps import LIKE_C, our_steps_like_c
@@ -142,7 +142,7 @@ def our_curve(problem: Problem, method: str, run: Run, *, package: str = OURS, b
                 run(y, h, look - done)
                 seen.append(y.copy())
                 done = look
-        except (CFailure, bs.StepError):
+        except (CFailure, bs.integrators.StepError):
             return inf, work
         states = np.array(seen)
         return problem.energy_error(states[:, size:], _velocities(states[:, :size], problem.masses)), work
@@ -159,7 +159,7 @@ def controlled_curve(problem: Problem, method: str, control: str, *, budget: flo
         control: The formula of σ.
         budget: CPU seconds; the curve ends with its first run that takes longer.
     """
-    stepper = bs.stepper(bs.scene(problem.name), method, control=control, **LIKE_C)
+    stepper = bs.stepper(method, bs.scene(problem.name), control=control, **LIKE_C)
 
     def at(steps: float) -> tuple[float, Callable[[], Callable[[], None]]]:
         epsilon = problem.span / steps
@@ -170,7 +170,7 @@ def controlled_curve(problem: Problem, method: str, control: str, *, budget: flo
 
         try:
             times, states = _all_steps(stepper, epsilon, problem.span, int(steps))
-        except bs.StepError:
+        except bs.integrators.StepError:
             return inf, work
         if times[-1] < problem.span * (1 - 1e-12):
             return inf, work

@@ -71,7 +71,7 @@ def rounding(method: str, steps: int, *, starts: int = STARTS, **options: Any) -
     """
     import numpy as np
 
-    stepper = bs.stepper(bs.scene("kepler"), method, **options)
+    stepper = bs.stepper(method, bs.scene("kepler"), **options)
     numbers = np.unique(np.geomspace(steps / 10**DECADES, steps, POINTS).round().astype(np.int64))
     stepper.advance(stepper.start(h=STEP), 1)  # compiles, before there are threads, as the next line does
     _library()

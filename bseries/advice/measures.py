@@ -1,53 +1,35 @@
-"""Error measures, durations, and numbers of steps."""
+"""Error measures: their names, relative distances of solutions and relative changes of quantities."""
 
 from __future__ import annotations
 
 from math import ceil
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.runs.observers import observers
+from integrators.scenes.model.blocks import TIME
 
-SOLUTION, ENERGY, MODIFIED_ENERGY = "solution", "energy", "modified-energy"
-MEASURES = (SOLUTION, ENERGY, MODIFIED_ENERGY)
-"""For runs of a method."""
-EFFECT_MEASURES = (SOLUTION, ENERGY)
-"""For the influence of effects."""
+if TYPE_CHECKING:
+    import numpy as np
 
+    from integrators.scenes.scene import Scene
 
-def check_measure(measure: Any, known: tuple[str, ...]) -> str:
-    """The name of a measure, with - or _, checked.
-
-    Raises:
-        IntegratorError: The name is unknown.
-
-    Example:
-        >>> check_measure("modified_energy", MEASURES)
-        'modified-energy'
-    """
-
-    name = measure.replace("_", "-") if isinstance(measure, str) else ""
-    if name not in known:
-        raise IntegratorError(f"measure must be one of {', '.join(known)}, but was {shorten(repr(measure))}")
-    return name
+SOLUTION, ENERGY = MEASURES = ("solution", "energy")
+ROUNDING = 1e-9
+"""Smaller errors of runs may be dominated by rounding: 10^6 or more steps each add some 10^-16."""
+WHOLE = 1e-12
+"""Relative rounding error of span/h that does not count as a further step, for h rounded from a decimal."""
+SHIFT = 2.0**-20
+"""Relative increment of variables for derivatives, which need be known within a factor of two only."""
+NOISE = 2.0**-46
+"""Relative size below which an energy is zero up to rounding: 2^-53 for each of some operations."""
 
 
-UNITS = ((1e-9, "ns"), (1e-6, "µs"), (1e-3, "ms"), (1.0, "s"))
-ROUNDING = 1e-12
-"""Relative rounding error of span/h that does not count as a further step."""
-
-
-def duration(seconds: float, digits: int = 3) -> str:
-    """A duration as text, in a suitable unit.
-
-    Example:
-        >>> [duration(x) for x in (4.567e-5, 0.0123, 9.999, 61.2, 8000.0)]
-        ['45.7 µs', '12.3 ms', '10 s', '61.2 s', '2 h 13 min']
-    """
-    if seconds >= 600:
-        minutes = round(seconds / 60)
-        return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
-    size, unit = next((u for u in UNITS if seconds < 999.5 * u[0]), UNITS[-1])
-    return f"{seconds / size:.{digits if seconds < 100 * size else 3}g} {unit}"
+def check_measure(measure: Any) -> str:
+    """The name of a measure, checked."""
+    if measure not in MEASURES:
+        raise IntegratorError(f"measure must be one of {', '.join(MEASURES)}, but was {shorten(repr(measure))}")
+    return measure
 
 
 def whole_steps(span: float, h: float) -> int:
@@ -57,4 +39,68 @@ def whole_steps(span: float, h: float) -> int:
         >>> whole_steps(1.0, 0.1), whole_steps(1.0, -0.3), whole_steps(1e-9, 0.1)
         (10, 4, 1)
     """
-    return max(1, ceil(span / abs(h) * (1 - ROUNDING)))
+    return max(1, ceil(span / abs(h) * (1 - WHOLE)))
+
+
+def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
+    """The rows of states (variables, n) except that of the time, which has no error."""
+    import numpy as np
+
+    return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
+
+
+def norms(y: np.ndarray) -> np.ndarray:
+    """The Euclidean norms of states (variables, n), without overflow or underflow."""
+    import numpy as np
+
+    scales = np.abs(y).max(axis=0)
+    scales[scales == 0] = 1.0
+    return np.linalg.norm(y / scales, axis=0) * scales
+
+
+def largest_size(y: np.ndarray) -> float:
+    """The largest Euclidean norm of states (variables, n) without the time; 1 if all are 0."""
+    return float(norms(y).max()) or 1.0
+
+
+def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None = None) -> np.ndarray:
+    """Distances of states (variables, n) without the time from a reference, relative to its largest norm or a size.
+
+    Example:
+        >>> import numpy as np
+        >>> relative_distances(np.array([[3.0, 0.0], [4.0, 1.0]]), np.array([[0.0, 0.0], [4.0, 2.0]])).tolist()
+        [0.75, 0.25]
+    """
+    import numpy as np
+
+    return np.linalg.norm((y - reference) / (largest_size(reference) if size is None else size), axis=0)
+
+
+def relative_distance(y: np.ndarray, reference: np.ndarray) -> float:
+    """The largest of `relative_distances`."""
+    return float(relative_distances(y, reference).max())
+
+
+def relative_change(values: np.ndarray, size: float, reference: np.ndarray | None = None) -> float:
+    """The largest distance of values from reference values or from the first value, relative to a size."""
+    return float(abs(values - (values[0] if reference is None else reference)).max()) / size
+
+
+def energy_size(scene: Scene, y0: np.ndarray) -> float:
+    """The scale of relative energy changes: |H(y0)|, or 1 if that is zero up to rounding.
+
+    H(y0) counts as zero if |H| is far below Σ |∂H/∂y_i · y_i|, so that it depends on the last bits of y0.
+
+    Example:
+        >>> import bseries as bs, numpy as np
+        >>> [energy_size(bs.scene("pendulum"), np.array([0.0, q])) for q in (np.pi / 3, np.pi / 2)]
+        [0.5000000000000001, 1.0]
+    """
+    import numpy as np
+
+    energy = observers(scene, "energy")
+    start = float(energy(0.0, y0)[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        shifted = y0 + np.diag(y0 * SHIFT)
+        slopes = [abs(float(energy(0.0, y)[0]) - start) / SHIFT for y in shifted]
+    return 1.0 if abs(start) <= NOISE * sum(slopes) else abs(start)

@@ -1,16 +1,29 @@
-"""Timing: medians over interleaved rounds, with more rounds while their spread is wide."""
+"""CPU times: medians over interleaved rounds, costs of compiled steps."""
 
 from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import math
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
 from time import thread_time
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators.methods.programs.program import Method
+    from integrators.scenes.scene import Scene
+    from integrators.steppers.states import State
 
 PACKAGES = ("bseries-engine", "numpy", "numba", "sympy")
 
@@ -37,11 +50,20 @@ def _processor() -> str:
 
 
 LEAST_ROUNDS, MOST_ROUNDS = 5, 15
+"""Quartiles inside the range need five samples; fifteen limit the time on a noisy machine."""
 WIDE_SPREAD = 0.1
-"""Distance of the quartiles, relative to the median, above which there are further rounds."""
+"""Distance of the quartiles, relative to the median, above which further rounds follow: recommendations may exceed the
+least time by this factor."""
+SAMPLE = 0.02
+"""Seconds of steps in one sample: more than the time slice of a scheduler, and thousands of ticks of the clock."""
+TICK = 1e-9
+"""Resolution of the clock, in seconds."""
+MOST_STEPS = 2**20
+"""Most steps of a sample: a millisecond for steps of one nanosecond."""
 
 
-class Timing(NamedTuple):
+@dataclass(frozen=True)
+class Timing:
     """A measured time.
 
     Attributes:
@@ -61,10 +83,6 @@ class Timing(NamedTuple):
         """The distance of the quartiles, relative to the median."""
         return (self.high - self.low) / self.seconds if self.seconds else 0.0
 
-    def scaled(self, factor: float) -> Timing:
-        """The time for a multiple of the work."""
-        return Timing(self.seconds * factor, self.low * factor, self.high * factor, self.rounds)
-
 
 def summary(samples: list[float]) -> Timing:
     """Median and quartiles of samples."""
@@ -72,33 +90,95 @@ def summary(samples: list[float]) -> Timing:
     return Timing(median(samples), low, high, len(samples))
 
 
-def time_in_turn(
-    tasks: Mapping[str, Callable[[], object]],
-    *,
-    least_rounds: int = LEAST_ROUNDS,
-    most_rounds: int = MOST_ROUNDS,
-    clock: Callable[[], float] = thread_time,
-) -> dict[str, Timing]:
-    """Time all tasks in interleaved rounds, so that a busy moment of the machine affects one round and not one task.
+class Work(NamedTuple):
+    """Steps to time.
 
-    After `least_rounds` only those whose spread is wide have further ones.
+    Attributes:
+        scene: The scene.
+        method: The method, or its name.
+        h: The step size, which affects the cost of implicit steps.
+        y0: The start; by default that of the scene.
+        options: Further options of `integrators.stepper`.
+        most_steps: The most steps of a sample; longer samples start again.
+    """
 
-    Args:
-        tasks: Functions without arguments, compiled and warm.
-        least_rounds: The least number of rounds.
-        most_rounds: The largest number of rounds.
-        clock: The clock; by default the CPU time of this thread.
+    scene: Scene
+    method: Method | str
+    h: float
+    y0: np.ndarray | None = None
+    options: Mapping[str, Any] = {}
+    most_steps: int = MOST_STEPS
+
+
+def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:
+    """CPU seconds per step for several kinds of steps, compiled and warm, measured in interleaved rounds.
+
+    Other load on the machine then affects one round and not one kind. After `LEAST_ROUNDS`, only kinds with a wide
+    spread have further rounds. All samples begin at the same start.
 
     Example:
-        >>> found = time_in_turn({"a sum": lambda: sum(range(1000))})
-        >>> found["a sum"].low <= found["a sum"].seconds <= found["a sum"].high
+        >>> import bseries as bs
+        >>> found = step_costs({"leapfrog": Work(bs.scene("pendulum"), "stormer-verlet", 0.1)})
+        >>> 0 < found["leapfrog"].seconds < 1e-3
         True
     """
-    samples: dict[str, list[float]] = {name: [] for name in tasks}
-    for done in range(most_rounds):
-        for name, task in tasks.items():
-            if done < least_rounds or summary(samples[name]).spread > WIDE_SPREAD:
-                begin = clock()
-                task()
-                samples[name].append(clock() - begin)
+    runs = {name: _Run(entry, sample) for name, entry in work.items()}
+    samples: dict[str, list[float]] = {name: [] for name in work}
+    for done in range(MOST_ROUNDS):
+        for name, run in runs.items():
+            if done < LEAST_ROUNDS or summary(samples[name]).spread > WIDE_SPREAD:
+                samples[name].append(run.sample() / (run.steps * run.repeats))
     return {name: summary(taken) for name, taken in samples.items()}
+
+
+class _Run:
+    """A fixed number of steps from a fixed start."""
+
+    def __init__(self, work: Work, sample: float):
+        self._stepper = stepper(work.method, work.scene, **work.options)
+        self._start = self._stepper.start(work.y0, h=work.h)
+        self.steps, self.repeats = 1, 1
+        self._made(1)  # compiles, so that the next call measures a step
+        seconds, end = self._made(1)
+        while seconds < sample and self.steps < work.most_steps:
+            # A tenth more, so that the next run suffices; at most four times as many, since short times are inaccurate.
+            growth = min(4.0, 1.1 * sample / max(seconds, TICK))
+            wanted = min(math.ceil(self.steps * growth), work.most_steps)
+            try:
+                seconds, end = self._made(wanted)
+            except StepError:  # keep the number of steps that succeeded
+                break
+            self.steps = wanted
+        self._parts = self._separated(work, end.solver)
+        self.sample()
+        for _ in range(2):  # the second time from more repetitions
+            self.repeats = math.ceil(self.repeats * sample / max(self.sample(), TICK))
+
+    def sample(self) -> float:
+        """Seconds for the steps, repeated if the run is short."""
+        begin = thread_time()
+        for start, steps in self._parts:
+            self._stepper.repeat(start, steps, self.repeats)
+        return thread_time() - begin
+
+    def _made(self, steps: int) -> tuple[float, State]:
+        """Seconds for a run, and its final state."""
+        state, begin = self._start.copy(), thread_time()
+        self._stepper.advance(state, steps)
+        return thread_time() - begin, state
+
+    def _separated(self, work: Work, last: str) -> list[tuple[State, int]]:
+        """The steps before and after the change of the solver, each with its first state.
+
+        After the first step at which fixed-point iteration fails, a run continues with Newton's method, which may fail
+        for the steps before.
+        """
+        if last == self._start.solver:
+            return [(self._start, self.steps)]
+        first = stepper(work.method, work.scene, **{**work.options, "solver": self._start.solver})
+        after = self._start.copy()
+        with suppress(StepError):  # the state before the failed step remains
+            first.advance(after, self.steps)
+        after.solver, after.is_fresh = last, after.n == 0
+        parts = [(self._start, after.n), (after, self.steps - after.n)]
+        return [(state, steps) for state, steps in parts if steps]

@@ -1,1 +1,5 @@
 """The algebra of B-series: series of methods, composition, logarithm, substitution, modified equations."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

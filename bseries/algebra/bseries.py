@@ -5,28 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
 from fractions import Fraction
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm, known_digits
 from bseries.exact import recursions
-from bseries.exact.domains import FloatValues, RingValues, alike, apply, as_floats, exact_number, make_values
+from bseries.exact.domains import alike, apply, as_floats, exact_number, make_values
 from bseries.exact.operations import Operation, log_denominator, wider_step
-from bseries.exact.rationals import RationalValues, primes_up_to
+from bseries.exact.rationals import primes_up_to
 from bseries.exceptions import SeriesError
+from foundation.table import MOST_ROWS, LazyRows, short_latex
+from integrators.core.immutable import ImmutableValue
 from trees.counting import check_order
-from trees.names import check_names, default_names
+from trees.notation import check_names, default_names
 from trees.table import TreeTable, tree_table
 from trees.tree import Tree
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient, Values
-    from bseries.table import Table
+    from foundation.table import Table
 
 EMPTY = "∅"
 
 
-class BSeries(Mapping[Tree, Any]):
+class BSeries(ImmutableValue, Mapping[Tree, Any]):
     """A B-series (or P-series, on coloured trees) up to some number of nodes.
 
     B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
@@ -52,7 +55,13 @@ class BSeries(Mapping[Tree, Any]):
         The conventions are those of `docs/conventions.md`.
     """
 
-    __slots__ = ("digits", "empty", "label", "names", "stored", "table", "uncertainty")
+    table: TreeTable
+    stored: Values
+    empty: Any
+    names: tuple[str, ...]
+    label: str
+    digits: int | None
+    uncertainty: Callable[[int], float] | None
 
     def __init__(
         self,
@@ -65,29 +74,14 @@ class BSeries(Mapping[Tree, Any]):
         digits: int | None = None,
         uncertainty: Callable[[int], float] | None = None,
     ):
-        own = {
-            "table": table,
-            "stored": values,
-            "empty": exact_number(empty),
-            "names": _checked_names(names, table.colors),
-            "label": label,
-            "digits": digits,
-            "uncertainty": uncertainty,
-        }
-        for name, value in own.items():
-            object.__setattr__(self, name, value)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a series is immutable: {name} cannot be set")
+        self.__dict__.update(table=table, stored=values, empty=exact_number(empty), label=label, digits=digits)
+        self.__dict__.update(names=_checked_names(names, table.colors), uncertainty=uncertainty)
 
     def __copy__(self) -> BSeries:
         return self
 
     def __deepcopy__(self, memo: object) -> BSeries:
         return self
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, tuple(getattr(self, name) for name in sorted(self.__slots__))
 
     @classmethod
     def from_rule(
@@ -137,7 +131,7 @@ class BSeries(Mapping[Tree, Any]):
     @property
     def is_exact(self) -> bool:
         """Whether the coefficients are exact, not floats."""
-        return not isinstance(self.stored, FloatValues)
+        return self.stored.kind != "float"
 
     def __getitem__(self, tree: Tree | str) -> Any:
         if isinstance(tree, str) and tree.strip() == EMPTY:
@@ -206,18 +200,13 @@ class BSeries(Mapping[Tree, Any]):
         if check_order(order) > self.order:
             raise SeriesError(f"order must be at most {self.order}, the order of the series, but was {order}")
         table = tree_table(order, self.table.colors, self.table.limits)
-        values, size = self.stored, len(table)
-        if isinstance(values, RationalValues):
-            values = RationalValues(table, values.numerators[:size], values.denominators[: order + 1], values.step)
-        elif isinstance(values, RingValues):
-            values = RingValues(table, values.ring, values.elements[:size], values.step)
-        else:
-            values = FloatValues(table, values.raw[:size])
-        return self._replace(table=table, stored=values)
+        return self._replace(table=table, stored=self.stored.truncated(table))
 
     def _replace(self, **changes: Any) -> BSeries:
         """The series with other values of some attributes."""
-        return _rebuilt(*(changes.get(name, getattr(self, name)) for name in sorted(self.__slots__)))
+        series = object.__new__(BSeries)
+        series.__dict__.update(self.__dict__, **changes)
+        return series
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
@@ -293,11 +282,10 @@ class BSeries(Mapping[Tree, Any]):
             return NotImplemented
         if self.table != other.table or self.names != other.names or self.empty != other.empty:
             return False
-        first, second = self.coefficients(), other.coefficients()
-        if isinstance(self.stored, RingValues) or isinstance(other.stored, RingValues):
+        if "ring" in (self.stored.kind, other.stored.kind):
             mine, others = alike([self.stored, other.stored])
-            first, second = (mine.elements, others.elements) if isinstance(mine, RingValues) else (mine.raw, others.raw)
-        return all(x == y for x, y in zip(first, second, strict=True))
+            return all(mine.equals_at(others, at) for at in range(len(self)))
+        return self.coefficients() == other.coefficients()
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
@@ -428,12 +416,13 @@ class BSeries(Mapping[Tree, Any]):
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
         """The terms in the order of the table; `weight` is coefficient/σ."""
-        for at, (tree, coefficient) in enumerate(self.items()):
+        columns = (x if isinstance(x, list) else x.tolist() for x in self.table.symmetry_and_density)
+        for at, ((tree, coefficient), symmetry, density) in enumerate(zip(self.items(), *columns, strict=True)):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
                 error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
                 digits = known_digits(coefficient, error, self.digits)
-                yield SeriesTerm(tree, coefficient, coefficient / tree.symmetry, zero, digits)
+                yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
 
     def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
         """The series as JSON-ready data.
@@ -463,7 +452,8 @@ class BSeries(Mapping[Tree, Any]):
         }
         if self.digits is not None:
             data["digits"] = self.digits
-        data["terms"] = [term.to_dict(self._shown_names) for term in self.terms(nonzero=nonzero)]
+        fields = presentation.term_fields(self._shown_names).items()
+        data["terms"] = [{key: get(term) for key, get in fields} for term in self.terms(nonzero=nonzero)]
         return data
 
     def to_latex(self, *, nonzero: bool = False) -> str:
@@ -479,13 +469,15 @@ class BSeries(Mapping[Tree, Any]):
         return presentation.to_latex(self.terms(nonzero=nonzero), self.empty, self._shown_names)
 
     def __str__(self) -> str:
-        return presentation.to_text(self.terms(), self._shown_names)
+        return presentation.overview(repr(self), self.terms(), len(self), self._shown_names).to_text()
 
     def _repr_html_(self) -> str:
-        return presentation.to_html(self.terms(), self._shown_names, title=repr(self), count=len(self))
+        return presentation.overview(repr(self), self.terms(), len(self), self._shown_names, pictures=True).to_html()
 
-    def _repr_latex_(self) -> str:
-        return f"$\\displaystyle {self.to_latex(nonzero=True)}$"
+    def _repr_latex_(self) -> str | None:
+        terms = [term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero]
+        dots = " + \\cdots" if len(self) > MOST_ROWS else ""
+        return short_latex(presentation.to_latex(terms, self.empty, self._shown_names) + dots)
 
     def to_table(self, kind: str = "series", *, nonzero: bool = False, as_float: bool = False) -> Table:
         """The terms as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
@@ -509,7 +501,14 @@ class BSeries(Mapping[Tree, Any]):
             y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ
             Exact coefficients, in QQ.
         """
-        return presentation.series_table(self, kind, nonzero=nonzero, as_float=as_float)
+        shown = self.to_float() if as_float else self
+        rows = LazyRows(lambda: shown.terms(nonzero=nonzero), len(self))
+        notes = presentation.number_notes(shown.domain, shown.digits, nonzero=nonzero, as_float=as_float)
+        return presentation.term_table(rows, self._shown_names, kind, self.label, self.order)._replace(
+            notes=[presentation.MEANINGS[kind], *notes],
+            data=lambda: shown.to_dict(kind, nonzero=nonzero),
+            own={"latex": lambda width: shown.to_latex(nonzero=True) + "\n"},
+        )
 
 
 class _Items(ItemsView[Tree, Any]):
@@ -558,7 +557,3 @@ def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
     if len(checked) != colors:
         raise SeriesError(f"names must be {colors} names, one for each colour, but were {len(checked)}")
     return checked
-
-
-def _rebuilt(digits: Any, empty: Any, label: Any, names: Any, stored: Any, table: Any, uncertainty: Any) -> BSeries:
-    return BSeries(table, stored, empty, names=names, label=label, digits=digits, uncertainty=uncertainty)

@@ -5,28 +5,30 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.flow_chains import FlowChain
-from bseries.algebra.stages import RationalStages, check_method, inputs_of, own_trees
+from bseries.algebra.stages import FlowChain, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
 from bseries.exact.domains import apply
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.exact.entries import round_entry
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import RepeatedProgram
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
     from bseries.algebra.stages import MethodStages
     from bseries.exact.domains import Values
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
 
 
-def series(method: Method, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
+def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
     """B-series (or P-series) of a method: its elementary weights.
 
     Args:
@@ -50,17 +52,21 @@ def series(method: Method, order: int | TreeTable, *, max_children: Any = None) 
     References:
         HLW, theorems III.1.4 and III.2.4.
     """
+    method = as_method(method)
 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return weights(field=False)
 
     table = table_of(method, order, max_children)
+    if isinstance(method, RepeatedProgram) and method.digits is None:
+        one = series(method.step, table).scale_step(Fraction(1, method.count))
+        return (one**method.count).with_label(method.name)
     operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
     return of_method(method, table, lambda _: operation, 1, inputs_of(method, table.max_order))
 
 
 def modified_equation(
-    method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
+    method: Method | BSeries | str, order: int | TreeTable | None = None, *, max_children: Any = None
 ) -> BSeries:
     """Modified equation: the field whose exact flow is the numerical method, as a formal series.
 
@@ -90,6 +96,7 @@ def modified_equation(
         HLW, theorem IX.9.2; E. Hairer, *Backward analysis of numerical integrators and symplectic methods*,
         Annals of Numerical Mathematics 1 (1994).
     """
+    method = as_method(method)
     if isinstance(method, BSeries):
         return series_to(method, order, max_children).log()
 
@@ -100,6 +107,9 @@ def modified_equation(
         return Operation(expression, log_denominator, wider_step, field=True, units=inputs.units)
 
     table = table_of(method, order, max_children)
+    if isinstance(method, RepeatedProgram) and method.digits is None:
+        one = modified_equation(method.step, table).scale_step(Fraction(1, method.count))
+        return (one * method.count).with_label(method.name)
     return of_method(method, table, operation, 0, inputs_of(method, table.max_order))
 
 
@@ -159,7 +169,7 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
         raise SeriesError("order must be given for a method, but was None")
     colors = len(check_method(method).names)
     if max_children is None and not isinstance(order, TreeTable):
-        max_children = own_trees(method)
+        max_children = method.max_children
     if isinstance(order, TreeTable):
         if order.colors != colors:
             raise SeriesError(f"order must be a table of trees in {colors} colours, but was {order!r}")

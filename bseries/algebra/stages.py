@@ -1,4 +1,4 @@
-"""Stages of a method, the input of recursions: from tableaux directly, otherwise from the method's program.
+"""Inputs of recursions made from methods: stages from tableaux or programs, and chains of flows from splitting methods.
 
 Every evaluation of a program is the field at a point with coefficients in a commutative algebra, its block (see
 `bseries.exact.recursions.Stages`), followed by a linear functional:
@@ -16,13 +16,13 @@ arithmetic modulo a higher power of θ is exact.
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from bseries.algebra.flow_chains import FlowChain, flow_steps
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
     RingValues,
@@ -30,26 +30,23 @@ from bseries.exact.domains import (
     as_floats,
     as_ring,
     converted,
-    divided,
-    ring_and_elements,
+    narrowest,
     ring_element,
     to_float,
 )
-from bseries.exact.rationals import smallest_step, twos
-from bseries.exact.recursions import Stages, elementary_weights
+from bseries.exact.rationals import primorial, smallest_step, twos
+from bseries.exact.recursions import Stages, elementary_weights, lie_series
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import multiply_entries, sum_entries
-from integrators.methods.program.program import Average, Derivative, Field, Flow, Method, Program
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Average, Derivative, Field, Flow, Method, Program
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    import random
-
     from bseries.exact.domains import Values
     from integrators import StageAlgebra
-    from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.program import Evaluation
+    from integrators.methods.programs.program import Evaluation
     from trees.table import TreeTable
 
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
@@ -97,10 +94,8 @@ class RationalStages(_StagesBase):
         """The stages with every entry x replaced by x (1 ± 5 · 10^−digits)."""
         change = 5 * Fraction(10) ** -digits
         a, b = ([x * (1 + source.choice((-change, change))) for x in row] for row in (self.stages.a, self.stages.b))
-        own = self.stages
-        blocks = own.sizes if own.relation else ()
-        bounds = Stages(own.size, [abs(x) for x in a], [abs(x) for x in b], own.relation, blocks)
-        return RationalStages(Stages(own.size, a, b, own.relation, blocks), bounds)
+        changed = self.stages.with_entries(a, b)
+        return RationalStages(changed, changed.with_entries([abs(x) for x in a], [abs(x) for x in b]))
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -169,11 +164,6 @@ def auxiliary_colors(method: Method) -> frozenset[int]:
     return frozenset(method.names.index(name) for name in method.program.auxiliary)
 
 
-def own_trees(method: Method) -> Any:
-    """The trees of a method's class of systems, as bounds on children; None for all trees."""
-    return method.max_children
-
-
 def stages_of(method: Method, order: int) -> MethodStages:
     """The stages of a method in the domain of its entries, exact for trees up to `order` nodes."""
     if isinstance(method, RungeKutta | PartitionedRungeKutta):
@@ -211,16 +201,17 @@ def _program_stages(program: Program, order: int) -> MethodStages:
 def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()) -> MethodStages:
     """Stages with these entries; blocks are polynomials modulo powers of their variable."""
     relation = [0] * size if blocks else []
-    if any(isinstance(entry, float) for entry in (*a, *b)):
-        return FloatStages(Stages(size, [to_float(x) for x in a], [to_float(x) for x in b], relation, blocks))
-    if all(isinstance(entry, Fraction) for entry in (*a, *b)):
-        bounds = Stages(size, [abs(x) for x in a], [abs(x) for x in b], relation, blocks)
-        return RationalStages(Stages(size, a, b, relation, blocks), bounds)
+
     try:
-        ring, elements, step = ring_and_elements([*a, *b])
+        kind, entries, ring, step = narrowest([*a, *b])
     except ZeroDivisionError:
         raise SeriesError("method must have entries that can be evaluated, but one divides by zero") from None
-    return RingStages(Stages(size, elements[: len(a)], elements[len(a) :], relation, blocks), ring, step)
+    stages = Stages(size, entries[: len(a)], entries[len(a) :], relation, blocks)
+    if kind == "float":
+        return FloatStages(stages)
+    if kind == "rational":
+        return RationalStages(stages, stages.with_entries([*map(abs, a)], [*map(abs, b)]))
+    return RingStages(stages, ring, step)
 
 
 def stages_in_field(method: Method, order: int) -> MethodStages:
@@ -241,7 +232,7 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     for other in rings[1:]:
         ring = ring.unify(other)
     field = ring.get_field()
-    return _in_ring(stages, field), [divided(as_ring(x)).in_ring(field, field.one) for x in operands]
+    return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
 def _in_ring(stages: Any, field: Any) -> RingStages:
@@ -252,7 +243,7 @@ def _in_ring(stages: Any, field: Any) -> RingStages:
     else:
         step = converted(stages.step, stages.ring, field)
         a, b = ([converted(x, stages.ring, field) / step for x in row] for row in (own.a, own.b))
-    return RingStages(Stages(own.size, a, b, own.relation, own.sizes if own.relation else ()), field, field.one)
+    return RingStages(own.with_entries(a, b), field, field.one)
 
 
 def _float_stages(method: Any, stages: Any) -> MethodStages:
@@ -260,7 +251,7 @@ def _float_stages(method: Any, stages: Any) -> MethodStages:
     if isinstance(stages, RationalStages) and any(own.relation):  # powers of nodes are badly conditioned
         return stages_of(method.to_float(), 1)
     a, b = ([to_float(x) for x in row] for row in (own.a, own.b))
-    return FloatStages(Stages(own.size, a, b, own.relation, own.sizes if own.relation else ()))
+    return FloatStages(own.with_entries(a, b))
 
 
 def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
@@ -397,3 +388,94 @@ def block_size(evaluation: Evaluation, order: int) -> int:
 def _add(row: Row, other: Row, factor: Any) -> None:
     for j, x in other.items():
         row[j] = sum_entries((row.get(j, Fraction(0)), multiply_entries(factor, x)))
+
+
+class FlowSteps(NamedTuple):
+    """The flows of a splitting method, in order, with their times in one domain.
+
+    Attributes:
+        parts: The part of each flow; None: all.
+        times: The times.
+        kind: The domain of the times: rational, ring or float.
+        ring: For the kind ring, the field of the times.
+    """
+
+    parts: Sequence[int | None]
+    times: Sequence[Any]
+    kind: str
+    ring: Any = None
+
+
+@lru_cache(maxsize=64)
+def flow_steps(program: Program) -> FlowSteps | None:
+    """The flows of a program that is a chain of exact flows; None for other programs."""
+    parts: list[int | None] = []
+    times: list[Any] = []
+    point = LinearForm(1)
+    for e, evaluation in enumerate(program.evaluations):
+        if not isinstance(evaluation, Flow) or evaluation.forcing or evaluation.at != point:
+            return None
+        parts.append(evaluation.part)
+        times.append(evaluation.time)
+        point = point + LinearForm(0, {e: 1})
+    return _times_in_domain(tuple(parts), tuple(times)) if times and program.result == point else None
+
+
+def _times_in_domain(parts: Sequence[int | None], times: Sequence[Any]) -> FlowSteps:
+    kind, entries, ring, step = narrowest(times)
+    if kind != "ring":
+        return FlowSteps(parts, tuple(entries), kind)
+    field = ring.get_field()
+    divisor = converted(step, ring, field)
+    return FlowSteps(parts, tuple(converted(x, ring, field) / divisor for x in entries), kind, field)
+
+
+class FlowChain:
+    """The flows of a splitting method as an input of operations on series.
+
+    From the last flow to the first, a ↦ (flow of c f^[ν], then a) is the Lie series Σ_j ∂_b^j a / j! along the field b
+    that is c at one single node and zero elsewhere: only leaves are cut. This costs much less than the stages of the
+    method's program.
+
+    Args:
+        steps: The flows.
+        order: Largest number of nodes.
+    """
+
+    terms = 1
+    units = 2
+    """Even: excludes arithmetic modulo 2^64 for fields, in which the values of a flow cannot be halved."""
+
+    def __init__(self, steps: FlowSteps, order: int):
+        self._steps = steps
+        self._order = order
+        self.kind, self.ring = steps.kind, steps.ring
+
+    @property
+    def step(self) -> Any:
+        """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
+        if self.kind == "ring":
+            return self.ring.one
+        return math.lcm(*(time.denominator for time in self._steps.times)) * primorial(self._order)
+
+    @property
+    def exponent(self) -> int:
+        """k such that |a(τ)| ≤ 2^(k·n): the exact flow over the sum of all |times| is larger tree by tree."""
+        return max(0, (math.ceil(sum(map(abs, self._steps.times))) - 1).bit_length())
+
+    def perturbed(self, source: random.Random, digits: int) -> FlowChain:
+        """The same flows with every time t changed to t (1 ± 5 · 10^−digits)."""
+        change = 5 * Fraction(10) ** -digits
+        times = [time * (1 + source.choice((-change, change))) for time in self._steps.times]
+        return FlowChain(self._steps._replace(times=times), self._order)
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
+        """The coefficients of the method."""
+        values = None
+        for part, time in zip(reversed(self._steps.parts), reversed(self._steps.times), strict=True):
+            node = arithmetic.vector([time * arithmetic.node_factor(field=True)])[0]
+            along = arithmetic.zeros(len(table))
+            for color in range(table.colors) if part is None else (part,):
+                along[color] = node
+            values = lie_series(along, values, 1, table, arithmetic, sparse=True)
+        return values

@@ -18,17 +18,18 @@ from bseries.algebra.modified import exact_values, of_method, series_to, table_o
 from bseries.algebra.stages import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
-from bseries.exact.domains import RingValues, alike, apply, divided, ring_element
+from bseries.exact.domains import alike, apply, ring_element
 from bseries.exact.operations import Operation
 from bseries.exact.rationals import RationalValues, twos
 from bseries.exact.recursions import solved_denominators, substituted_denominators
 from bseries.exceptions import SeriesError
+from integrators.methods.catalogue.registry import as_method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
     from bseries.algebra.stages import MethodStages
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -81,7 +82,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
 def _into_series(b: BSeries, a: BSeries) -> BSeries:
     b.check_same_trees(a)
     _check_all_trees(a, "a")
-    first, second = _without_denominators(alike([b.stored, a.stored]))
+    first, second = (values.reduced for values in alike([b.stored, a.stored]))
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         return recursions.into_series(base(field=False), b.table, arithmetic, field=field(field=True))
@@ -95,7 +96,7 @@ def _into_series(b: BSeries, a: BSeries) -> BSeries:
 
 
 def modifying_integrator(
-    method: Method | BSeries, order: int | TreeTable | None = None, *, max_children: Any = None
+    method: Method | BSeries | str, order: int | TreeTable | None = None, *, max_children: Any = None
 ) -> BSeries:
     """Modifying integrator: the field for which the method gives the exact solution of y' = f(y).
 
@@ -125,6 +126,7 @@ def modifying_integrator(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*, Math.
         Comp. 76 (2007) 1941–1953, doi:10.1090/S0025-5718-07-01967-9.
     """
+    method = as_method(method)
     if isinstance(method, BSeries):
         a = series_to(method, order, max_children)
         check_flow(a, "method")
@@ -195,8 +197,8 @@ def substitution_inverse(b: BSeries) -> BSeries:
 def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
-    (values,) = _without_denominators([a.stored])
-    roots = [values.elements[c] if isinstance(values, RingValues) else values[c] for c in range(a.table.colors)]
+    values: Any = a.stored.reduced
+    roots = [values.elements[c] if values.kind == "ring" else values[c] for c in range(a.table.colors)]
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 
     def expression(arithmetic: Any, base: Any) -> Any:
@@ -243,13 +245,6 @@ def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
     else:
         skeletons = a.denominators
     return substituted_denominators(skeletons, b.denominators)
-
-
-def _without_denominators(operands: Sequence[Any]) -> list[Any]:
-    """Values over the smallest denominators, since substitution is not homogeneous in the coefficients of a."""
-    return [
-        x.reduced if isinstance(x, RationalValues) else divided(x) if isinstance(x, RingValues) else x for x in operands
-    ]
 
 
 def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str]) -> list[Any]:

@@ -1,9 +1,17 @@
-"""Order of accuracy of a method, and its principal error coefficients."""
+"""Order of accuracy of a method, its principal error coefficients, and the series on which its structure is decided.
+
+Exact series are decided exactly. The coefficients of a method published as decimals are known within their
+`uncertainty` only: residuals are recomputed with all coefficients perturbed at random within it, and a residual that
+changes by about its own size counts as zero.
+"""
 
 from __future__ import annotations
 
 import math
+import random
+from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,17 +19,25 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.exact.domains import RingValues, alike, exact_number, to_float
+from bseries.exact.domains import alike, exact_number, make_values, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
+from foundation.table import Column, Table, as_frame, as_html, as_text
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.methods.program.transformations import as_decimals
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import as_decimals
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
+
+MOST_STRUCTURE_TREES = 1300
+"""Structure is tested on tables up to this size."""
+
+LEAST_NODES = 7
+"""Structure is tested to at least this number of nodes, if the table allows it."""
 
 MOST_TREES = 25_000
 """Largest table of trees for the order, where simplifying assumptions do not decide it."""
@@ -39,6 +55,22 @@ class ErrorCoefficients(NamedTuple):
 
     order: int
     terms: tuple[tuple[Tree, Any], ...]
+
+    def __repr__(self) -> str:
+        return f"<ErrorCoefficients: order {self.order}, {len(self.terms)} trees>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The coefficients as plain data."""
+        terms = [{"tree": str(tree), "coefficient": str(e)} for tree, e in self.terms]
+        return {"schema": 1, "kind": "error-coefficients", "order": self.order, "norm": self.norm, "terms": terms}
+
+    def to_table(self) -> Table:
+        """The coefficients as a table."""
+        columns = (Column("tree τ"), Column("e(τ)", True))
+        notes = [] if self.norm is None else [f"Principal error norm: {self.norm:.6g}."]
+        return Table(f"Error coefficients at order {self.order + 1}", columns, self.terms, notes, data=self.to_dict)
+
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
     @property
     def norm_squared(self) -> Any:
@@ -62,7 +94,7 @@ class ErrorCoefficients(NamedTuple):
         return max(abs(e) for _, e in self.terms)
 
 
-def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
+def order_of(method: Method | BSeries | str, max_order: int | None = None) -> int:
     """Order of accuracy: the largest k such that all order conditions for trees with up to k nodes hold.
 
     Exact methods are decided exactly. Where entries are decimals or floats, a condition holds if its residual is zero
@@ -87,6 +119,7 @@ def order_of(method: Method | BSeries, max_order: int | None = None) -> int:
     References:
         HLW, theorems II.1.8 and III.1.5.
     """
+    method = as_method(method)
     if isinstance(method, BSeries):
         return _order_of_series(series_to(method, max_order))
     return decide_order(method, max_order)[0]
@@ -106,12 +139,9 @@ def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | 
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
     mine, others = alike([s.stored, _exact(s.table, auxiliary)])
     for at in range(len(s)):
-        if isinstance(mine, RingValues):
-            if mine.elements[at] != others.elements[at]:
-                return at
+        if mine.equals_at(others, at):
             continue
-        residual = abs(mine[at] - others[at])
-        if residual and (s.uncertainty is None or residual > s.uncertainty(at)):
+        if s.uncertainty is None or abs(mine[at] - others[at]) > s.uncertainty(at):
             return at
     return None
 
@@ -167,7 +197,7 @@ def trusted(method: Method) -> Method:
     return as_decimals(program, FLOAT_DIGITS) if program.domain == "float" else method
 
 
-def error_coefficients(method: Method, order: int | None = None) -> ErrorCoefficients:
+def error_coefficients(method: Method | str, order: int | None = None) -> ErrorCoefficients:
     """Principal error coefficients: the residuals of the order conditions for trees with p+1 nodes, over σ.
 
     Args:
@@ -187,6 +217,7 @@ def error_coefficients(method: Method, order: int | None = None) -> ErrorCoeffic
     References:
         J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, section 318.
     """
+    method = as_method(method)
     order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
     exact = _exact(s.table, auxiliary_colors(method))
@@ -202,3 +233,73 @@ def _simple(value: Any) -> Any:
     import sympy
 
     return exact_number(sympy.cancel(sympy.expand(value)))
+
+
+def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """The flow of a method with its samples (see `samples_of`)."""
+    if isinstance(method, BSeries):
+        check_flow(method, "method")
+    return samples_of(method, order)
+
+
+def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """The modified equation of a method, or a field itself, with its samples (see `samples_of`)."""
+    samples = samples_of(method, order)
+    if samples[0].empty == 0:
+        return samples
+    check_flow(samples[0], "method")
+    return [s.log() for s in samples]
+
+
+def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+    """A series, or that of a method, up to some order; for decimals followed by perturbations within their digits.
+
+    Raises:
+        SeriesError: The series is in floats, or in decimals of unknown uncertainty, or `order` is too large.
+    """
+    s = series_of(method, order)
+    if not isinstance(method, BSeries) and auxiliary_colors(method):
+        parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
+        raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
+    if not s.is_exact:
+        raise SeriesError("method must be a method or an exact series, but was a series in floats")
+    if s.digits is not None and s.uncertainty is None:
+        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
+    return [s, *_nearby(s)]
+
+
+def series_of(method: Method | BSeries, order: int | None) -> BSeries:
+    """A series, or that of a method, up to some order, with floats taken as decimals."""
+    if isinstance(method, BSeries):
+        return series_to(method, order)
+    check_method(method)
+    return series(trusted(method), structure_order(method, order_of(method)) if order is None else order)
+
+
+def structure_order(method: Method, accuracy: int) -> int:
+    """Default number of nodes for structure tests: beyond the order of accuracy, within the limits of cost."""
+    most = affordable_order(len(method.names), MOST_STRUCTURE_TREES)
+    if method.digits is not None or method.parameters:
+        return max(4, min(accuracy + 1, most))
+    return min(max(accuracy + 2, LEAST_NODES), most)
+
+
+def _nearby(s: BSeries) -> Iterator[BSeries]:
+    """Four random perturbations of a series in decimals."""
+    if s.uncertainty is None:
+        return
+    source, scale = random.Random(s.digits), 10 ** ((s.digits or 0) + 6)
+    ranges = [s.uncertainty(at) * scale for at in range(len(s))]
+    for _ in range(4):
+        changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
+        changed = make_values(s.table, map(sum, zip(s.stored.coefficients(), changes, strict=True)))
+        yield BSeries(s.table, changed, s.empty, names=s.names)
+
+
+def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
+    """Coefficients in a field, the conversion of a Fraction to the field, and that of an element to a coefficient."""
+    values: Any = b.stored
+    if values.kind == "ring":
+        values = values.reduced
+        return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
+    return values.coefficients(), Fraction, Fraction

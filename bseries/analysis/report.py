@@ -2,26 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.modified import modified_equation, series
-from bseries.algebra.presentation import latex_number, number_text
 from bseries.algebra.stages import auxiliary_colors, check_method
-from bseries.analysis.order import MOST_TREES, affordable_order, decide_order, error_coefficients, order_of, trusted
+from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
+from bseries.analysis.order import (
+    LEAST_NODES,
+    MOST_STRUCTURE_TREES,
+    MOST_TREES,
+    affordable_order,
+    decide_order,
+    error_coefficients,
+    order_of,
+    structure_order,
+    trusted,
+)
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
-from bseries.analysis.stability.tableau_facts import tableau_properties
+from bseries.analysis.stability import contractivity, linear_stability
+from bseries.analysis.stability.field_elements import has_exact_zero_test
+from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES
-from bseries.analysis.verdicts import LEAST_NODES, MOST_STRUCTURE_TREES, Verdict, block_names, structure_order
+from bseries.analysis.structure_conditions import Verdict, block_names
 from bseries.exceptions import SeriesError
-from bseries.table import Column, Table, as_html, as_text, latex_text
+from foundation.machine_code import load_numba
+from foundation.numbers import latex_number, number_text
+from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.core.errors import IntegratorError
+from integrators.exact.expressions import format_number
+from integrators.methods.catalogue.registry import as_method
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
     from bseries.analysis.conjugation import ConjugateVerdict
     from bseries.analysis.order import ErrorCoefficients
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
+
+
+MOST_STAGES = 30
+"""Methods with more stages would take many seconds."""
+
+STABILITY: dict[str, Callable[[StabilityFunction], Any]] = {
+    "stability_function": str,
+    "stability_at_infinity": lambda function: function.at_infinity,
+    "linear_order": linear_stability.linear_order,
+    "dispersion_order": linear_stability.dispersion_order,
+    "dissipation_order": lambda R: math.inf if (order := linear_stability.dissipation_order(R)) is None else order,
+    "i_stable": linear_stability.is_i_stable,
+    "a_stable": linear_stability.is_a_stable,
+    "l_stable": linear_stability.is_l_stable,
+    "stability_angle": linear_stability.stability_angle,
+    "real_stability_interval": linear_stability.real_stability_interval,
+    "imaginary_stability_interval": linear_stability.imaginary_stability_interval,
+    "linear_ssp_coefficient": contractivity.linear_ssp_coefficient,
+}
+CONTRACTIVITY: dict[str, Callable[[RungeKutta], Any]] = {
+    "algebraically_stable": contractivity.is_algebraically_stable,
+    "ssp_coefficient": contractivity.ssp_coefficient,
+}
+
+SLOW_FORMULAS = ("dispersion_order", "dissipation_order")
+"""Facts that take SymPy seconds for formulas with both roots and symbols."""
 
 
 class Report(NamedTuple):
@@ -103,10 +147,13 @@ class Report(NamedTuple):
         """
         return _table(self, nonzero=nonzero)
 
-    __str__, _repr_html_ = as_text, as_html
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
+
+    def __repr__(self) -> str:
+        return f"<Report of {self.method.name}: order {self.order}>"
 
 
-def check(method: Method, order: int | None = None) -> Report:
+def check(method: Method | str, order: int | None = None) -> Report:
     """Order, principal error, structure, and linear stability of a method.
 
     Args:
@@ -134,6 +181,7 @@ def check(method: Method, order: int | None = None) -> Report:
         HLW, theorems V.2.3 (symmetry) and VI.4.3, VI.4.6 (symplecticity); `bseries.analysis.structure` and
         `bseries.analysis.conjugation` name the sources of the other tests.
     """
+    method = as_method(method)
     found, tested_to = decide_order(method, order)
     has_few_trees = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
     if order is None:
@@ -169,14 +217,14 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
     if auxiliary_colors(check_method(method)):
         return {}
     if order > LEAST_NODES:
-        import numba  # noqa: F401  # many passes over a larger table: compiled kernels pay off
+        load_numba()  # many passes over a larger table: compiled kernels pay off
 
     exact = trusted(method)
     flow = series(exact, order)
     # The uncertainty of a field in decimals is known only for the field of a method.
     field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
-    found: dict[str, Verdict | ConjugateVerdict] = {}
-    for structure in STRUCTURES:
+    found: dict[str, Any] = {}
+    for structure in (*STRUCTURES, *CONJUGATE_STRUCTURES):
         try:
             found |= dict.fromkeys(structure.names, structure.test(field if structure.of_field else flow))
         except SeriesError:  # inconsistent methods, or trees of special systems
@@ -201,6 +249,67 @@ def _assumptions(method: Method) -> Assumptions | None:
     if not isinstance(method, RungeKutta) or (method.algebra is None and method.domain != "QQ"):
         return None
     return simplifying_assumptions(method, 2 * method.stages + 1)
+
+
+def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
+    """Linear stability and contractivity of a tableau as JSON-ready data.
+
+    Args:
+        method: a Runge–Kutta method.
+
+    Returns:
+        The keys stability_function, stability_at_infinity, linear_order, dispersion_order, dissipation_order, i_stable,
+        a_stable, l_stable, stability_angle, real_stability_interval, imaginary_stability_interval,
+        linear_ssp_coefficient, algebraically_stable, ssp_coefficient and undecided. Orders are integers, answers are
+        booleans, other numbers are text (``"inf"`` if infinite). Undecided values are None, with the reason in
+        ``undecided``.
+
+    Raises:
+        IntegratorError: `method` is no `RungeKutta`.
+
+    Example:
+        >>> from integrators import method
+        >>> facts = tableau_properties(method("lobatto-iiic3"))
+        >>> facts["l_stable"], facts["algebraically_stable"], facts["linear_order"], facts["ssp_coefficient"]
+        (True, True, 4, '0')
+        >>> facts["undecided"]
+        {'linear_ssp_coefficient': 'the stability function is no polynomial'}
+    """
+    method = linear_stability.checked_method(method)
+    undecided: dict[str, str] = {}
+    if method.stages > MOST_STAGES:
+        names = (*STABILITY, *CONTRACTIVITY)
+        reason = f"more than {MOST_STAGES} stages would take long: ask for each fact by its own function"
+        return dict.fromkeys(names) | {"undecided": dict.fromkeys(names, reason)}
+    try:
+        function = linear_stability.stability_function(method)
+    except IntegratorError as error:
+        found: dict[str, Any] = dict.fromkeys(STABILITY)
+        undecided |= dict.fromkeys(STABILITY, str(error))
+    else:
+        if function.parameters and not all(map(has_exact_zero_test, (*function.p, *function.q))):
+            undecided |= dict.fromkeys(SLOW_FORMULAS, "formulas with roots and symbols would take long")
+        found = {name: None if name in undecided else _ready(ask(function)) for name, ask in STABILITY.items()}
+    found |= {name: _ready(ask(method)) for name, ask in CONTRACTIVITY.items()}
+    for name, value in found.items():
+        if value is None and name not in undecided:
+            undecided[name] = _reason(name, found, method)
+    return found | {"undecided": undecided}
+
+
+def _ready(value: Any) -> Any:
+    """A value for JSON: numbers other than integers as text."""
+    return value if value is None or isinstance(value, bool | int | str) else format_number(value)
+
+
+def _reason(name: str, found: Mapping[str, Any], method: RungeKutta) -> str:
+    if name == "linear_ssp_coefficient" and found["stability_at_infinity"] != "inf":
+        return "the stability function is no polynomial"
+    if method.parameters:
+        return f"depends on {', '.join(method.parameters)}"
+    if method.precision:
+        return "the digits of the tableau do not show it"
+    return "the tableau has roots of too high a degree"
 
 
 def _embedded_orders(method: Method) -> tuple[int, ...]:
@@ -334,4 +443,4 @@ def _notes(report: Report) -> Iterator[str]:
         facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
         yield f"Not decided: {facts}: {reason}."
     for issue in report.method.issues:
-        yield f"Beware: {issue}."
+        yield f"Warning: {issue}."

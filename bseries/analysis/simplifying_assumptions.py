@@ -11,18 +11,18 @@ Hairer–Nørsett–Wanner, theorem II.7.4).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from bseries.analysis.stability.field_elements import dot, stage_matrix, to_flint
 from bseries.exceptions import SeriesError
+from integrators.exact.polynomials import power
 
 if TYPE_CHECKING:
     from integrators import RungeKutta
     from trees.tree import Tree
-
-Vector = Sequence[Any]
 
 
 class Assumptions(NamedTuple):
@@ -95,62 +95,37 @@ def _is_bush(tree: Tree) -> bool:
     return not any(child.children for child in tree.children)
 
 
-class StageSpace(NamedTuple):
-    """The stage vectors of a method: their product, the stage matrix, the weights, a basis, and the vector 1."""
-
-    multiply: Callable[[Any, Any], Vector]
-    apply: Callable[[Any], Vector]
-    weigh: Callable[[Any], Any]
-    basis: Sequence[Vector]
-    one: Vector
-
-
-def stage_space(method: RungeKutta) -> StageSpace:
-    """Stage vectors by components, or as polynomials where the method is given by its node polynomial."""
-    size = method.stages
-    basis = [tuple(Fraction(int(i == j)) for i in range(size)) for j in range(size)]
-    if method.algebra is not None:
-        algebra = method.algebra
-        return StageSpace(algebra.multiply, algebra.apply, algebra.weigh, basis, basis[0])
-    return StageSpace(
-        lambda x, y: tuple(u * v for u, v in zip(x, y, strict=True)),
-        lambda x: tuple(_dot(row, x) for row in method.A),
-        lambda x: _dot(method.b, x),
-        basis,
-        (Fraction(1),) * size,
-    )
-
-
-def _dot(x: Vector, y: Vector) -> Any:
-    return sum((u * v for u, v in zip(x, y, strict=True)), start=Fraction(0))
-
-
 @lru_cache(maxsize=64)
 def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
     """The largest p, q, r ≤ `limit` for which B(p), C(q), D(r) hold for a method with rational stage vectors.
 
-    The nodes are the row sums, the only ones that matter for autonomous equations.
+    The nodes are the row sums, the only ones that matter for autonomous equations. With the matrix X of the
+    multiplication of stage vectors by the nodes, B(k) is k b X^(k−1) 1 = 1, C(k) is k A X^(k−1) 1 = X^k 1, and D(k) is
+    k b X^(k−1) A = b − b X^k.
     """
-    space = stage_space(method)
-    nodes = space.apply(space.one)
-    powers = [space.one]  # c^0, c^1, …
-    while len(powers) <= limit + 1:
-        powers.append(space.multiply(powers[-1], nodes))
+    from flint import fmpq_mat
 
-    def b(k: int) -> bool:
-        return space.weigh(powers[k - 1]) * k == 1
-
-    def c(k: int) -> bool:
-        return all(x * k == y for x, y in zip(space.apply(powers[k - 1]), powers[k], strict=True))
-
-    def d(k: int) -> bool:
-        return all(
-            space.weigh(space.multiply(powers[k - 1], space.apply(e))) * k
-            == space.weigh(e) - space.weigh(space.multiply(powers[k], e))
-            for e in space.basis
-        )
-
-    return Assumptions(_largest(b, limit), _largest(c, limit), _largest(d, limit))
+    rows, weights, vector = stage_matrix(method)
+    size = len(rows)
+    nodes = [dot(row, vector) for row in rows]
+    if method.algebra is None:
+        columns = [[c if i == j else Fraction(0) for i in range(size)] for j, c in enumerate(nodes)]
+    else:
+        products = (method.algebra.multiply(tuple(nodes), power(k)) for k in range(size))
+        columns = [[*product, *[Fraction(0)] * (size - len(product))] for product in products]
+    A, X, b, one = (
+        fmpq_mat([list(map(to_flint, row)) for row in matrix])
+        for matrix in (rows, zip(*columns, strict=True), [weights], [[x] for x in vector])
+    )
+    right, left = [one], [b]
+    while len(right) <= limit:
+        right.append(X * right[-1])
+        left.append(left[-1] * X)
+    return Assumptions(
+        _largest(lambda k: (b * right[k - 1] * k)[0, 0] == 1, limit),
+        _largest(lambda k: A * right[k - 1] * k == right[k], limit),
+        _largest(lambda k: left[k - 1] * A * k == b - left[k], limit),
+    )
 
 
 def _largest(holds: Callable[[int], bool], limit: int) -> int:

@@ -11,41 +11,34 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.stages import auxiliary_colors
-from bseries.analysis.conjugation import ConjugateVerdict, conjugate_symplecticity, effective_order
-from bseries.analysis.order import first_failure
+from bseries.analysis.order import fields_of, first_failure, flows_of, samples_of, series_of
 from bseries.analysis.structure_conditions import (
     NO_PRODUCT,
     StructureConditions,
+    Verdict,
     cached_conditions,
     closure,
+    decide,
+    has_blocks,
     ids_within,
     is_complete,
     restricted_table_error,
-)
-from bseries.analysis.verdicts import (
-    Verdict,
-    decide,
-    fields_of,
-    flows_of,
-    has_blocks,
-    samples_of,
-    series_of,
     verdict,
 )
+from integrators.methods.catalogue.registry import as_method
 from trees.free_trees import grafting, is_separable, rootings
 
 if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Row
-    from bseries.analysis.verdicts import Coloring
-    from integrators.methods.program.program import Method
+    from bseries.analysis.structure_conditions import Coloring, Row
+    from integrators.methods.programs.program import Method
     from trees.table import TreeTable
 
 
-def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
+def accuracy(method: Method | BSeries | str, order: int | None = None) -> Verdict:
     """Order of agreement with the exact flow: the order of accuracy, decided by trees.
 
     Args:
@@ -66,6 +59,7 @@ def accuracy(method: Method | BSeries, order: int | None = None) -> Verdict:
     References:
         HLW, theorem III.1.5. `order_of` needs no trees where simplifying assumptions suffice.
     """
+    method = as_method(method)
     s = series_of(method, order)
     check_flow(s, "method")
     auxiliary = frozenset() if isinstance(method, BSeries) else auxiliary_colors(method)
@@ -80,7 +74,7 @@ def symmetry_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
             yield {tree: 1}, NO_PRODUCT, NO_PRODUCT
 
 
-def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
+def symmetry(method: Method | BSeries | str, order: int | None = None) -> Verdict:
     """Order to which a method is symmetric, equal to its adjoint.
 
     The modified equation of a symmetric method contains even powers of h only: trees with odd numbers of nodes.
@@ -103,6 +97,7 @@ def symmetry(method: Method | BSeries, order: int | None = None) -> Verdict:
     References:
         HLW, theorems II.3.2 and IX.2.2.
     """
+    method = as_method(method)
     fields = [s.log() for s in flows_of(method, order)]
     return decide(symmetry_conditions(fields[0].table, False), fields)
 
@@ -161,7 +156,7 @@ def _restricted_hamiltonian(table: TreeTable, blocks: bool) -> Iterator[Row]:
             yield row, NO_PRODUCT, NO_PRODUCT
 
 
-def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
+def symplecticity(method: Method | BSeries | str, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
     """Order to which a method is symplectic on Hamiltonian systems, and conserves quadratic invariants of any system.
 
     The conditions are a(u ∘ v) + a(v ∘ u) = a(u) a(v) for all trees u and v. Where colours are blocks they apply to
@@ -192,6 +187,7 @@ def symplecticity(method: Method | BSeries, order: int | None = None, *, colors_
         HLW, section VI.7 (quadratic invariants first, symplecticity from them; B-series, then P-series).
         A. L. Araújo, A. Murua, J. M. Sanz-Serna, SIAM J. Numer. Anal. 34 (1997), 1926–1947 (parts).
     """
+    method = as_method(method)
     flows = flows_of(method, order)
     table, blocks = flows[0].table, has_blocks(flows[0], colors_are)
     conditions = hamiltonian_conditions(table, blocks)
@@ -252,7 +248,9 @@ def energy_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
         yield row, NO_PRODUCT, NO_PRODUCT
 
 
-def energy_preservation(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
+def energy_preservation(
+    method: Method | BSeries | str, order: int | None = None, *, colors_are: Coloring = None
+) -> Verdict:
     """Order to which a method conserves H on all systems y' = J ∇H(y) with a constant skew matrix J.
 
     With b the modified equation, Σ ± b(T without a leaf, rooted next to it) = 0 over the leaves of every free tree T
@@ -281,6 +279,7 @@ def energy_preservation(method: Method | BSeries, order: int | None = None, *, c
         E. Celledoni, R. I. McLachlan, B. Owren, G. R. W. Quispel, Found. Comput. Math. 10 (2010), 673–693,
         doi:10.1007/s10208-010-9073-1.
     """
+    method = as_method(method)
     return _decide_field(energy_conditions, method, order, colors_are)
 
 
@@ -312,7 +311,9 @@ def volume_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
     yield from _root_colors(table, blocks)
 
 
-def volume_preservation(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
+def volume_preservation(
+    method: Method | BSeries | str, order: int | None = None, *, colors_are: Coloring = None
+) -> Verdict:
     """Order to which a method preserves volume for all divergence-free systems.
 
     With b the modified equation, Σ b(u₁ ∘ (u₂ ∘ (… ∘ u_m))) = 0 over the rotations of every cycle of m ≥ 2 trees.
@@ -346,6 +347,7 @@ def volume_preservation(method: Method | BSeries, order: int | None = None, *, c
         A. Iserles, G. R. W. Quispel, P. S. P. Tse, BIT 47 (2007), 351–378.
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
+    method = as_method(method)
     return _decide_field(volume_conditions, method, order, colors_are)
 
 
@@ -374,7 +376,9 @@ def _up_to(table: TreeTable, first: int, order: int) -> range:
     return range(first, table.ids(order).stop) if order > 0 else range(0)
 
 
-def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
+def cubic_invariants(
+    method: Method | BSeries | str, order: int | None = None, *, colors_are: Coloring = None
+) -> Verdict:
     """Order to which a method conserves all polynomial invariants of degree up to three.
 
     With b the modified equation, b(u ∘ v) + b(v ∘ u) = 0 and b(u ∘ v ∘ w) + b(v ∘ w ∘ u) + b(w ∘ u ∘ v) = 0.
@@ -404,6 +408,7 @@ def cubic_invariants(method: Method | BSeries, order: int | None = None, *, colo
     References:
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
+    method = as_method(method)
     return _decide_field(cubic_conditions, method, order, colors_are)
 
 
@@ -422,7 +427,7 @@ class Structure(NamedTuple):
     """A structure test of `check`: the names of its verdict in reports, and whether it needs the field or the flow."""
 
     names: tuple[str, ...]
-    test: Callable[[BSeries], Verdict | ConjugateVerdict]
+    test: Callable[[BSeries], Any]
     of_field: bool = False
 
 
@@ -430,10 +435,8 @@ STRUCTURES = (
     Structure(("symmetric",), symmetry),
     Structure(("symplectic", "quadratic_invariants"), symplecticity),
     Structure(("hamiltonian",), hamiltonian_field, of_field=True),
-    Structure(("conjugate_symplectic",), conjugate_symplecticity),
     Structure(("energy_preserving",), energy_preservation, of_field=True),
     Structure(("cubic_invariants",), cubic_invariants, of_field=True),
     Structure(("volume_preserving",), volume_preservation, of_field=True),
-    Structure(("effective_order",), effective_order),
 )
-"""All structure tests, in the order of reports."""
+"""Structure tests in the order of reports; those of conjugate methods follow."""

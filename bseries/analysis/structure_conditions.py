@@ -1,4 +1,4 @@
-"""Linear conditions on coefficients: rows over the trees of a table, and the tables on which structure is decided.
+"""Verdicts on properties up to some order, and linear conditions on coefficients: rows over the trees of a table.
 
 All conditions are linear in the field b = log a: b preserves a structure to order k if and only if the flow does. For
 symplecticity the conditions on the flow itself differ by products a(u) a(v) only, and need no logarithm.
@@ -14,11 +14,14 @@ coefficients eliminated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
+from foundation.table import Table, as_html, fact_table
+from integrators.core.canonical_names import canonical_names
 from trees.compiled import kernel
 from trees.counting import normal_limits
 from trees.free_trees import grafting, is_separable
@@ -26,7 +29,9 @@ from trees.table import tree_table
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
+    from trees.tree import Tree
 
+    Coloring = Literal["blocks", "parts"] | None
     Row = tuple[dict[int, int], int, int]
 
 NO_PRODUCT = -1
@@ -144,3 +149,79 @@ def ids_within(table: TreeTable, whole: TreeTable) -> dict[int, int]:
         if left >= 0:
             places.append(product(places[left], places[right]))
     return {place: tree for tree, place in enumerate(places)}
+
+
+class Verdict(NamedTuple):
+    """The order up to which a property holds.
+
+    Attributes:
+        order: The largest k ≤ `tested_to` such that no tree with up to k nodes violates the property.
+        breaks: The first tree that violates it, or None.
+        tested_to: The largest number of nodes tested.
+
+    Example:
+        >>> import bseries as bs
+        >>> verdict = bs.symplecticity(bs.method("rk4"), 6)
+        >>> verdict.order, str(verdict.breaks), verdict.tested_to, verdict.holds
+        (4, '[τ,[[τ]]]', 6, False)
+    """
+
+    order: int
+    breaks: Tree | None
+    tested_to: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether no tree violates the property."""
+        return self.breaks is None
+
+    def __str__(self) -> str:
+        return f"holds to order {self.order}, " + (f"violated by {self.breaks}" if self.breaks else "as far as tested")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict as plain data."""
+        return {"order": self.order, "breaks": self.breaks and str(self.breaks), "tested_to": self.tested_to}
+
+    def to_table(self) -> Table:
+        """The verdict as a table."""
+        return fact_table(str(self), self.to_dict().items())
+
+    _repr_html_ = as_html
+
+
+def verdict(table: TreeTable, violating: int | None) -> Verdict:
+    """The verdict for a property whose first violating tree has this id."""
+    if violating is None:
+        return Verdict(table.max_order, None, table.max_order)
+    return Verdict(int(table.columns.order[violating]) - 1, table[violating], table.max_order)
+
+
+def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
+    """Decide conditions on a series, the first of its `samples`."""
+    values = (
+        [samples[0].stored.homogeneous(flow=flow)] if len(samples) == 1 else [s.stored.coefficients() for s in samples]
+    )
+    residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
+    violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
+    return verdict(samples[0].table, violating)
+
+
+def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
+    """Indices of nonzero residuals; `nearby` are the residuals of the other samples of a series in decimals."""
+    for k, residual in enumerate(residuals):
+        if residual and (not nearby or abs(residual) > 3 * max(abs(other[k] - residual) for other in nearby)):
+            yield k
+
+
+def block_names(names: Sequence[str]) -> tuple[str, str] | None:
+    """The names of momenta and of positions, if two colours are blocks of them by their names."""
+    return canonical_names(names) if len(names) == 2 else None
+
+
+def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
+    """Whether the colours of a series are blocks of variables; by default if their names say so."""
+    if colors_are not in (None, "blocks", "parts"):
+        raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
+    if colors_are == "blocks" and s.table.colors != 2:
+        raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
+    return block_names(s.names) is not None if colors_are is None else colors_are == "blocks"

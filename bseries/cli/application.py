@@ -12,6 +12,9 @@ from typing import Any, TextIO
 
 import click
 
+from foundation.extras import MissingPackage
+from integrators.core.errors import suggestion
+
 VERBS = {
     "modified": "series",
     "modifying": "series",
@@ -57,6 +60,14 @@ class Application(click.Group):
             return None
         return getattr(import_module(f"bseries.cli.verbs.{VERBS[cmd_name]}"), cmd_name)
 
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the verb, or refuse with verbs of a similar spelling."""
+        if args and args[0] not in VERBS and not args[0].startswith("-"):
+            near = suggestion(args[0], VERBS)
+            raise Refusal(f"verb must be one of {', '.join(VERBS)}, but was {args[0]!r:.60}{near}")
+
+        return super().resolve_command(ctx, args)
+
     def main(self, args: Sequence[str] | None = None, *rest: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run; failures print one line and exit with code 2."""
         arguments = list(sys.argv[1:] if args is None else args) or ["--help"]
@@ -79,6 +90,7 @@ class Application(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb."""
         with _quiet_ends(), _long_integers(), warnings.catch_warnings():
+            warnings.simplefilter("always")
             warnings.showwarning = lambda message, *_: say("warning", str(message))
             result = super().invoke(ctx)
             sys.stdout.flush()
@@ -87,7 +99,7 @@ class Application(click.Group):
 
 @contextmanager
 def _quiet_ends() -> Iterator[None]:
-    """Turn errors that a user can cause into a sentence or an exit code."""
+    """Convert errors that a user can cause to a sentence or an exit code."""
     try:
         prepare_stdout()
         yield
@@ -101,6 +113,8 @@ def _quiet_ends() -> Iterator[None]:
         raise Refusal(f"output must be writable, but was not: {error.strerror}") from None
     except MemoryError:
         raise Refusal("there must be more memory for this request; a smaller --order needs less") from None
+    except MissingPackage as error:
+        raise Refusal(str(error)) from None
     except ValueError as error:
         from bseries import errors
 
@@ -111,7 +125,7 @@ def _quiet_ends() -> Iterator[None]:
 
 def say(kind: str, sentence: str) -> None:
     """One line on stderr: ``bseries: error: …`` or ``bseries: warning: …``."""
-    with suppress(OSError):  # nobody reads it; the exit code tells
+    with suppress(OSError):  # the reader is gone; the exit code reports it
         click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
 
 
@@ -142,15 +156,15 @@ def standard_input() -> TextIO:
 
 
 def prepare_stdout() -> None:
-    """Ensure that standard output is there, to write or to refuse, and encodes the letter τ."""
-    if sys.stdout is None:  # closed by the caller: what is written fails, as on a full disk
+    """Ensure that standard output exists, and encodes the letter τ."""
+    if sys.stdout is None:  # closed by the caller: writing fails, as on a full disk
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     elif (sys.stdout.encoding or "").lower().replace("-", "") != "utf8" and hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(encoding="utf-8")  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def discard_output() -> None:
-    """Redirect standard output to the null device: nobody reads the rest."""
+    """Redirect standard output to the null device, since its reader is gone."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

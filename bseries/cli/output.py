@@ -12,10 +12,10 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.progress import Progress
-from bseries.table import FORMATS, LazyRows, Table
+from foundation.table import FORMATS, LazyRows, Table
 
 NO_LATEX = tuple(name for name in FORMATS if name != "latex")
-"""Formats of verbs that measure: nothing there is a formula."""
+"""Formats of verbs that measure, whose results have no formulas."""
 SUFFIXES = {suffix: name for name, format_ in FORMATS.items() for suffix in format_.suffixes}
 
 MOST_ROWS = 100_000
@@ -31,12 +31,12 @@ class Output(NamedTuple):
 
     @property
     def on_terminal(self) -> bool:
-        """Whether the answer goes to a terminal."""
+        """Whether the output is written to a terminal."""
         return self.path is None and sys.stdout.isatty()
 
     @property
     def width(self) -> int | None:
-        """Columns of the terminal; None where lines may have any length."""
+        """The width of the terminal; None for output of unlimited width."""
         if not self.on_terminal:
             return None
         from shutil import get_terminal_size
@@ -49,7 +49,7 @@ class Output(NamedTuple):
         return FORMATS[self.format].streams
 
     def check_rows(self, count: int) -> None:
-        """Refuse more rows than a format can hold that is not streamed."""
+        """Refuse too many rows for a format that is not streamed."""
         if count > MOST_ROWS and not self.has_records:
             raise Refusal(
                 f"order must be smaller, or format csv, to write more than {MOST_ROWS:,} trees, but there are {count:,}"
@@ -69,7 +69,7 @@ class Output(NamedTuple):
             sys.stdout.write(piece)
 
     def _tracked(self, table: Table) -> Table:
-        """The table with rows that move the progress bar."""
+        """The table with rows that update the progress bar."""
 
         def track() -> Iterator[Any]:
             for done, row in enumerate(table.rows):
@@ -98,7 +98,7 @@ class WholeNumber(click.ParamType):
 def takes_output(
     verb: Callable[..., Table | str], formats: Collection[str] = FORMATS, also: Sequence[str] = ()
 ) -> Callable[..., None]:
-    """Give a verb the options --format and -o; it gets an `Output` and returns the table or text to write.
+    """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text.
 
     Args:
         verb: The verb.
@@ -107,7 +107,7 @@ def takes_output(
     """
 
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
-    @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE; its suffix tells the format.")
+    @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE, in the format of its suffix.")
     @functools.wraps(verb)
     def write(*, format_: str | None, path: str | None, **options: Any) -> None:
         target = None if path == "-" else path
@@ -133,7 +133,7 @@ def _choose_format(given: str | None, path: str | None, formats: Collection[str]
 
 
 def _check_folder(path: str) -> None:
-    """Refuse, before the work, a file that cannot be written."""
+    """Refuse a file that cannot be written, before the computation."""
     folder = os.path.dirname(os.path.abspath(path))
     if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         what = "a folder" if os.path.isdir(path) else f"in {folder!r:.60}, where no file can be made"

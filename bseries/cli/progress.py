@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import sys
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
 
 import click
-
-from bseries.cli.application import say
 
 PATIENCE = 1.0
 """Seconds before a bar is drawn."""
@@ -69,15 +64,3 @@ class Progress:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
-
-
-@contextmanager
-def said_warnings() -> Iterator[None]:
-    """Print each warning of the library as a line on stderr."""
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
-        try:
-            yield
-        finally:
-            for warning in found:
-                say("warning", str(warning.message))

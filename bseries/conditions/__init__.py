@@ -1,1 +1,5 @@
 """Order conditions of methods, generated to any order: formulas, equations and code."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,104 +1,101 @@
 """Residual and Jacobian of order conditions as compiled functions, for solvers and optimisers.
 
-The values of operations are stored consecutively, `stages` numbers each. `reach[m·stages + i]` is the number of leading
-entries of row i of matrix m that may be nonzero. Sizes and columns are unsigned: without checks for negative indices
+Coefficients and stage matrices form one vector, the values of operations another, with `stages` entries for each
+operation; tables hold offsets into these vectors. Sizes and offsets are unsigned: without checks for negative indices
 the inner loops are vectorised.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK
-from bseries.conditions.layout import layout
+from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR
+from bseries.conditions.exact_values import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
 from trees.compiled import kernel
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.conditions.condition_program import EquationSystem, EquationTerm
+    from bseries.conditions.condition_program import EquationSystem
+
+    Tables = tuple[np.ndarray, ...]
 
 
 @kernel
-def stage_vectors(last, stages, kind, left, right, matrices, reach, vectors, value):
-    """Values of the operations 0 … last−1."""
-    for k in range(last):
+def stage_vectors(stages, kind, left, right, coefficients, value):
+    """Compute the values of all operations."""
+    for k in range(len(kind)):
         at = k * stages
-        x = left[k] * stages
-        y = right[k] * stages
+        x = left[k]
+        y = right[k]
         if kind[k] == PRODUCT:
             for i in range(stages):
                 value[at + i] = value[x + i] * value[y + i]
         elif kind[k] == IMAGE:
             for i in range(stages):
-                row = (x + i) * stages
+                row = x + i * stages
                 total = 0.0
-                for j in range(reach[x + i]):
-                    total += matrices[row + j] * value[y + j]
+                for j in range(stages):
+                    total += coefficients[row + j] * value[y + j]
                 value[at + i] = total
         elif kind[k] == PULLBACK:
             for i in range(stages):
                 value[at + i] = 0.0
             for i in range(stages):
-                row = (x + i) * stages
+                row = x + i * stages
                 above = value[y + i]
-                for j in range(reach[x + i]):
-                    value[at + j] += matrices[row + j] * above
+                for j in range(stages):
+                    value[at + j] += coefficients[row + j] * above
         elif kind[k] == ONE:
             for i in range(stages):
                 value[at + i] = 1.0
         else:
             for i in range(stages):
-                value[at + i] = vectors[x + i]
+                value[at + i] = coefficients[x + i]
 
 
 @kernel
-def sums(stages, starts, factor, block, stage, vectors, value, result):
+def sums(stages, starts, factor, left, right, coefficients, value, result):
     """Add Σ factor · (vector · stage vector) to the result of each equation."""
     for k in range(len(result)):
         total = 0.0
         for term in range(starts[k], starts[k + 1]):
-            x = block[term] * stages
-            y = stage[term] * stages
+            x = left[term]
+            y = right[term]
             product = 0.0
             for i in range(stages):
-                product += vectors[x + i] * value[y + i]
+                product += coefficients[x + i] * value[y + i]
             total += factor[term] * product
         result[k] += total
 
 
 @kernel
-def gradients(stages, starts, factor, left, right, ends, target, rows, reach, value, columns, above, scratch, result):
-    """The Jacobian, row by row: derivatives by all coefficients are summed in `scratch`, the free `columns` copied.
+def gradients(stages, starts, factor, left, right, target, is_matrix, value, columns, derivatives, result):
+    """The Jacobian, row by row: sum the derivatives with respect to all coefficients, and copy the free `columns`.
 
-    Terms factor · x yᵀ with the same y are consecutive; where `ends` is nonzero the sum of factor · x is complete. If
-    `ends` is 2 its product with y is added to the matrix whose entries begin at `target` and whose `reach` begins at
-    `rows`; if 1, the sum itself is added to the vector at `target`. `above` is zero before and after.
+    A term is factor · x yᵀ, added to the matrix whose entries begin at `target`, or factor · x, added to a vector.
     """
     for k in range(len(result)):
-        for at in range(len(scratch)):
-            scratch[at] = 0.0
+        for at in range(len(derivatives)):
+            derivatives[at] = 0.0
         for term in range(starts[k], starts[k + 1]):
-            x = left[term] * stages
-            for i in range(stages):
-                above[i] += factor[term] * value[x + i]
-            if ends[term] == 0:
-                continue
-            y = right[term] * stages
-            for i in range(stages):
-                total = above[i]
-                above[i] = 0.0
-                if ends[term] == 1:
-                    scratch[target[term] + i] += total
-                    continue
-                at = target[term] + i * stages
-                for j in range(reach[rows[term] + i]):
-                    scratch[at + j] += total * value[y + j]
+            x = left[term]
+            y = right[term]
+            if is_matrix[term]:
+                for i in range(stages):
+                    slope = factor[term] * value[x + i]
+                    at = target[term] + i * stages
+                    for j in range(stages):
+                        derivatives[at + j] += slope * value[y + j]
+            else:
+                for i in range(stages):
+                    derivatives[target[term] + i] += factor[term] * value[x + i]
         for column in range(len(columns)):
-            result[k, column] = scratch[columns[column]]
+            result[k, column] = derivatives[columns[column]]
 
 
 class Unknown(NamedTuple):
@@ -111,12 +108,21 @@ class Unknown(NamedTuple):
         return f"{self.argument}[{', '.join(map(str, self.at))}]"
 
 
+def _floats(array: Any, name: str) -> np.ndarray:
+    import numpy as np
+
+    try:
+        return np.asarray(array, float)
+    except (TypeError, ValueError):
+        raise SeriesError(f"{name} must be an array of numbers, but was {array!r:.60}") from None
+
+
 class CompiledConditions:
     """Order conditions for a number of stages, as compiled functions of floats.
 
     Stage vectors and adjoint vectors are computed once for all trees. With n conditions and U unknowns the Jacobian has
-    8·n·U bytes; each edge costs one outer product, s² multiplications (half of them for an explicit
-    method). All 1,205 conditions to order 10 with s = 17: 2.95 MB, some 2.6 million multiplications.
+    8·n·U bytes; each edge costs one outer product, s² multiplications. All 1,205 conditions to order 10 with s = 17:
+    2.95 MB, about 2.6 million multiplications.
 
     Attributes:
         stages: The number of stages.
@@ -138,21 +144,20 @@ class CompiledConditions:
         import numpy as np
 
         self.stages = stages
-        self._system = system
-        self._arguments = system.program.arguments
-        self._entries = layout(system.program, system.structures, stages)
-        self._starts = [k for k, entry in enumerate(self._entries) if entry.place == 0]
-        self._columns = np.array([k for k, entry in enumerate(self._entries) if entry.is_free], np.uint64)
-        self._arrays: dict[int, tuple[np.ndarray, ...]] = {}
-        self.unknowns: tuple[Unknown, ...] = tuple(
-            Unknown(entry.argument.name, entry.at) for entry in self._entries if entry.is_free
-        )
+        self._system, self._arguments = system, system.program.arguments
+        entries = named_blocks(system, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
+        *self._starts, self._size = map(int, np.cumsum([0, *(block.size for block in entries)]))
+        self._blocks = [(slice(at, at + x.size), x.shape) for at, x in zip(self._starts, entries, strict=True)]
+        flat = np.concatenate([block.ravel() for block in entries])
+        self.unknowns: tuple[Unknown, ...] = tuple(entry for entry in flat if entry)
+        self._columns = np.flatnonzero(flat).astype(np.uint64)
+        self._excluded = np.flatnonzero(flat == 0)
 
     def __repr__(self) -> str:
         return f"<CompiledConditions: {len(self._system.equations)} conditions, {len(self.unknowns)} unknowns>"
 
     def pack(self, *arrays: Any) -> np.ndarray:
-        """The unknowns of some arrays as one vector."""
+        """The unknowns as one vector, from arrays of coefficients."""
         return self._read(arrays)[self._columns]
 
     def unpack(self, unknowns: Any) -> tuple[np.ndarray, ...]:
@@ -170,15 +175,11 @@ class CompiledConditions:
         given = np.asarray(unknowns, float)
         if given.shape != (len(self.unknowns),):
             raise SeriesError(f"unknowns must be {len(self.unknowns)} numbers, but had the shape {given.shape}")
-        flat = np.zeros(len(self._entries))
+        flat = np.zeros(self._size)
         flat[self._columns] = given
-        arrays, at = [], 0
-        for argument in self._arguments:
-            shape = argument.shape(self.stages)
-            size = int(np.prod(shape))
-            arrays.append(flat[at : at + size].reshape(shape))
-            at += size
-        return tuple(arrays)
+        shapes = [argument.shape(self.stages) for argument in self._arguments]
+        parts = np.split(flat, np.cumsum([math.prod(shape) for shape in shapes])[:-1])
+        return tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
 
     def residual(self, *arrays: Any) -> np.ndarray:
         """Left-hand sides minus right-hand sides.
@@ -195,15 +196,14 @@ class CompiledConditions:
         """
         import numpy as np
 
-        flat = self._read(arrays)
-        vectors = self._vectors(flat)
-        value = self._run(self._system.size, flat, vectors)
-        result = -self._right
-        sums.compiled(np.uint64(self.stages), *self._sums, vectors, value, result)
+        operations, terms, right = self._residual_tables
+        coefficients, value = self._evaluated(arrays, operations)
+        result = -right
+        sums.compiled(np.uint64(self.stages), *terms, coefficients, value, result)
         return result
 
     def jacobian(self, *arrays: Any) -> np.ndarray:
-        """Derivatives of the residual by the `unknowns`.
+        """Derivatives of the residual with respect to the `unknowns`.
 
         Args:
             *arrays: As for `residual`.
@@ -216,137 +216,75 @@ class CompiledConditions:
         """
         import numpy as np
 
-        terms = self._gradient_terms  # appends operations to the program
-        flat = self._read(arrays)
-        value = self._run(len(self._system.program.operations), flat, self._vectors(flat))
+        operations, terms = self._jacobian_tables
+        _, value = self._evaluated(arrays, operations)
         result = np.empty((len(self._system.equations), len(self.unknowns)))
-        above, scratch = np.zeros(self.stages), np.empty(len(self._entries))
-        inputs = np.uint64(self.stages), *terms, self._reach.ravel()
-        gradients.compiled(*inputs, value, self._columns, above, scratch, result)
+        derivatives = np.empty(self._size)
+        gradients.compiled(np.uint64(self.stages), *terms, value, self._columns, derivatives, result)
         return result
 
     def _read(self, arrays: Sequence[Any]) -> np.ndarray:
         """All entries of all arrays."""
         import numpy as np
 
-        if len(arrays) != len(self._arguments):
-            raise SeriesError(f"arguments must be {', '.join(self._system.arguments)}, but were {len(arrays)}")
-        flat = []
-        for argument, array in zip(self._arguments, arrays, strict=True):
-            try:
-                entries = np.asarray(array, float)
-            except (TypeError, ValueError):
-                raise SeriesError(f"{argument.name} must be an array of numbers, but was {array!r:.60}") from None
-            shape = argument.shape(self.stages)
-            if entries.shape != shape:
-                raise SeriesError(f"{argument.name} must have the shape {shape}, but had {entries.shape}")
-            flat.append(entries.ravel())
-        return np.concatenate(flat)
+        return np.concatenate([x.ravel() for x in read_arrays(self._system.program, arrays, self.stages, _floats)])
 
-    def _run(self, last: int, flat: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-        """Values of the operations before `last`."""
+    def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
+        """The coefficients, followed by the stage matrices, and the values of operations."""
         import numpy as np
 
-        s = np.uint64(self.stages)
-        value = np.empty(last * self.stages)
-        matrices, columns = self._matrices(flat), self._operations(last)
-        stage_vectors.compiled(last, s, *columns, matrices, self._operator_reach, vectors, value)
-        return value
-
-    def _operations(self, count: int) -> tuple[np.ndarray, ...]:
-        """Kind, left and right operands of the first operations."""
-        import numpy as np
-
-        if count not in self._arrays:
-            operations = np.array(self._system.program.operations[:count], np.uint64)
-            self._arrays[count] = tuple(np.ascontiguousarray(column) for column in operations.T)
-        return self._arrays[count]
-
-    def _vectors(self, flat: np.ndarray) -> np.ndarray:
-        """The vectors of coefficients, by the numbers of their blocks."""
-        import numpy as np
-
-        vectors = np.zeros((len(self._starts), self.stages))
-        for block, start in enumerate(self._starts):
-            if not self._entries[start].argument.is_matrix:
-                vectors[block] = flat[start : start + self.stages]
-        return vectors.ravel()
-
-    def _matrices(self, flat: np.ndarray) -> np.ndarray:
-        """The stage matrices."""
-        import numpy as np
-
-        s = self.stages
-        matrices = np.zeros((len(self._system.program.operators), s * s))
-        for matrix, operator in zip(matrices, self._system.program.operators, strict=True):
-            if operator.relation:
-                matrix += np.tri(s, k=0 if operator.relation == "≤" else -1).ravel()
-            for block in operator.blocks:
-                matrix += flat[self._starts[block] : self._starts[block] + s * s]
-        return matrices.ravel()
+        flat = self._read(arrays)
+        if len(self._excluded):
+            flat[self._excluded] = 0.0
+        blocks = [flat[places].reshape(shape) for places, shape in self._blocks]
+        matrices = stage_matrices(self._system.program, blocks)
+        coefficients = np.concatenate([flat, *map(np.ravel, matrices)])
+        value = np.empty(len(operations[0]) * self.stages)
+        stage_vectors.compiled(np.uint64(self.stages), *operations, coefficients, value)
+        return coefficients, value
 
     @cached_property
-    def _reach(self) -> np.ndarray:
-        """For each row of each block, the number of leading entries up to the last free one."""
+    def _residual_tables(self) -> tuple[Tables, Tables, np.ndarray]:
+        """The tables of `stage_vectors` and `sums`, and the right-hand sides."""
         import numpy as np
 
-        reach = np.zeros((len(self._starts), self.stages), np.uint64)
-        for argument, index, block, _, is_free in self._entries:
-            if argument.is_matrix and is_free:
-                reach[block, index[-2]] = index[-1] + 1
-        return reach
-
-    @cached_property
-    def _operator_reach(self) -> np.ndarray:
-        """The same for each stage matrix."""
-        import numpy as np
-
-        reach = np.zeros((len(self._system.program.operators), self.stages), np.uint64)
-        for row, operator in zip(reach, self._system.program.operators, strict=True):
-            if operator.relation:
-                row += np.arange(self.stages, dtype=np.uint64) + np.uint64(operator.relation == "≤")
-            for block in operator.blocks:
-                np.maximum(row, self._reach[block], out=row)
-        return reach.ravel()
-
-    @cached_property
-    def _sums(self) -> tuple[np.ndarray, ...]:
-        """The terms of all left-hand sides."""
-        import numpy as np
-
-        terms: list[EquationTerm] = [term for equation in self._system.equations for term in equation.summands]
-        return (
-            np.cumsum([0, *(len(equation.summands) for equation in self._system.equations)]).astype(np.uint64),
+        equations = self._system.equations
+        terms = [term for equation in equations for term in equation.summands]
+        tables = (
+            np.cumsum([0, *(len(equation.summands) for equation in equations)], dtype=np.uint64),
             np.array([float(term.coefficient) for term in terms]),
-            np.array([term.block for term in terms], np.uint64),
-            np.array([term.value for term in terms], np.uint64),
-        )
-
-    @cached_property
-    def _right(self) -> np.ndarray:
-        import numpy as np
-
-        return np.array([float(equation.right) for equation in self._system.equations])
-
-    @cached_property
-    def _gradient_terms(self) -> tuple[np.ndarray, ...]:
-        """The gradient terms of all equations, those with the same y consecutive, and their targets."""
-        import numpy as np
-
-        rows = [sorted(row, key=lambda term: (term.block, term.y)) for row in self._system.gradients]
-        terms = [term for row in rows for term in row]
-        targets = [(term.block, term.y) for term in terms]
-        lasts = set(np.cumsum([len(row) for row in rows]) - 1)
-        ends = [
-            0 if k not in lasts and target == targets[k + 1] else 2 if target[1] >= 0 else 1
-            for k, target in enumerate(targets)
-        ]
-        return (
-            np.cumsum([0, *map(len, rows)]).astype(np.uint64),
-            np.array([float(term.factor) for term in terms]),
-            np.array([term.x for term in terms], np.uint64),
-            np.array([max(term.y, 0) for term in terms], np.uint64),
-            np.array(ends, np.uint8),
             np.array([self._starts[term.block] for term in terms], np.uint64),
-            np.array([term.block * self.stages for term in terms], np.uint64),
+            np.array([term.value * self.stages for term in terms], np.uint64),
         )
+        return self._operations(self._system.size), tables, np.array([float(x.right) for x in equations])
+
+    @cached_property
+    def _jacobian_tables(self) -> tuple[Tables, Tables]:
+        """The tables of `stage_vectors` and `gradients`."""
+        import numpy as np
+
+        rows = self._system.gradients  # appends operations
+        terms = [term for row in rows for term in row]
+        tables = (
+            np.cumsum([0, *map(len, rows)], dtype=np.uint64),
+            np.array([float(term.factor) for term in terms]),
+            np.array([term.x * self.stages for term in terms], np.uint64),
+            np.array([max(term.y, 0) * self.stages for term in terms], np.uint64),
+            np.array([self._starts[term.block] for term in terms], np.uint64),
+            np.array([term.y >= 0 for term in terms], np.uint8),
+        )
+        return self._operations(len(self._system.program.operations)), tables
+
+    def _operations(self, count: int) -> Tables:
+        """Kinds of the first operations, and offsets of their operands."""
+        import numpy as np
+
+        rows = []
+        for kind, x, y in self._system.program.operations[:count]:
+            left = x * self.stages
+            if kind in (IMAGE, PULLBACK):
+                left = self._size + x * self.stages**2
+            elif kind == VECTOR:
+                left = self._starts[x]
+            rows.append((kind, left, y * self.stages))
+        return tuple(np.ascontiguousarray(np.array(rows, np.uint64).T))

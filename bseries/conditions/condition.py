@@ -8,8 +8,8 @@ from fractions import Fraction
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.presentation import latex_number
 from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
+from foundation.numbers import latex_number
 from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
 
@@ -57,12 +57,12 @@ class OrderCondition(ImmutableValue):
     @property
     def left(self) -> str:
         """The left-hand side as text."""
-        return left_text(self._program, self._equation, "text")
+        return left_text(self._program, self._equation)
 
     @property
     def latex(self) -> str:
         """The equation as LaTeX."""
-        return equation_text(self._program, self._equation, "latex")
+        return f"{left_text(self._program, self._equation, latex=True)} = {latex_number(self.right, None)}"
 
     def __str__(self) -> str:
         return f"{self.left} = {self.right}"
@@ -97,29 +97,20 @@ class Factor(NamedTuple):
     exponent: int
 
 
-class IndexedSum(NamedTuple):
-    """A sum of products: the factors, and the relation of each index to the previous one."""
-
-    factors: list[Factor]
-    relations: list[str]
-
-
-def equation_text(program: ConditionProgram, equation: Equation, format: str) -> str:
-    """An equation as ``"text"`` or ``"latex"``."""
-    right = latex_number(equation.right, None) if format == "latex" else equation.right
-    return f"{left_text(program, equation, format)} = {right}"
-
-
-def left_text(program: ConditionProgram, equation: Equation, format: str) -> str:
+def left_text(program: ConditionProgram, equation: Equation, *, latex: bool = False) -> str:
     """The left-hand side of an equation."""
-    return " + ".join(_summand_text(program, summand, format == "latex") for summand in equation.summands)
+    return " + ".join(_summand_text(program, summand, latex) for summand in equation.summands)
 
 
 def _summand_text(program: ConditionProgram, summand: EquationTerm, latex: bool) -> str:
-    found = _read(program, summand)
-    indices = index_letters(len(found.relations), latex)
-    parts = [_sign(found.relations, indices, latex)]
-    for symbol, part, at, exponent in found.factors:
+    """A sum of products over indices: one for the root, and one for each edge that is not a single factor."""
+    block = program.blocks[summand.block]
+    factors = [Factor((block.argument.letter, block.argument.latex), block.part, (0,), 1)]
+    relations = [""]  # of each index to the previous one
+    _visit(program, summand.value, 0, factors, relations)
+    indices = index_letters(len(relations), latex)
+    parts = [_sign(relations, indices, latex)]
+    for symbol, part, at, exponent in factors:
         own = [indices[k] for k in at]
         subscript = ("," if len(own[-1]) > 1 and not latex else "").join(own)
         parts.append(factor_text(symbol[latex], part, subscript, exponent, latex))
@@ -139,15 +130,7 @@ def _sign(relations: Sequence[str], indices: Sequence[str], latex: bool) -> str:
     return f"Σ_{{{chain}}}" if any(relations) else "Σ"
 
 
-def _read(program: ConditionProgram, summand: EquationTerm) -> IndexedSum:
-    """The factors of a summand; the root, and each edge that is not a single factor, has an index."""
-    block = program.blocks[summand.block]
-    found = IndexedSum([Factor((block.argument.letter, block.argument.latex), block.part, (0,), 1)], [""])
-    _visit(program, summand.value, 0, found)
-    return found
-
-
-def _visit(program: ConditionProgram, stage: int, at: int, found: IndexedSum) -> None:
+def _visit(program: ConditionProgram, stage: int, at: int, factors: list[Factor], relations: list[str]) -> None:
     """Append the factors of a stage vector: first those with the index `at` only, then branch by branch."""
     branches = []
     for factor, equal in groupby(program.factors(stage)):
@@ -155,17 +138,17 @@ def _visit(program: ConditionProgram, stage: int, at: int, found: IndexedSum) ->
         leaf = _leaf(program, factor)
         if leaf is None:
             branches += [factor] * exponent
-        elif leaf == found.factors[0][:2] and at == 0:  # x · x^(r−1) at the root is x^r
-            found.factors[0] = found.factors[0]._replace(exponent=exponent + 1)
+        elif leaf == factors[0][:2] and at == 0:  # x · x^(r−1) at the root is x^r
+            factors[0] = factors[0]._replace(exponent=exponent + 1)
         else:
-            found.factors.append(Factor(*leaf, (at,), exponent))
+            factors.append(Factor(*leaf, (at,), exponent))
     for factor in branches:
         _, which, branch = program.operations[factor]
-        operator, own = program.operators[which], len(found.relations)
-        found.relations.append(operator.relation)
+        operator, own = program.operators[which], len(relations)
+        relations.append(operator.relation)
         if not operator.relation:
-            found.factors.append(Factor((operator.letter, operator.latex), operator.part, (at, own), 1))
-        _visit(program, branch, own, found)
+            factors.append(Factor((operator.letter, operator.latex), operator.part, (at, own), 1))
+        _visit(program, branch, own, factors, relations)
 
 
 def _leaf(program: ConditionProgram, factor: int) -> tuple[tuple[str, str], str] | None:

@@ -12,15 +12,17 @@ the child. Adjoint vectors of common trunks are computed once as well.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import NamedTuple, Protocol, TypeVar
-
-V = TypeVar("V")
+from typing import NamedTuple
 
 ONE, VECTOR, PRODUCT, IMAGE, PULLBACK = range(5)
 """Kinds of operations: (1, …, 1); a vector of coefficients; x · y by components; A y; Aᵀ y."""
+
+FULL, EXPLICIT, DIAGONALLY_IMPLICIT = STRUCTURES = ("full", "explicit", "diagonally-implicit")
+BANDS = {EXPLICIT: 0, DIAGONALLY_IMPLICIT: 1, "<": 0, "≤": 1}
+"""Row i = 0, 1, … of a lower triangular matrix begins with i + band entries that may be nonzero."""
 
 
 class CoefficientArray(NamedTuple):
@@ -40,7 +42,11 @@ class CoefficientArray(NamedTuple):
 
     def shape(self, stages: int) -> tuple[int, ...]:
         """The shape of the array."""
-        return (len(self.parts),) * self.is_stack + (stages,) * (1 + self.is_matrix)
+        return (len(self.parts),) * self.is_stack + self.part_shape(stages)
+
+    def part_shape(self, stages: int) -> tuple[int, ...]:
+        """The shape of one matrix or vector."""
+        return (stages,) * (1 + self.is_matrix)
 
 
 class CoefficientBlock(NamedTuple):
@@ -49,15 +55,19 @@ class CoefficientBlock(NamedTuple):
     argument: CoefficientArray
     part: str
 
-    def code(self, at: str = "") -> str:
-        """The block, or one of its entries, as an expression in Python."""
-        stack = str(self.argument.parts.index(self.part)) if self.argument.is_stack else ""
-        index = ", ".join(filter(None, (stack, at)))
-        return f"{self.argument.name}[{index}]" if index else self.argument.name
+    @property
+    def stack(self) -> tuple[int, ...]:
+        """The first index of the block's entries in a stack."""
+        return (self.argument.parts.index(self.part),) * self.argument.is_stack
+
+    @property
+    def code(self) -> str:
+        """The block as an expression in Python."""
+        return self.argument.name + "".join(f"[{k}]" for k in self.stack)
 
 
 class StageMatrix(NamedTuple):
-    """A stage matrix: the sum of some blocks, or the constant matrix with ones where `relation` holds for j and i.
+    """A stage matrix: the sum of some blocks, or the matrix with entries 1 for `relation` between j and i, else 0.
 
     `row_sum` is the symbol of its row sums in formulas, if they have one.
     """
@@ -85,30 +95,6 @@ class GradientTerm(NamedTuple):
     block: int
     x: int
     y: int
-
-
-class Interpreter(Protocol[V]):
-    """Executes the operations on numbers or symbols, or by writing code; `of_one`: x is (1, …, 1)."""
-
-    def one(self) -> V:
-        """The vector (1, …, 1)."""
-        ...
-
-    def vector(self, block: int) -> V:
-        """A vector of coefficients."""
-        ...
-
-    def product(self, x: V, y: V) -> V:
-        """The product by components."""
-        ...
-
-    def image(self, operator: int, x: V, *, of_one: bool) -> V:
-        """A x."""
-        ...
-
-    def pullback(self, operator: int, x: V) -> V:
-        """Aᵀ x."""
-        ...
 
 
 class ConditionProgram:
@@ -183,22 +169,6 @@ class ConditionProgram:
                         pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
         return [GradientTerm(factor, *key) for key, factor in derivatives.items()]
 
-    def run(self, interpreter: Interpreter[V], count: int | None = None) -> list[V]:
-        """The values of the first `count` operations, by default of all."""
-        values: list[V] = []
-        for kind, x, y in self.operations[:count]:
-            if kind == ONE:
-                values.append(interpreter.one())
-            elif kind == VECTOR:
-                values.append(interpreter.vector(x))
-            elif kind == PRODUCT:
-                values.append(interpreter.product(values[x], values[y]))
-            elif kind == IMAGE:
-                values.append(interpreter.image(x, values[y], of_one=y == ONE))
-            else:
-                values.append(interpreter.pullback(x, values[y]))
-        return values
-
 
 class Equation(NamedTuple):
     """Σ summands = right."""
@@ -223,10 +193,16 @@ class EquationSystem:
         self.size = len(program.operations)
         """The number of operations for the left-hand sides; later operations serve the derivatives."""
 
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """The names of the arrays of coefficients."""
-        return tuple(argument.name for argument in self.program.arguments)
+    def free_entries(self, stages: int) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """The coefficients that the structures allow: block, and index in the block."""
+        structures = iter(self.structures)
+        for k, block in enumerate(self.program.blocks):
+            band = BANDS.get(next(structures), stages) if block.argument.is_matrix else 0
+            for i in range(stages):
+                if block.argument.is_matrix:
+                    yield from ((k, (i, j)) for j in range(min(stages, i + band)))
+                else:
+                    yield k, (i,)
 
     @cached_property
     def gradients(self) -> list[list[GradientTerm]]:

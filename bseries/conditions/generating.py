@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.analysis.simplifying_assumptions import Assumptions
-from bseries.conditions.condition_program import ConditionProgram
-from bseries.conditions.kinds import EXPLICIT, FULL, KINDS, STRUCTURES
-from bseries.conditions.layout import check_stages
+from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES
+from bseries.conditions.exact_values import check_stages
+from bseries.conditions.kinds import KINDS
 from bseries.conditions.listing import OrderConditions, Request
 from bseries.exceptions import SeriesError
+from integrators.core.errors import suggestion
 from trees.counting import check_size, count_trees, normal_limits
 from trees.lyndon_words import count_lyndon_words
-from trees.names import default_names
+from trees.notation import default_names
 from trees.table import tree_table
 
 if TYPE_CHECKING:
@@ -172,7 +173,8 @@ def _isomeric(trees: Iterable[Tree], scalar: str) -> list[list[Tree]]:
 def _find_kind(kind: object) -> tuple[str, MethodKind]:
     name = kind.lower().replace("_", "-") if isinstance(kind, str) else kind
     if not isinstance(name, str) or name not in KINDS:
-        raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}")
+        near = suggestion(str(name), KINDS)
+        raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}{near}")
     return name, KINDS[name]
 
 
@@ -186,8 +188,8 @@ def _check_colors(name: str, kind: MethodKind, colors: int | None) -> int:
 
 def _check_structure(kind: MethodKind, names: Sequence[str], structure: object) -> tuple[str, ...]:
     """The structure of each matrix."""
-    program = ConditionProgram(*kind.coefficients(names))
-    count = sum(block.argument.is_matrix for block in program.blocks)
+    arguments, _ = kind.coefficients(names)
+    count = sum(len(argument.parts) for argument in arguments if argument.is_matrix)
     if kind.structures or not count:
         if structure != FULL:
             raise SeriesError(f"structure must be left out for {kind.about}, but was {structure!r:.60}")
@@ -202,7 +204,7 @@ def _check_structure(kind: MethodKind, names: Sequence[str], structure: object) 
 
 
 def _check_scalar(scalar: object) -> str:
-    if scalar is True or scalar is False or scalar is None:
+    if scalar is None or isinstance(scalar, bool):
         return SCALAR[0] if scalar else ""
     if scalar not in SCALAR:
         raise SeriesError(f"scalar must be True, False, {SCALAR[0]!r} or {SCALAR[1]!r}, but was {scalar!r:.60}")

@@ -8,7 +8,15 @@ from itertools import groupby, product
 from math import factorial, prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.conditions.condition_program import ONE, CoefficientArray, ConditionProgram, EquationTerm, StageMatrix
+from bseries.conditions.condition_program import (
+    DIAGONALLY_IMPLICIT,
+    EXPLICIT,
+    ONE,
+    CoefficientArray,
+    ConditionProgram,
+    EquationTerm,
+    StageMatrix,
+)
 from trees.lyndon_words import lyndon_trees
 
 if TYPE_CHECKING:
@@ -16,7 +24,6 @@ if TYPE_CHECKING:
 
 Sums = Callable[["Tree"], "tuple[EquationTerm, ...]"]
 
-FULL, EXPLICIT, DIAGONALLY_IMPLICIT = STRUCTURES = ("full", "explicit", "diagonally-implicit")
 NODES = ("c", "c")
 
 STRICT, WEAK = 0, 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, overload
 
@@ -11,12 +11,11 @@ from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.compiling import CompiledConditions
 from bseries.conditions.condition import OrderCondition, class_weights, equation_of
 from bseries.conditions.condition_program import ConditionProgram, EquationSystem
+from bseries.conditions.exact_values import check_stages, equations, left_sides, read_blocks, symbols
 from bseries.conditions.kinds import KINDS, NODES
-from bseries.conditions.languages import source
-from bseries.conditions.layout import known_stages, read_arrays
-from bseries.conditions.scalar_equations import ScalarInterpreter, equations, left_sides
+from bseries.conditions.source_code import source
 from bseries.exceptions import SeriesError
-from bseries.table import Column, LazyRows, Table, as_html, listed
+from foundation.table import Column, LazyRows, Table, as_frame, as_html, listed
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.immutable import ImmutableValue
 from trees.tree import Tree
@@ -97,7 +96,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             >>> bs.order_conditions("nystrom", 3).arguments
             ('Abar', 'bbar', 'b', 'c')
         """
-        return self.system.arguments
+        return tuple(argument.name for argument in self.system.program.arguments)
 
     def __len__(self) -> int:
         return len(self.classes)
@@ -162,8 +161,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """
         if len(arrays) == 1 and isinstance(arrays[0], RungeKutta | PartitionedRungeKutta):
             return self._residuals_of_method(arrays[0])
-        stages, blocks = read_arrays(self.system.program, arrays, self.request.stages)
-        left = left_sides(self.system, ScalarInterpreter(self.system.program, stages, blocks))
+        left = left_sides(self.system, read_blocks(self.system.program, arrays, self.request.stages))
         return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
 
     def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
@@ -197,29 +195,30 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             >>> bs.order_conditions("runge-kutta", 3, explicit=True).sympy(stages=3)[3].lhs
             a_21**2*b_2 + b_3*(a_31 + a_32)**2
         """
-        program = self.system.program
         if arrays:
-            given = read_arrays(program, arrays, self.request.stages)
+            blocks = read_blocks(self.system.program, arrays, self.request.stages)
         else:
-            given = self.known_stages(stages), None
-        if nodes and any(operator.row_sum != NODES for operator in program.operators):
+            blocks = symbols(self.system, check_stages(self._chosen_stages(stages)))
+        if nodes and any(operator.row_sum != NODES for operator in self.system.program.operators):
             raise SeriesError(f"nodes must be False for {self.kind} methods, but was True")
-        return equations(self.system, *given, nodes=nodes)
+        return equations(self.system, blocks, nodes=nodes)
 
     def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
-        """Source code of a function ``residual`` and, by default, ``jacobian``; see `conditions.languages`.
+        """Source code of a function ``residual`` and, by default, ``jacobian``.
 
         Args:
-            language: ``"python"`` (lists; exact on Fractions), ``"numpy"``, ``"numba"``, ``"julia"``, ``"c"``,
-                ``"fortran"`` or ``"octave"``.
-            stages: The number of stages; ``"numpy"`` and ``"numba"`` do not need it.
-            jacobian: Whether to write the Jacobian.
+            language: ``"numpy"``, ``"c"`` or ``"julia"``. Arrays are those of `arguments`; in C they are
+                flat, row by row, and the result is the last argument.
+            stages: The number of stages; ``"numpy"`` does not need it.
+            jacobian: Whether to write the Jacobian: a row for each condition, a column for each free coefficient,
+                argument by argument, row by row.
 
         Returns:
             The source.
 
         Raises:
-            SeriesError: The language is unknown, or the number of stages is missing.
+            SeriesError: The language is unknown, the number of stages is missing or too large to write scalar code, or
+                there are no conditions.
 
         Example:
             >>> import bseries as bs
@@ -228,18 +227,16 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             <BLANKLINE>
             function residual(A, b)
                 r = zeros(promote_type(eltype(A), eltype(b)), 4)
-                t1 = A[2,1] .^ 2
                 r[1] = b[1] + b[2] - 1
                 r[2] = A[2,1] .* b[2] - 1 // 2
                 r[3] = -1 // 6
-                r[4] = b[2] .* t1 - 1 // 3
+                r[4] = A[2,1] .^ 2 .* b[2] - 1 // 3
                 return r
             end
             <BLANKLINE>
         """
         title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
-        names = self.names if len(self.names) > 1 else None
-        labels = (", ".join(tree.text(names) for tree in trees) for trees in self.classes)
+        labels = (", ".join(tree.text(self._shown_names) for tree in trees) for trees in self.classes)
         return source(self.system, title, labels, language, self._chosen_stages(stages), jacobian)
 
     def compile(self, stages: int | None = None) -> CompiledConditions:
@@ -251,18 +248,34 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         Raises:
             SeriesError: The number of stages is missing or not 1 or more.
         """
-        return CompiledConditions(self.system, self.known_stages(stages))
-
-    def known_stages(self, stages: int | None) -> int:
-        """The number of stages given here or to `order_conditions`."""
-        return known_stages(self._chosen_stages(stages))
+        return CompiledConditions(self.system, check_stages(self._chosen_stages(stages)))
 
     def _chosen_stages(self, stages: int | None) -> int | None:
+        """The number of stages given here or to `order_conditions`."""
         return self.request.stages if stages is None else stages
+
+    @property
+    def _shown_names(self) -> tuple[str, ...] | None:
+        """The names of the parts where there are several."""
+        return self.names if len(self.names) > 1 else None
+
+    @property
+    def _fields(self) -> tuple[tuple[str, Callable[[OrderCondition], object]], ...]:
+        """The entries of a condition in JSON and CSV."""
+        names = self._shown_names
+        return (
+            ("tree", lambda x: x.tree.text(names)),
+            ("levels", lambda x: list(x.tree.levels)),
+            ("colors", lambda x: list(x.tree.colors)),
+            ("order", lambda x: x.tree.order),
+            ("isomeric", lambda x: [tree.text(names) for tree in x.trees[1:]]),
+            ("left", lambda x: x.left),
+            ("right", lambda x: str(x.right)),
+            ("latex", lambda x: x.latex),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The conditions as JSON-ready data."""
-        names = self.names if len(self.names) > 1 else None
         request = self.request
         return {
             "schema": 1,
@@ -273,19 +286,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             "assumptions": {name: k for name, k in request.assumptions._asdict().items() if k},
             "scalar": request.scalar or None,
             "symmetric": request.symmetric,
-            "conditions": [
-                {
-                    "tree": condition.tree.text(names),
-                    "levels": list(condition.tree.levels),
-                    "colors": list(condition.tree.colors),
-                    "order": condition.tree.order,
-                    "isomeric": [tree.text(names) for tree in condition.trees[1:]],
-                    "left": condition.left,
-                    "right": str(condition.right),
-                    "latex": condition.latex,
-                }
-                for condition in self
-            ],
+            "conditions": [{name: get(condition) for name, get in self._fields} for condition in self],
         }
 
     def to_table(self) -> Table:
@@ -304,40 +305,25 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             <BLANKLINE>
             c_i = Σ_j a_ij.
         """
-        return _table(self)
+        names, rows = self._shown_names, LazyRows(lambda: self, len(self))
+        columns = (
+            Column("|τ|", True, lambda x: x.tree.order),
+            Column("tree τ", get=lambda x: ", ".join(tree.text(names) for tree in x.trees)),
+            Column("condition", get=str),
+        )
+        return Table(
+            f"Order {self.order} of {KINDS[self.kind].about}: {len(self)} condition{'s' * (len(self) != 1)}",
+            columns,
+            rows,
+            list(_notes(self)),
+            data=self.to_dict,
+            items="conditions",
+            section=lambda x: x.tree.order,
+            records=listed(self._fields, rows),
+            own={"latex": lambda width: self.latex() + "\n"},
+        )
 
-    _repr_html_ = as_html
-
-
-def _table(found: OrderConditions) -> Table:
-    names = found.names if len(found.names) > 1 else None
-    rows = LazyRows(lambda: found, len(found))
-    columns = (
-        Column("|τ|", True, lambda x: x.tree.order),
-        Column("tree τ", get=lambda x: ", ".join(tree.text(names) for tree in x.trees)),
-        Column("condition", get=str),
-    )
-    fields = (
-        ("tree", lambda x: x.tree.text(names)),
-        ("levels", lambda x: x.tree.levels),
-        ("colors", lambda x: x.tree.colors),
-        ("order", lambda x: x.tree.order),
-        ("isomeric", lambda x: [tree.text(names) for tree in x.trees[1:]]),
-        ("left", lambda x: x.left),
-        ("right", lambda x: str(x.right)),
-        ("latex", lambda x: x.latex),
-    )
-    return Table(
-        f"Order {found.order} of {KINDS[found.kind].about}: {len(found)} condition{'s' * (len(found) != 1)}",
-        columns,
-        rows,
-        list(_notes(found)),
-        data=found.to_dict,
-        items="conditions",
-        section=lambda x: x.tree.order,
-        records=listed(fields, rows),
-        own={"latex": lambda width: found.latex() + "\n"},
-    )
+    _repr_html_, to_pandas = as_html, as_frame
 
 
 def _notes(found: OrderConditions) -> Iterator[str]:

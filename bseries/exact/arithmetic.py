@@ -119,9 +119,7 @@ class Compiled(Exact):
 
     def width(self, entries: int) -> Any:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
-        import numpy as np
-
-        return np.uint64(max(entries + 3, 4) // 4 * 4)
+        return self.size(max(entries + 3, 4) // 4 * 4)
 
     def size(self, number: int) -> Any:
         """A length, unsigned."""

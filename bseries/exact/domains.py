@@ -16,7 +16,7 @@ A domain provides three things, which share the name `kind`:
   weights, or with ``field=None`` the stages themselves;
 - an arithmetic: a subclass of `bseries.exact.arithmetic.Exact` that the recursions run in.
 
-`make_values` picks the domain of given numbers, `alike` brings operands to the widest of their domains, and `apply`
+`narrowest` picks the domain of given numbers, `alike` brings operands to the widest of their domains, and `apply`
 runs an operation in the arithmetic of its operands; `bseries.algebra.stages` does the first two for methods. A result
 that fits into a narrower exact domain is moved there. SymPy's own rational type never leaves this file.
 """
@@ -29,7 +29,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache, partial
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
 from bseries.exact.operations import Operation, evaluate
@@ -71,6 +71,23 @@ class Values(Protocol):
 
     def is_zero(self, at: int) -> bool:
         """Whether the coefficient of a tree is zero."""
+        ...
+
+    def equals_at(self, other: Any, at: int) -> bool:
+        """Whether other values, made `alike`, have the same coefficient of a tree."""
+        ...
+
+    def truncated(self, table: TreeTable) -> Values:
+        """The coefficients of the trees of a smaller table, the first of the own one."""
+        ...
+
+    @property
+    def reduced(self) -> Any:
+        """The same values over the smallest denominators, or in a field without any."""
+        ...
+
+    def homogeneous(self, *, flow: bool) -> Any:
+        """The coefficients times a factor for each number of nodes n; for a flow L^n, as products of values have it."""
         ...
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
@@ -136,6 +153,23 @@ class FloatValues:
         """Whether a coefficient is exactly zero."""
         return not self.raw[at]
 
+    def equals_at(self, other: FloatValues, at: int) -> bool:
+        """Whether a coefficient is exactly the same."""
+        return bool(self.raw[at] == other.raw[at])
+
+    def truncated(self, table: TreeTable) -> FloatValues:
+        """The coefficients of the first trees."""
+        return FloatValues(table, self.raw[: len(table)])
+
+    @property
+    def reduced(self) -> FloatValues:
+        """These values, which have no denominators."""
+        return self
+
+    def homogeneous(self, *, flow: bool) -> list[float]:
+        """The coefficients themselves."""
+        return self.coefficients()
+
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The values as a raw vector."""
         return arithmetic.vector(self.raw)
@@ -183,6 +217,29 @@ class RingValues:
     def is_zero(self, at: int) -> bool:
         """Whether a coefficient is zero."""
         return not self.elements[at]
+
+    def equals_at(self, other: RingValues, at: int) -> bool:
+        """Whether a coefficient is the same in values over the same ring and denominator."""
+        return bool(self.elements[at] == other.elements[at])
+
+    def truncated(self, table: TreeTable) -> RingValues:
+        """The coefficients of the first trees."""
+        return RingValues(table, self.ring, self.elements[: len(table)], self.step)
+
+    @property
+    def reduced(self) -> RingValues:
+        """The same values in the field of fractions, without a common denominator."""
+        field = self.ring.get_field()
+        step = converted(self.step, self.ring, field)
+        elements = [
+            converted(x, self.ring, field) / step ** int(n)
+            for x, n in zip(self.elements, self.table.columns.order, strict=True)
+        ]
+        return RingValues(self.table, field, elements, field.one)
+
+    def homogeneous(self, *, flow: bool) -> list[Any]:
+        """The elements."""
+        return list(self.elements)
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The elements as a raw vector."""
@@ -277,16 +334,34 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
     return field, quotients
 
 
+class Numbers(NamedTuple):
+    """Numbers in one domain: floats, Fractions, or elements of a ring to be divided by `step`."""
+
+    kind: str
+    entries: list[Any]
+    ring: Any = None
+    step: Any = None
+
+
+def narrowest(numbers: Sequence[Any]) -> Numbers:
+    """Results of `exact_number` in the narrowest domain that holds them all."""
+    if any(isinstance(number, float) for number in numbers):
+        return Numbers("float", [to_float(number) for number in numbers])
+    if all(isinstance(number, Fraction) for number in numbers):
+        return Numbers("rational", list(numbers))
+    ring, elements, step = ring_and_elements(numbers)  # takes seconds where roots are of high degree
+    return Numbers("ring", elements, ring, step)
+
+
 def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
     """Values from one number for each tree, in the narrowest domain that holds them all."""
-    entries = [exact_number(number) for number in numbers]
-    if any(isinstance(entry, float) for entry in entries):
-        return FloatValues(table, [to_float(entry) for entry in entries])
-    if all(isinstance(entry, Fraction) for entry in entries):
-        return RationalValues.from_fractions(table, entries)  # pyright: ignore[reportArgumentType]
-    ring, numerators, common = ring_and_elements(entries)
-    elements = [x * common ** (int(n) - 1) for x, n in zip(numerators, table.columns.order, strict=True)]
-    return RingValues(table, ring, elements, common)
+    kind, entries, ring, step = narrowest([exact_number(number) for number in numbers])
+    if kind == "float":
+        return FloatValues(table, entries)
+    if kind == "rational":
+        return RationalValues.from_fractions(table, entries)
+    elements = [x * step ** (int(n) - 1) for x, n in zip(entries, table.columns.order, strict=True)]
+    return RingValues(table, ring, elements, step)
 
 
 def to_float(number: Any) -> float:
@@ -324,7 +399,7 @@ def alike(operands: Sequence[Values]) -> list[Any]:
     for values in rings:
         step = ring.lcm(step, converted(values.step, values.ring, ring)) if not ring.is_Field else ring.one
     if ring.is_Field:
-        rings = [divided(values) for values in rings]
+        rings = [values.reduced for values in rings]
     return [values.in_ring(ring, step) for values in rings]
 
 
@@ -338,19 +413,9 @@ def as_ring(values: Any) -> RingValues:
     return RingValues(values.table, QQ, elements, QQ.one)
 
 
-def divided(values: RingValues) -> RingValues:
-    """The same values in the field of fractions, without a common denominator."""
-    field = values.ring.get_field()
-    step = converted(values.step, values.ring, field)
-    elements = [
-        converted(x, values.ring, field) / step ** int(n)
-        for x, n in zip(values.elements, values.table.columns.order, strict=True)
-    ]
-    return RingValues(values.table, field, elements, field.one)
-
-
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
+    table.choose_kernels()
     first = operands[0]
     if first.kind == "rational":
         return evaluate(table, operands, operation)

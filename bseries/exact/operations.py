@@ -36,6 +36,7 @@ from bseries.exact.arithmetic import (
     wrapped_integers,
 )
 from bseries.exact.rationals import RationalValues, lcm_up_to, primorial, twos
+from trees.compiled import interpreting
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
@@ -127,7 +128,8 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
                 table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
             )
             return RationalValues(table, numerators, denominators, step)
-    values = run(Exact())
+    with interpreting():
+        values = run(Exact())
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 

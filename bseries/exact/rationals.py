@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -76,15 +76,24 @@ class RationalValues:
             values += [Fraction(x, common) for x in (part if isinstance(part, list) else part.tolist())]
         return values
 
-    def map(self, function: Callable[[int, Fraction], Fraction]) -> RationalValues:
-        """The values function(number of nodes, value)."""
-        nodes = self.table.columns.order
-        values = [function(int(nodes[i]), value) for i, value in enumerate(self.coefficients())]
-        return RationalValues.from_fractions(self.table, values)
-
     def is_zero(self, at: int) -> bool:
         """Whether the coefficient of a tree is zero."""
         return not self.numerators[at]
+
+    def equals_at(self, other: RationalValues, at: int) -> bool:
+        """Whether the coefficient of a tree is the same."""
+        return self[at] == other[at]
+
+    def truncated(self, table: TreeTable) -> RationalValues:
+        """The coefficients of the first trees."""
+        return RationalValues(table, self.numerators[: len(table)], self.denominators[: table.max_order + 1], self.step)
+
+    def homogeneous(self, *, flow: bool) -> Any:
+        """The numerators, for a flow over the denominators L^n."""
+        factors = [self.step**n // d if flow else 1 for n, d in enumerate(self.denominators)]
+        if max(factors) == 1:
+            return self.numerators
+        return [int(x) * factors[n] for n, x in zip(self.table.lists[0], self.numerators, strict=True)]
 
     @property
     def exponent(self) -> int:

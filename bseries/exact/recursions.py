@@ -41,6 +41,10 @@ class Stages:
         self.blocks = list(accumulate(blocks, initial=0)) if relation else []
         self.longest = max(blocks, default=1)
 
+    def with_entries(self, a: list[Any], b: list[Any]) -> Stages:
+        """Other entries in the same blocks."""
+        return Stages(self.size, a, b, self.relation, self.sizes if self.relation else ())
+
     @property
     def sizes(self) -> list[int]:
         """Length of every block."""

@@ -67,12 +67,7 @@ def many(y, h, out):
 class CompiledFormulas:
     """Sums Σ h^k · formula, compiled as one function that shares common subexpressions.
 
-    Args:
-        symbols: The variables.
-        columns: The formulas of each sum, by power of h.
-
-    Attributes:
-        lines: The statements that compute the sums.
+    Each of `columns` has the formulas of one sum by power of h; `lines` are the statements that compute the sums.
 
     Example:
         >>> import numpy as np, sympy

@@ -36,7 +36,7 @@ from trees.compiled import Kernel, float_kernel
 
 EACH, CHAIN, RING, PAIRS, TABLE = range(5)
 
-COUNTS = ("order", "terms", "locals", "polynomials", "towers", "fields", "dimension")
+COUNTS = ("order", "terms", "locals", "polynomials", "tensors", "fields", "dimension")
 """The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
 TABLES = {
     "term": 21,
@@ -56,17 +56,19 @@ TABLES = {
 }
 """The tables in `ints`, whose offsets follow the counts, and the width of their rows.
 
-argument: role, offset, stride, 1 if a difference, role, offset, stride · datum: role, first number · instruction:
-    operation,
-result, operands, first product, end, first factor · product: α, β, γ with x^α = x^β x^γ, by |α| · raised: x^α x_l ·
-level, child_level: offsets of contractions and children by order · contraction: left, own, size, child, first
-direction, end, first use, end · use: 0 or 1 + the child, first output, end · output: monomial, role, offset, stride,
-0 if negative.
+- argument: role, offset, stride, 1 if a difference, role, offset, stride
+- datum: role, first number
+- instruction: operation, result, operands, first product, end, first factor
+- product: α, β, γ with x^α = x^β x^γ, by |α|; raised: x^α x_l
+- level, child_level: offsets of contractions and children by order
+- contraction: left, own, size, child, first direction, end, first use, end
+- use: 0 or 1 + the child, first output, end
+- output: monomial, role, offset, stride, 0 if negative
 """
 NUMBERS = ("datum_value", "constant", "factor", "factorial", "weight")
 """The tables in `numbers`; their offsets follow in `ints`."""
 
-ORDER, TERMS, LOCALS, POLYNOMIALS, TOWERS, FIELDS, DIMENSION = range(len(COUNTS))
+ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(len(COUNTS))
 (
     TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
     CHILD_LEVEL, CHILD, OUTPUT,
@@ -324,14 +326,14 @@ def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
 
 
 @LoweredKernel
-def scatter(A, tower, positive, values, vector, rows, places, place, lanes):
+def scatter(A, entry, positive, values, vector, rows, places, place, lanes):
     """Add one output of a tensor, or of a sum of tensors, to one vector."""
     if positive != ZERO:
         for w in range(rows):
-            values[vector, places[place * lanes + w]] += A[tower * lanes + w]
+            values[vector, places[place * lanes + w]] += A[entry * lanes + w]
     else:
         for w in range(rows):
-            values[vector, places[place * lanes + w]] -= A[tower * lanes + w]
+            values[vector, places[place * lanes + w]] -= A[entry * lanes + w]
 
 
 @LoweredKernel
@@ -389,11 +391,11 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
             target, weight = ints[at], numbers[ints[WEIGHT] + use]
             for output in range(ints[at + ONE], ints[at + TWO]):
                 traits = ints[OUTPUT] + OUTPUT_ROW * output
-                tower = own + ints[traits]
+                entry = own + ints[traits]
                 if target != ZERO:
-                    scatter(A, tower, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
+                    scatter(A, entry, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
                 else:
-                    i, x = (output - first) * lanes, tower * lanes
+                    i, x = (output - first) * lanes, entry * lanes
                     for w in range(lanes):
                         A[i + w] += weight * A[x + w]
     for output in range(first, stop):
@@ -409,7 +411,7 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
     zero; `sites`, `point` and `places` are filled here.
     """
     for n in range(ONE, ints[ORDER] + ONE):
-        lane, base, place = ZERO, ints[TOWERS], ZERO
+        lane, base, place = ZERO, ints[TENSORS], ZERO
         for t in range(ints[TERMS]):
             term = ints[TERM] + TERM_ROW * t
             if n == ONE:
@@ -428,7 +430,7 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
 @numba_kernel
 def workspace(ints, points, lanes):
     """Workspace for a number of points: rows of sites, groups of numbers, groups of indices."""
-    rows, groups, entries = ZERO, ints[TOWERS], ZERO
+    rows, groups, entries = ZERO, ints[TENSORS], ZERO
     for t in range(ints[TERMS]):
         term = ints[TERM] + TERM_ROW * t
         count = (points * ints[term + T_ROWS] + lanes - ONE) // lanes

@@ -10,7 +10,7 @@ children, without those that vanish for the formulas.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,12 +18,11 @@ import numpy as np
 from bseries.fields import taylor_polynomials
 from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
 from bseries.fields.taylor_polynomials import InstructionList, monomial_count
-from integrators.scenes.model.local_terms import VALUE
-from integrators.scenes.particles.degrees import Family, Piece, degree, family_of, supports
+from integrators.scenes.model.system import VALUE
+from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
 
 if TYPE_CHECKING:
-    from integrators.scenes.model.local_terms import LocalTerm
-    from integrators.scenes.model.system import System
+    from integrators.scenes.model.system import LocalTerm, System
     from trees.table import TreeTable
 
 
@@ -32,21 +31,13 @@ Forest = int
 
 
 class Forests(NamedTuple):
-    """The forests of children of the trees of a table, independent of the colours of roots.
+    """The forests of children of the trees of a table, independent of the colours of roots."""
 
-    Attributes:
-        of_tree: The forest of each tree.
-        left: Each forest without its largest tree.
-        right: The id of its largest tree.
-        order: The number of nodes of a tree with these children.
-        children: The number of children.
-    """
-
-    of_tree: list[Forest]
-    left: list[Forest]
-    right: list[int]
-    order: list[int]
-    children: list[int]
+    of_tree: list[Forest]  # the forest of each tree
+    left: list[Forest]  # each forest without its largest tree
+    right: list[int]  # the id of its largest tree
+    order: list[int]  # the number of nodes of a tree with these children
+    children: list[int]  # the number of children
 
 
 def find_forests(table: TreeTable) -> Forests:
@@ -172,11 +163,8 @@ SITE_KINDS = {"single": EACH, "each": EACH, "chain": CHAIN, "ring": RING, "pairs
 class TableBuilder:
     """Builder of the tables that the kernels read, term by term.
 
-    Args:
-        table: The trees.
-        required: The tensors to compute.
-        weights: The factor of each tree's differential, in the numbers of the computation.
-        convert: Converts exact numbers to those of the computation.
+    `weights` are the factors of the trees' differentials, in the numbers of the computation, to which `convert`
+    converts exact numbers.
     """
 
     def __init__(
@@ -235,7 +223,6 @@ class TableBuilder:
         self._add_instructions(program, variables, degree)
         ranges = self._add_outputs(tensors)
         groups, children = self._add_contractions(tensors, ranges)
-        shape = taylor_polynomials.shape(variables, degree)
         sites = term.sites
         site_row = len(rows["site"])
         rows["site"] += [(*row, *(0,) * (TABLES["site"] - len(row))) for row in sites.table]
@@ -244,24 +231,24 @@ class TableBuilder:
                 *(SITE_KINDS[sites.kind], sites.count, site_row, sites.size),
                 *(arguments, len(rows["argument"]), data, len(rows["datum"])),
                 *(first_instruction, len(rows["instruction"])),
-                *(program.result, degree, len(shape.factorials)),
-                self._shared_offset("raised", shape, shape.raised),
-                self._shared_offset("factorial", shape, shape.factorials),
+                *(program.result, degree, monomial_count(variables, degree)),
+                self._shared_offset("raised", taylor_polynomials.raised_monomials(variables, degree)),
+                self._shared_offset("factorial", taylor_polynomials.factorials(variables, degree)),
                 *(groups, groups + len(children) * variables, ranges[0][0], ranges[-1][1]),
                 *(len(rows["level"]) - self.order - 1, len(rows["child_level"]) - self.order - 1),
             )
         )
 
-    def _shared_offset(self, name: str, key: Any, values: Iterable[Any]) -> int:
+    def _shared_offset(self, name: str, values: tuple[Any, ...]) -> int:
         """The offset of values in a table, where equal values are stored once."""
-        if (name, key) not in self.known:
-            self.known[name, key] = len(self.rows[name])
+        if (name, values) not in self.known:
+            self.known[name, values] = len(self.rows[name])
             self.rows[name] += values
-        return self.known[name, key]
+        return self.known[name, values]
 
     def _add_instructions(self, program: InstructionList, variables: int, degree: int) -> None:
         for instruction in program.instructions:
-            begin = self._shared_offset("product", instruction.products, instruction.products)
+            begin = self._shared_offset("product", instruction.products)
             factor = len(self.rows["factor"])
             self.rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
             operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
@@ -284,7 +271,7 @@ class TableBuilder:
         children = sorted({forests.right[forest] for forest in wanted if forest})
         local = {tree: at for at, tree in enumerate(children)}
         orders, colors = self.table.lists[:2]
-        directions = [(self._shared_offset("direction", chosen, chosen), len(chosen)) for chosen in tensors.directions]
+        directions = [(self._shared_offset("direction", chosen), len(chosen)) for chosen in tensors.directions]
         offset, groups = self._offsets(tensors, wanted)
         rows["level"].append(len(rows["contraction"]))
         for n in range(1, self.order + 1):

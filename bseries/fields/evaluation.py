@@ -11,7 +11,7 @@ import ctypes
 import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,8 +23,7 @@ from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
 from integrators import IntegratorError
-from integrators.compile.modules import load_module
-from integrators.reference.plain_arithmetic import Arithmetic
+from integrators.reference.arbitrary_precision import Arithmetic
 
 if TYPE_CHECKING:
     from bseries.fields.scene_trees import SeriesOnScene
@@ -38,35 +37,6 @@ MOST_VARIABLES = 4
 """Formulas are considered for scenes with up to this number of variables."""
 MOST_MONOMIALS = 150
 """Formulas with more monomials are abandoned."""
-
-TOWERS = '''\
-"""A B-series by derivative towers; the tables are explained in bseries.fields.differential_kernels."""
-
-from numba import njit
-import numpy as np
-
-from bseries.fields.evaluation import evaluator
-
-evaluate = evaluator()
-ints = np.array({ints}, np.uint64)
-numbers = np.array({numbers})
-
-
-@njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
-def compiled(y, h, out):
-    """Write the value at y to out; both are contiguous."""
-    if y.size != {dimension} or out.size != {dimension}:
-        raise ValueError("y and out must have {dimension} entries")
-    terms = np.empty(({order}, y.size))
-    evaluate(
-        y.ctypes, terms.ctypes, 1, y.size, {order}, 1, {lanes}, ints.ctypes, ints.size, numbers.ctypes, numbers.size
-    )
-    for i in range(y.size):
-        value = terms[{order} - 1, i]
-        for n in range({order} - 2, -1, -1):
-            value = value * h + terms[n, i]
-        out[i] = {result}
-'''
 
 
 @cache
@@ -130,25 +100,32 @@ class CompiledSeries:
         return CompiledFormulas(series.scene.symbols, columns)
 
     @cached_property
-    def source(self) -> str:
-        """The source of the compiled functions."""
-        if self.route == "symbolic" and self.formulas is not None:
-            return self.formulas.source
-        ints, numbers = self.tables
-        result = "value" if self.series.is_field else f"value * h + {to_float(self.series.empty)!r} * y[i]"
-        tables = {"ints": _list_source(ints.tolist()), "numbers": _list_source(numbers.tolist())}
-        sizes = {"order": self.series.order, "lanes": self._lanes(1), "dimension": self.series.dimension}
-        return TOWERS.format(**tables, **sizes, result=result)
-
-    @cached_property
-    def module(self) -> ModuleType:
-        """The compiled functions."""
-        return load_module(self.source, keep=self.route == "symbolic")  # code that calls pointers is not cached on disk
-
-    @property
     def compiled(self) -> Callable[..., None]:
-        """The function (y, h, out)."""
-        return self.module.compiled
+        """The function (y, h, out) of contiguous arrays; it writes the value at y to out."""
+        if self.route == "symbolic" and self.formulas is not None:
+            return self.formulas.module.compiled
+        from numba import njit
+
+        (ints, numbers), evaluate, lanes = self.tables, evaluator(), self._lanes(1)
+        order, dimension, is_map = self.series.order, self.series.dimension, not self.series.is_field
+        empty, message = to_float(self.series.empty), f"y and out must have {dimension} entries"
+
+        @njit(nogil=True, error_model="numpy", fastmath={"contract"})
+        def compiled(y: Any, h: float, out: Any) -> None:
+            """Write the value at y to out."""
+            if y.size != dimension or out.size != dimension:
+                raise ValueError(message)
+            terms = np.empty((order, y.size))
+            evaluate(
+                y.ctypes, terms.ctypes, 1, y.size, order, 1, lanes, ints.ctypes, ints.size, numbers.ctypes, numbers.size
+            )
+            for i in range(y.size):
+                value = terms[order - 1, i]
+                for n in range(order - 2, -1, -1):
+                    value = value * h + terms[n, i]
+                out[i] = value * h + empty * y[i] if is_map else value
+
+        return compiled
 
     def value(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
         """The value at one point or many."""
@@ -212,12 +189,6 @@ def _pointer(array: np.ndarray) -> Any:
     """A pointer to a contiguous array of doubles or unsigned integers."""
     kind = ctypes.c_uint64 if array.dtype == np.uint64 else ctypes.c_double
     return array.ctypes.data_as(ctypes.POINTER(kind))
-
-
-def _list_source(values: list[Any]) -> str:
-    """The source of a list, 16 entries to a line."""
-    rows = [", ".join(map(repr, values[k : k + 16])) for k in range(0, len(values), 16)]
-    return "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
 
 
 def contractions(ints: Any) -> int:
@@ -302,4 +273,4 @@ class PreciseSeries:
             value = [sum(x * step ** (n + shift) for n, x in enumerate(column)) for column in columns]
             if shift:
                 value = [v + self._empty * x for v, x in zip(value, point, strict=True)]
-        return list(self.arithmetic.rounded(np.array([*value, None], object)[:-1]))
+        return list(self.arithmetic.rounded(value))

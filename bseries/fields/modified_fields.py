@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -23,21 +23,32 @@ from bseries.fields.scene_trees import (
     trees_of_method,
     trees_of_series,
 )
-from bseries.scene_text import field_equations, formula_notes, head, place, remarks, span
-from bseries.table import Column, Table, listed
-from integrators.reference.plain_arithmetic import Arithmetic
+from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
+from foundation.table import PRINT_WIDTH, Column, Table, listed
+from integrators.core.immutable import cached_method
+from integrators.methods.catalogue.registry import as_method
+from integrators.reference.arbitrary_precision import Arithmetic
 from integrators.reference.plain_steps import block_parts, plain_steps
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.fields.evaluation import CompiledSeries
-    from integrators.methods.program.program import Method
+    from bseries.fields.evaluation import CompiledSeries, PreciseSeries
+    from integrators.methods.programs.program import Method
 
 
 ROUTES = ("auto", "towers", "symbolic")
+
+
+MODIFYING = "the modifying integrator"
+MEANINGS = {
+    MODIFYING: "As a formal series: applied to y' = Σ h^k · (coefficient of h^k), the method follows the exact flow.",
+    "field": "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k).",
+    "map": "The map is y1 = Σ h^k · (coefficient of h^k).",
+}
 
 
 class SceneSeries(SeriesOnScene):
@@ -69,6 +80,17 @@ class SceneSeries(SeriesOnScene):
 
     def __repr__(self) -> str:
         return f"<{self.label} on {self.scene.name}: order {self.order}, {self.report()}>"
+
+    def __str__(self) -> str:
+        return self._overview().to_text(PRINT_WIDTH)
+
+    def _repr_html_(self) -> str:
+        return self._overview().to_html()
+
+    def _overview(self) -> Table:
+        """The table of the first powers of h, whose formulas are short."""
+        count = self.order + (not self.is_field)
+        return first_powers(repr(self), count, self.to_table, short_powers(self.scene, self.symbolic, count))
 
     def report(self) -> str:
         """The numbers of trees that are needed, and of all trees."""
@@ -134,18 +156,17 @@ class SceneSeries(SeriesOnScene):
             SeriesError: The coefficients have fewer digits, or `y` has the wrong number of values.
             IntegratorError: An argument has the wrong type.
         """
-        from bseries.fields.evaluation import PreciseSeries
-
         known = self.series.digits if self.series.is_exact else FLOAT_DIGITS
         if known is not None and isinstance(digits, int) and digits > known:
             raise SeriesError(f"digits must be at most {known}, as coefficients have, but was {digits}")
-        if digits not in self._precise:
-            self._precise[digits] = PreciseSeries(self, digits)
-        return self._precise[digits](y, h)
+        return self.at_digits(digits)(y, h)
 
-    @cached_property
-    def _precise(self) -> dict[int, Any]:
-        return {}
+    @cached_method
+    def at_digits(self, digits: int) -> PreciseSeries:
+        """The series as a function of numbers with this number of digits; decimal coefficients count as exact."""
+        from bseries.fields.evaluation import PreciseSeries
+
+        return PreciseSeries(self, digits)
 
     def symbolic(self, k: int) -> tuple[sympy.Expr, ...]:
         """The formulas of the term with h^k: f_(k+1) for a field, the terms of order k for a map.
@@ -161,6 +182,22 @@ class SceneSeries(SeriesOnScene):
         if not self.is_field and k == 0:
             return tuple(self.empty * symbol for symbol in self.scene.symbols)
         return self.formulas.term(k + 1 if self.is_field else k)
+
+    def to_latex(self) -> str:
+        """The equations by powers of h as a displayed align; for a map, a tabular.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.modified_field("explicit-euler", "riccati", 2).to_latex(), end="")
+            \\begin{align*}
+            \\dot{y} &= y^{2} - h\\, y^{3} + \\mathcal{O}(h^{2})
+            \\end{align*}
+        """
+        return self.to_table().to_latex()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The formulas as plain data."""
+        return dict(self.to_table().data())
 
     def to_table(
         self,
@@ -178,11 +215,60 @@ class SceneSeries(SeriesOnScene):
             effects: Effects for the title; by default those that are on.
             issues: Contradictions in the method's tableau.
         """
-        return _table(self, powers, nonzero=nonzero, effects=effects, issues=issues)
+        is_map = not self.is_field
+        powers = range(self.order + is_map) if powers is None else powers
+        terms = [(k, self.symbolic(k)) for k in powers]
+        rows = [(k, x, g) for k, field in terms for x, g in zip(self.variables, field, strict=True) if g or not nonzero]
+        what, _, method = self.label.rpartition(" of ")
+        kind = "map" if is_map else what if what in MEANINGS else "field"
+
+        def data() -> dict[str, Any]:
+            records = [
+                {"power": k, "field": [str(formula) for formula in field]}
+                for k, field in terms
+                if any(field) or not nonzero
+            ]
+            return {
+                **head("equation", method, self.scene, effects),
+                "order": self.order,
+                "modifying": what == MODIFYING,
+                "domain": self.series.domain,
+                "trees": {"needed": len(self.trees.table), "total": self.trees.total},
+                "variables": list(self.variables),
+                **remarks(self.series, issues, self.scene),
+                "terms": records,
+            }
+
+        title = (what.removeprefix("the ") or "series").capitalize()
+        return Table(
+            f"{title} of {place(method, self.scene, effects)}: {span(powers)}, {self.report()}",
+            (Column("k", True), Column("y1" if is_map else "d/dt"), Column("coefficient of h^k")),
+            rows,
+            [MEANINGS[kind], *formula_notes(self.series, issues, self.scene, nonzero=nonzero)],
+            data=data,
+            items="terms",
+            section=itemgetter(0),
+            records=listed([(name, itemgetter(at)) for at, name in enumerate(("power", "variable", "field"))], rows),
+            own={} if is_map else {"latex": lambda width: field_equations(self.scene, terms)},
+        )
+
+
+def check_field(f: Any) -> SceneSeries:
+    """Check that an argument is a field on a scene, and return it."""
+    if not isinstance(f, SceneSeries):
+        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
+    if not f.is_field:
+        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f.label}, a map")
+    return f
 
 
 def modified_field(
-    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+    method: Method | BSeries | str,
+    scene: Scene | str,
+    order: int | None = None,
+    *,
+    parts: Any = None,
+    route: str = "auto",
 ) -> SceneSeries:
     """The truncated modified equation y' = f_h(y) of a method on a scene.
 
@@ -210,11 +296,18 @@ def modified_field(
     References:
         HLW, section IX.1, theorem IX.9.2.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     return _make(method, scene, order, parts, route, modified_equation, "the modified equation")
 
 
 def modifying_field(
-    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+    method: Method | BSeries | str,
+    scene: Scene | str,
+    order: int | None = None,
+    *,
+    parts: Any = None,
+    route: str = "auto",
 ) -> SceneSeries:
     """The modifying field of a method on a scene: the method applied to it solves y' = f(y).
 
@@ -238,11 +331,18 @@ def modifying_field(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     return _make(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
 
 
 def series_map(
-    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+    method: Method | BSeries | str,
+    scene: Scene | str,
+    order: int | None = None,
+    *,
+    parts: Any = None,
+    route: str = "auto",
 ) -> SceneSeries:
     """The truncated B-series of a method on a scene, as a map y ↦ a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y).
 
@@ -262,26 +362,19 @@ def series_map(
         >>> step([1.0], 0.5)
         array([1.5])
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     return _make(method, scene, order, parts, route, series, "the series")
 
 
 def _make(
     method: Any, scene: Scene, order: int | None, parts: Any, route: str, series_of: Any, title: str
 ) -> SceneSeries:
-    if not isinstance(scene, Scene):
-        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+    nodes = read_order(method, scene, order, is_map=series_of is series)
     if isinstance(method, BSeries):
-        if (method.empty == 0) != (series_of is not series):
-            kind = "flow, with a(∅) other than 0" if series_of is series else "field, with b(∅) = 0"
-            raise SeriesError(
-                f"method must be a method or the series of a {kind}, but its empty tree has {method.empty}"
-            )
-        given = method if order is None else method.truncate(order)
+        given = method.truncate(nodes)
         return SceneSeries(scene, trees_of_series(given, scene, parts), given, route=route)
-    check_method(method)
-    if order is None:
-        raise SeriesError("order must be given for a method, but was None")
-    trees = trees_of_method(method, order, scene, parts)
+    trees = trees_of_method(method, nodes, scene, parts)
     plain = series_of(method, trees.shapes)
     values = plain.coefficients()
     if trees.table != trees.shapes:
@@ -292,9 +385,24 @@ def _make(
     return SceneSeries(scene, trees, plain.with_label(f"{title} of {method.name}"), route=route)
 
 
+def read_order(method: Any, scene: Any, order: int | None, *, is_map: bool = False) -> int:
+    """The order, by default that of a series; refuses what is no method, no scene, or a series of the other kind."""
+    if not isinstance(scene, Scene):
+        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+    if not isinstance(method, BSeries):
+        check_method(method)
+        if order is None:
+            raise SeriesError("order must be given for a method, but was None")
+        return order
+    if (method.empty != 0) != is_map:
+        kind = "flow, with a(∅) other than 0" if is_map else "field, with b(∅) = 0"
+        raise SeriesError(f"method must be a method or the series of a {kind}, but its empty tree has {method.empty}")
+    return method.order if order is None else order
+
+
 def modifying_steps(
-    method: Method,
-    scene: Scene,
+    method: Method | str,
+    scene: Scene | str,
     order: int,
     y: Sequence[Any],
     h: Any,
@@ -326,7 +434,7 @@ def modifying_steps(
 
     Example:
         >>> import bseries as bs
-        >>> run = bs.modifying_steps(bs.method("implicit-midpoint"), bs.scene("riccati"), 8, [1.0], 0.05, 10)
+        >>> run = bs.fields.modifying_steps(bs.method("implicit-midpoint"), bs.scene("riccati"), 8, [1.0], 0.05, 10)
         >>> print(abs(run[0, -1] - 2) < 1e-8)
         True
 
@@ -334,24 +442,20 @@ def modifying_steps(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     f = modifying_field(method, scene, order, parts=parts)
-    field = _field_with_step(f, h, digits)
-    if len(method.names) > 1:
-        return plain_steps(method, block_parts(field, _part_indices(f, method)), y, h, steps, digits=digits)
-    return plain_steps(method, field, y, h, steps, digits=digits)
-
-
-def _field_with_step(f: SceneSeries, h: Any, digits: int | None) -> Callable[[Any], Any]:
-    """The field with a fixed step size, as a function of the state."""
     arithmetic = Arithmetic(digits)
     with arithmetic.working():
         step = arithmetic.number(h, "h")
-    if digits is None:
-        return lambda y: f(y, step)
-    from bseries.fields.evaluation import PreciseSeries
+    values = f if digits is None else f.at_digits(digits)
 
-    precise = PreciseSeries(f, digits)
-    return lambda y: precise(y, step)
+    def field(state: Any) -> Any:
+        return values(state, step)
+
+    if len(method.names) > 1:
+        return plain_steps(method, block_parts(field, _part_indices(f, method)), y, h, steps, digits=digits)
+    return plain_steps(method, field, y, h, steps, digits=digits)
 
 
 def _part_indices(f: SceneSeries, method: Method) -> dict[str, list[int]]:
@@ -363,52 +467,3 @@ def _part_indices(f: SceneSeries, method: Method) -> dict[str, list[int]]:
         chosen = [block for block in f.scene.blocks if block.name in piece.blocks]
         indices[name] = [k for block in chosen for k in range(block.offset, block.end)]
     return indices
-
-
-MODIFYING = "the modifying integrator"
-MEANINGS = {
-    MODIFYING: "As a formal series: applied to y' = Σ h^k · (coefficient of h^k), the method follows the exact flow.",
-    "field": "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k).",
-    "map": "The map is y1 = Σ h^k · (coefficient of h^k).",
-}
-
-
-def _table(
-    f: SceneSeries, powers: Sequence[int] | None, *, nonzero: bool, effects: Sequence[str] | None, issues: Sequence[str]
-) -> Table:
-    is_map = f.series.empty != 0
-    powers = range(f.order + is_map) if powers is None else powers
-    terms = [(k, f.symbolic(k)) for k in powers]
-    rows = [(k, x, g) for k, field in terms for x, g in zip(f.variables, field, strict=True) if g or not nonzero]
-    what, _, method = f.label.rpartition(" of ")
-    kind = "map" if is_map else what if what in MEANINGS else "field"
-
-    def data() -> dict[str, Any]:
-        records = [
-            {"power": k, "field": [str(formula) for formula in field]}
-            for k, field in terms
-            if any(field) or not nonzero
-        ]
-        return {
-            **head("equation", method, f.scene, effects),
-            "order": f.order,
-            "modifying": what == MODIFYING,
-            "domain": f.series.domain,
-            "trees": {"needed": len(f.trees.table), "total": f.trees.total},
-            "variables": list(f.variables),
-            **remarks(f.series, issues, f.scene),
-            "terms": records,
-        }
-
-    title = (what.removeprefix("the ") or "series").capitalize()
-    return Table(
-        f"{title} of {place(method, f.scene, effects)}: {span(powers)}, {f.report()}",
-        (Column("k", True), Column("y1" if is_map else "d/dt"), Column("coefficient of h^k")),
-        rows,
-        [MEANINGS[kind], *formula_notes(f.series, issues, f.scene, nonzero=nonzero)],
-        data=data,
-        items="terms",
-        section=itemgetter(0),
-        records=listed([(name, itemgetter(at)) for at, name in enumerate(("power", "variable", "field"))], rows),
-        own={} if is_map else {"latex": lambda width: field_equations(f.scene, terms)},
-    )

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import check_power, read_symbolic_step
+from bseries.fields.modified_fields import check_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.integration import potential
-from bseries.fields.truncation import check_field
+from bseries.scene_text import power_table
+from foundation.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
 
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.fields.modified_fields import SceneSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+    from bseries.fields.symbolic.differential_rings import DifferentialRing
+    from bseries.fields.symbolic.polynomials import Element
     from integrators.scenes.scene import Scene
 
 
@@ -55,6 +58,15 @@ class ModifiedInvariant(NamedTuple):
     def __str__(self) -> str:
         rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))
         return "\n".join([f"integral of {self.label}", *rows])
+
+    def __repr__(self) -> str:
+        return f"<ModifiedInvariant of {self.label}: powers h^0 to h^{len(self.terms) - 1}>"
+
+    def to_table(self) -> Table:
+        """The integral as a table."""
+        return power_table(f"Integral of {self.label}", self.terms, 0, self.to_dict)
+
+    _repr_html_, to_pandas = as_html, as_frame
 
     def to_dict(self) -> dict[str, Any]:
         """The integral as plain data."""
@@ -138,7 +150,7 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
     Example:
         >>> import bseries as bs
         >>> abc = bs.scene("abc-flow")
-        >>> bs.divergence(bs.modified_field(bs.method("explicit-euler"), abc, 2), 1)
+        >>> bs.fields.divergence(bs.modified_field(bs.method("explicit-euler"), abc, 2), 1)
         sin(x)*cos(z) + sin(y)*cos(x) + sin(z)*cos(y)
 
     References:
@@ -149,7 +161,7 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
     check_power(k, check_field(f).order - 1)
     ring, field = f.formulas.ring, f.formulas.elements(k + 1)
     with refusing_large(MOST_MONOMIALS):
-        total = ring.sum((1, ring.derivative(component, i)) for i, component in enumerate(field))
+        total = sum((ring.derivative(component, i) for i, component in enumerate(field)), ring.zero)
         return sympy.Integer(0) if ring.is_zero(total) else ring.to_expression(total)
 
 

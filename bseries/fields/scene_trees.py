@@ -12,37 +12,29 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import auxiliary_colors, check_method, own_trees
+from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import SymbolicSeries
-from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_field
-from integrators.scenes.particles.parts import check_kind, pieces_of
+from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
 from trees.counting import count_trees
-from trees.kernels import graft
+from trees.free_trees import grafting
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 
 class SceneTrees(NamedTuple):
-    """The trees of a method on a scene.
+    """The trees of a method on a scene."""
 
-    Attributes:
-        pieces: The piece of the field for each colour.
-        table: The trees whose elementary differentials need not vanish on the scene.
-        shapes: The table for the series of the method: `table`, or one without colours.
-        total: The number of trees of this order in the colours of `table` without bounds on children.
-    """
-
-    pieces: tuple[Piece, ...]
-    table: TreeTable
-    shapes: TreeTable
-    total: int
+    pieces: tuple[Piece, ...]  # of the field, for each colour
+    table: TreeTable  # the trees whose elementary differentials need not vanish on the scene
+    shapes: TreeTable  # the table for the series of the method: `table`, or one without colours
+    total: int  # the number of trees of this order in the colours of `table` without bounds on children
 
 
 def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None) -> SceneTrees:
@@ -52,7 +44,7 @@ def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None)
         raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
     pieces = pieces_of(method.names, scene, parts)
     bounds = degrees(scene, pieces)
-    check_kind(method.name, own_trees(method), pieces, scene)
+    check_kind(method.name, method.max_children, pieces, scene)
     table = tree_table(order, len(pieces), bounds)
     choices = [SceneTrees(pieces, table, table, sum(count_trees(order, len(pieces))))]
     if len(pieces) == 1 and len(scene.blocks) > 1:
@@ -90,47 +82,27 @@ class SeriesOnScene:
         scene: The scene.
         trees: The trees and the pieces of the field that their colours stand for.
         series: The coefficients.
+        label: The name of the series.
+        order: The largest number of nodes.
+        dimension: The number of variables.
+        variables: The names of the variables.
+        empty: The coefficient of the empty tree: 0 for a field.
+        is_field: Whether the series is a field, not a map.
     """
 
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries):
         if series.table != trees.table:
             raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
         self.scene, self.trees, self.series = scene, trees, series
-
-    @property
-    def label(self) -> str:
-        """The name of the series."""
-        return self.series.label or "a series"
-
-    @property
-    def empty(self) -> Any:
-        """The coefficient of the empty tree: 0 for a field."""
-        return self.series.empty
+        self.label = series.label or "a series"
+        self.order, self.dimension, self.variables = trees.table.max_order, scene.dimension, scene.variables
+        self.empty: Any = series.empty
+        self.is_field = series.empty == 0
 
     @cached_property
     def weights(self) -> list[Any]:
         """The factors coefficient/σ of the elementary differentials."""
         return self.series.weights()
-
-    @property
-    def order(self) -> int:
-        """The largest number of nodes."""
-        return self.trees.table.max_order
-
-    @property
-    def dimension(self) -> int:
-        """The number of variables."""
-        return self.scene.dimension
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of the variables."""
-        return self.scene.variables
-
-    @property
-    def is_field(self) -> bool:
-        """Whether the series is a field, not a map."""
-        return self.empty == 0
 
     @cached_property
     def formulas(self) -> SymbolicSeries:
@@ -148,20 +120,10 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
     if table == plain:
         return list(range(len(table)))
     _, _, left, right = table.lists
-    stack = [0] * plain.max_order
+    product = grafting(plain)
     found: list[int] = []
     for u, v in zip(left, right, strict=True):
-        if u < 0:
-            found.append(0)
-        else:
-            found.append(
-                int(
-                    graft.py_func(
-                        found[u], found[v], plain.max_order, 1, plain.block, *plain.lists, plain.columns.base_start,
-                        plain.columns.base, stack,
-                    )
-                )
-            )  # fmt: skip
+        found.append(0 if u < 0 else product(found[u], found[v]))
     return found
 
 

@@ -28,9 +28,6 @@ CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HY
 MOST_FACTORS = 32
 """Powers with integer or half-integer exponents up to this one are products, of square roots if need be."""
 
-INTEGRALS = ("log", "asin", "acos", "atan", "asinh", "acosh", "atanh")
-"""Functions with an algebraic derivative, in the order of their codes in the kernels."""
-
 
 def monomials(variables: int, degree: int) -> list[tuple[int, ...]]:
     """The exponents of all monomials up to a degree, sorted by degree.
@@ -51,32 +48,23 @@ def monomial_count(variables: int, degree: int) -> int:
     return comb(variables + degree, variables) if degree >= 0 else 0
 
 
-class Shape(NamedTuple):
-    """Index tables of the truncated polynomials with given variables and degree.
-
-    Attributes:
-        raised: The index of x^α x_l for each monomial x^α below the highest degree and each variable x_l.
-        factorials: α! of every monomial x^α.
-    """
-
-    variables: int
-    degree: int
-    raised: tuple[int, ...]
-    factorials: tuple[int, ...]
-
-
 @lru_cache(maxsize=64)
-def shape(variables: int, degree: int) -> Shape:
-    """The index tables for a number of variables and a degree, kept in memory."""
+def raised_monomials(variables: int, degree: int) -> tuple[int, ...]:
+    """The index of x^α x_l for each monomial x^α below the highest degree and each variable x_l."""
     exponents = monomials(variables, degree)
     place = {exponent: at for at, exponent in enumerate(exponents)}
-    raised = tuple(
+    return tuple(
         place[(*exponent[:k], exponent[k] + 1, *exponent[k + 1 :])]
         for exponent in exponents
         if sum(exponent) < degree
         for k in range(variables)
     )
-    return Shape(variables, degree, raised, tuple(prod(map(factorial, exponent)) for exponent in exponents))
+
+
+@lru_cache(maxsize=64)
+def factorials(variables: int, degree: int) -> tuple[int, ...]:
+    """α! of every monomial x^α."""
+    return tuple(prod(map(factorial, exponent)) for exponent in monomials(variables, degree))
 
 
 Support = frozenset[int]
@@ -250,19 +238,20 @@ class _InstructionBuilder:
         if name in ("tan", "tanh"):
             top, bottom = (sympy.sin, sympy.cos) if name == "tan" else (sympy.sinh, sympy.cosh)
             return self.visit(top(argument) * sympy.Pow(bottom(argument), -1))
-        derivatives = {
+        power = sympy.Rational(-1, 2)
+        derivatives = {  # algebraic, in the order of the codes in `differential_kernels.evaluate_centre`
             "log": lambda a: 1 / a,
-            "asin": lambda a: (1 - a**2) ** sympy.Rational(-1, 2),
-            "acos": lambda a: -((1 - a**2) ** sympy.Rational(-1, 2)),
+            "asin": lambda a: (1 - a**2) ** power,
+            "acos": lambda a: -((1 - a**2) ** power),
             "atan": lambda a: 1 / (1 + a**2),
-            "asinh": lambda a: (1 + a**2) ** sympy.Rational(-1, 2),
-            "acosh": lambda a: (a - 1) ** sympy.Rational(-1, 2) * (a + 1) ** sympy.Rational(-1, 2),
+            "asinh": lambda a: (1 + a**2) ** power,
+            "acosh": lambda a: (a - 1) ** power * (a + 1) ** power,
             "atanh": lambda a: 1 / (1 - a**2),
         }
         if name not in derivatives:
             raise SeriesError(f"field must be made of elementary functions, but has {name!r:.60}")
         at, derivative = self.visit(argument), self.visit(derivatives[name](argument))
-        return self.function(INTEGRAL, at, derivative, number=INTEGRALS.index(name))
+        return self.function(INTEGRAL, at, derivative, number=list(derivatives).index(name))
 
     def _pair(self, name: str, argument: Any) -> int:
         """sin and cos, or sinh and cosh, computed together as two adjacent polynomials."""

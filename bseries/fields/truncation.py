@@ -17,9 +17,9 @@ from bseries.analysis.stability.linear_stability import stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
-from bseries.fields.modified_fields import SceneSeries, modified_field
+from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
 from integrators.core.errors import shown
-from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +41,7 @@ class ConvergenceRadius(NamedTuple):
 
     Example:
         >>> import bseries as bs
-        >>> found = bs.convergence_radius(bs.method("implicit-euler"))
+        >>> found = bs.fields.convergence_radius(bs.method("implicit-euler"))
         >>> found.radius, found.root, found.kind
         (1.0, (1+0j), 'pole')
     """
@@ -57,7 +57,7 @@ class ConvergenceRadius(NamedTuple):
         return f"{self.radius:.6g}, from the {self.kind} {number} of the stability function"
 
 
-def convergence_radius(method: RungeKutta) -> ConvergenceRadius:
+def convergence_radius(method: RungeKutta | str) -> ConvergenceRadius:
     """Radius of convergence of the modified equation of a method on linear systems.
 
     With the stability function R, the modified equation of y' = Ay is y' = (1/h) log R(hA) y. The logarithm is analytic
@@ -74,9 +74,9 @@ def convergence_radius(method: RungeKutta) -> ConvergenceRadius:
 
     Example:
         >>> import bseries as bs
-        >>> print(bs.convergence_radius(bs.method("rk4")))
+        >>> print(bs.fields.convergence_radius(bs.method("rk4")))
         1.94454, from the zero -1.72944+0.888974j of the stability function
-        >>> print(bs.convergence_radius(bs.method("implicit-midpoint")))
+        >>> print(bs.fields.convergence_radius(bs.method("implicit-midpoint")))
         2, from the zero -2 of the stability function
 
     References:
@@ -121,7 +121,7 @@ class Reach(NamedTuple):
     Example:
         >>> import bseries as bs
         >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 6)
-        >>> found = bs.reach(f, [1.0], 0.25)
+        >>> found = bs.fields.reach(f, [1.0], 0.25)
         >>> found.optimal_order, found.is_beyond, round(found.largest_step, 3)
         (6, False, 0.505)
     """
@@ -269,7 +269,7 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
     Example:
         >>> import bseries as bs
         >>> euler = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 4)
-        >>> print(bs.reach(euler, [1.0], 0.1))
+        >>> print(bs.fields.reach(euler, [1.0], 0.1))
         the modified equation of explicit-euler on riccati, h = 0.1
         power   size
         h^0     1
@@ -294,15 +294,6 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
     if found.is_beyond:
         warnings.warn(_warning(found), TruncationWarning, stacklevel=2)
     return found
-
-
-def check_field(f: Any) -> SceneSeries:
-    """Check that an argument is a field on a scene, and return it."""
-    if not isinstance(f, SceneSeries):
-        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
-    if not f.is_field:
-        raise SeriesError(f"f must be a field, such as modified_field gives, but was {f.label}, a map")
-    return f
 
 
 def _warning(found: Reach) -> str:

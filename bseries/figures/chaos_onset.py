@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import fitted_factor
-from bseries.plotting import BLUE, VERMILION, WHITE
+from foundation.plotting import BLUE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 NUMBER = None
 TITLE = "Pendulum: where the implicit midpoint rule becomes chaotic as the step size grows"
 CAPTION = (
-    "Beyond the lecture, on its figure 6, whose text lets chaos begin soon after h = 0.7. Blue starts are chaotic: two "
-    "orbits that begin a relative 10⁻¹⁰ apart are more than 0.01 apart at t = 700. There is chaos for every h, in a "
-    "layer at the separatrix that is exponentially thin as h → 0. Its width in p goes like h⁻³ e^(−π²/h) at q = 0 (a) "
-    "and, since p²/2 is the energy there, like h^(−3/2) e^(−π²/2h) at the saddle point (b), where the factor is fitted "
-    "and the width is about 0.03 for h = 0.7. Only from h ≈ 1 on can the layer be seen in (a)."
+    "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7. Blue starts are chaotic: "
+    "two orbits that start a relative distance 10⁻¹⁰ apart are more than 0.01 apart at t = 700. For every h there is "
+    "chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its width in p is proportional to h⁻³ "
+    "e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by p²/2, so the width is proportional to "
+    "h^(−3/2) e^(−π²/2h); the factor is fitted, and the width is about 0.03 for h = 0.7. In (a) the layer is visible "
+    "only from h ≈ 1 on."
 )
 SIZE = (16.0, 8.0)
 
@@ -37,21 +38,13 @@ SADDLE = (-4.0, 0.0, 49)
 
 
 class ChaosOnset(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step sizes.
-        bottom: Momenta of starts at q = 0.
-        saddle: Momenta of starts at q = −π.
-        chaotic_bottom: Whether they are chaotic, (step sizes, momenta).
-        chaotic_saddle: The same for the starts at q = −π.
-    """
-
-    h: np.ndarray
-    bottom: np.ndarray
-    saddle: np.ndarray
-    chaotic_bottom: np.ndarray
-    chaotic_saddle: np.ndarray
+    h: np.ndarray  # step sizes
+    bottom: np.ndarray  # momenta of starts at q = 0
+    saddle: np.ndarray  # momenta of starts at q = −π
+    chaotic_bottom: np.ndarray  # whether they are chaotic, (step sizes, momenta)
+    chaotic_saddle: np.ndarray  # the same for the starts at q = −π
 
     @property
     def width(self) -> np.ndarray:
@@ -100,8 +93,8 @@ def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN) -> np.ndarray:
     steps, p = round(span / h), starts[:, 0]
     nearby = np.column_stack([p + NEARBY * np.where(p == 0, 1, p), starts[:, 1]])
     runs = bs.ensemble(
-        bs.scene("pendulum"),
         METHOD,
+        bs.scene("pendulum"),
         h=h,
         steps=steps,
         y0=np.vstack([starts, nearby]),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_number
-from bseries.plotting import BLACK, BLUE, GREY, VERMILION
+from foundation.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 NUMBER = 5
 TITLE = "Pendulum: error of the total energy with explicit and symplectic Euler"
 CAPTION = (
-    "Lecture, figure 5. With explicit Euler the energy drifts, on average as its modified equation predicts: by h "
-    "⟨∇H·f₂⟩ in each unit of time. With symplectic Euler (implicit in p) it stays, to first order in h and from q = 0, "
-    "where this term is zero, within h/2 max|p sin q|, the size of the first term of the modified Hamiltonian."
+    "Lecture, figure 5. With the explicit Euler method the energy drifts. Its mean slope, h ⟨∇H·f₂⟩, is predicted by "
+    "the modified equation. With the symplectic Euler method (implicit in p) the error stays bounded: to first order "
+    "in h it is at most h/2 max|p sin q|, the size of the first term of the modified Hamiltonian, which is zero at "
+    "the start, q = 0."
 )
 SIZE = (12.0, 10.0)
 
@@ -33,23 +34,14 @@ MOST_DRAWN = 4000
 
 
 class EnergyError(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step size.
-        t: The times of the steps.
-        explicit: The error of the energy with explicit Euler.
-        symplectic: The same with symplectic Euler.
-        slope: The mean drift of explicit Euler predicted by its modified equation.
-        bound: The first-order bound for symplectic Euler.
-    """
-
-    h: float
-    t: np.ndarray
-    explicit: np.ndarray
-    symplectic: np.ndarray
-    slope: float
-    bound: float
+    h: float  # step size
+    t: np.ndarray  # times of the steps
+    explicit: np.ndarray  # error of the energy with explicit Euler
+    symplectic: np.ndarray  # the same with symplectic Euler
+    slope: float  # mean drift of explicit Euler predicted by its modified equation
+    bound: float  # first-order bound for symplectic Euler
 
 
 def numbers(*, h: float = 0.005) -> EnergyError:
@@ -60,7 +52,7 @@ def numbers(*, h: float = 0.005) -> EnergyError:
     pendulum = bs.scene("pendulum")
 
     def run(method: str) -> bs.Trajectory:
-        return bs.integrate(pendulum, method, h=h, steps=round(SPAN / h), y0=START, observe="energy")
+        return bs.integrate(method, pendulum, h=h, steps=round(SPAN / h), y0=START, observe="energy")
 
     explicit, symplectic = run("explicit-euler"), run("symplectic-euler-p")
     errors = [energy - energy[0] for energy in (explicit.observed["energy"], symplectic.observed["energy"])]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import reduced_angle, set_angle_axis
-from bseries.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
+from foundation.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 NUMBER = 6
 TITLE = "Pendulum: implicit midpoint rule with large steps, on level curves of its modified Hamiltonian"
 CAPTION = (
-    "Lecture, figure 6. 20,000 steps from each of four starts, the large dots, and level curves of H + h²H₃ through "
-    "these (for the last two, where the pendulum turns over, those of turning the other way too). Up to h = 0.7 the "
-    "steps stay near the curves. For h = 1 the third orbit is one of islands, as of a resonance. Of these four orbits "
-    "none is seen to be chaotic before h = 1.3, where the second one is; the larger the momentum, the sooner H + h²H₃ "
-    "no longer tells where the others go. See chaos-onset for all starts."
+    "Lecture, figure 6. Four orbits of 20,000 steps, started at the large dots, and the level curves of H + h²H₃ "
+    "through these starts. Where the pendulum rotates, the level curves of the opposite rotation are shown as well. "
+    "Up to h = 0.7 the orbits stay near the level curves. For h = 1 the third orbit consists of islands, as at a "
+    "resonance. None of the four orbits is visibly chaotic before h = 1.3, where the second one is. The larger the "
+    "momentum, the smaller the step size from which on H + h²H₃ no longer describes an orbit. The figure chaos-onset "
+    "shows all starts."
 )
 SIZE = (17.0, 12.0)
 
@@ -38,23 +39,14 @@ TOP, BOTTOM = 7.1, -2.8
 
 
 class LargeSteps(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step sizes.
-        states: The steps, (step sizes, starts, 2, steps + 1), with angles from −π to π.
-        energies: The modified Hamiltonian H + h²H₃ along them, (step sizes, starts, steps + 1).
-        p: The momenta of the grid.
-        q: Its angles.
-        levels: The modified Hamiltonian there, (step sizes, momenta, angles).
-    """
-
-    h: np.ndarray
-    states: np.ndarray
-    energies: np.ndarray
-    p: np.ndarray
-    q: np.ndarray
-    levels: np.ndarray
+    h: np.ndarray  # step sizes
+    states: np.ndarray  # steps, (step sizes, starts, 2, steps + 1), with angles from −π to π
+    energies: np.ndarray  # modified Hamiltonian H + h²H₃ along them, (step sizes, starts, steps + 1)
+    p: np.ndarray  # momenta of the grid
+    q: np.ndarray  # its angles
+    levels: np.ndarray  # modified Hamiltonian there, (step sizes, momenta, angles)
 
 
 def numbers() -> LargeSteps:
@@ -76,7 +68,7 @@ def orbit(h: float, start: Sequence[float]) -> np.ndarray:
 
     pieces, y = [np.array(start)[:, None]], np.array(start)
     for _ in range(STEPS // PIECE):
-        run = bs.integrate(bs.scene("pendulum"), METHOD, h=h, steps=PIECE, y0=y)
+        run = bs.integrate(METHOD, bs.scene("pendulum"), h=h, steps=PIECE, y0=y)
         pieces.append(run.y[:, 1:])
         y = np.array([run.y[0, -1], reduced_angle(run.y[1, -1])])
     p, q = np.hstack(pieces)

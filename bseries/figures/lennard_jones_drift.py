@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_count, check_number, fitted_factor, growth_exponent, logarithmic_indices
-from bseries.plotting import BLACK, BLUE, GREY, VERMILION
+from foundation.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 NUMBER = 8
 TITLE = "Lennard-Jones cluster: random walk of the modified energy with the simplified Takahashi–Imada method"
 CAPTION = (
-    "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ + h⁴H₅ of the "
-    "symplectic Takahashi–Imada method along the simplified one: its mean over all trajectories stays zero within its "
-    "standard error, and its standard deviation s grows like √t, as where the rate has the mean zero and correlations "
-    "that decay. The lecture's parameters are lost. Here 9 atoms in the plane, σ = ε = m = 1, begin as a hexagonal "
-    "cluster with random momenta of kinetic energy 2.4, so that all have the same energy, and have 50 units of time to "
-    "forget that. Without H₅ the oscillations of the energy would cover the walk for long."
+    "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + h²H₃ + "
+    "h⁴H₅ of the symplectic Takahashi–Imada method along the simplified method. Its mean over all trajectories is "
+    "zero within its standard error. Its standard deviation s grows like √t, as for a rate with mean zero and "
+    "decaying correlations. The parameters of the lecture are not known. Here 9 atoms in the plane, with σ = ε = m = "
+    "1, start as a hexagonal cluster with random momenta of kinetic energy 2.4, hence all with the same energy, and "
+    "are equilibrated for 50 units of time. Without H₅ the oscillations of the energy would hide the random walk for "
+    "a long time."
 )
 SIZE = (13.0, 12.0)
 
@@ -48,23 +49,14 @@ FIT_FROM = 0.1
 
 
 class LennardJonesDrift(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        members: The number of trajectories.
-        h: The step size.
-        t: The times of observation.
-        mean: The mean of the error of the modified energy.
-        deviation: Its standard deviation.
-        single: The error along the first trajectories, (trajectories, times).
-    """
-
-    members: int
-    h: float
-    t: np.ndarray
-    mean: np.ndarray
-    deviation: np.ndarray
-    single: np.ndarray
+    members: int  # number of trajectories
+    h: float  # step size
+    t: np.ndarray  # times of observation
+    mean: np.ndarray  # mean of the error of the modified energy
+    deviation: np.ndarray  # its standard deviation
+    single: np.ndarray  # error along the first trajectories, (trajectories, times)
 
     @property
     def exponent(self) -> float:
@@ -98,11 +90,11 @@ def numbers(
     steps = round(check_number(span, "span", 20, 1e6) / h)
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
     result = bs.ensemble(
-        atoms,
         SIMPLIFIED,
+        atoms,
         h=h,
         steps=steps,
-        sample=partial(start, atoms, bs.thermal_momenta(atoms, 1), h),
+        sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
         members=members,
         seed=check_count(seed, "seed", 0, 2**63),
         observe={"H": energy.observer(h)},
@@ -123,7 +115,7 @@ def start(atoms: Scene, draw: Callable[[Generator], np.ndarray], h: float, rando
     y = draw(random)
     momenta = y[: len(y) // 2]
     momenta *= (2 * KINETIC / (momenta @ momenta)) ** 0.5
-    return bs.integrate(atoms, SIMPLIFIED, h=h, steps=round(EQUILIBRATION / h), y0=y, save_every=None).y[:, -1]
+    return bs.integrate(SIMPLIFIED, atoms, h=h, steps=round(EQUILIBRATION / h), y0=y, save_every=None).y[:, -1]
 
 
 def columns(numbers: LennardJonesDrift) -> dict[str, np.ndarray]:

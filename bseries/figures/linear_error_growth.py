@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_number, growth_exponent, logarithmic_indices
-from bseries.plotting import BLUE, GREEN, PURPLE, VERMILION
+from foundation.plotting import BLUE, GREEN, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 NUMBER = 10
 TITLE = "Two coupled rotors: linear growth of the global error, by the steps of the proof of theorem 7"
 CAPTION = (
-    "Lecture, figure 10: its diagram as a computation. H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + q_i²)/2 is "
-    "integrable; ω₂/ω₁ is the golden ratio. The modified Hamiltonian of Störmer–Verlet, through h⁴ and in action-angle "
-    "variables, loses its angles by the series of Lindstedt and Poincaré with N terms; then b is constant and φ = φ₀ + "
-    "ω(b)t. (a) Errors so far: linear for Störmer–Verlet, quadratic for Kutta's method of order 3, which is neither "
-    "symplectic nor symmetric; and how far the steps of Störmer–Verlet are from these solutions, taken back. (b) How "
-    "much actions change: a, and the new ones b."
+    "Lecture, figure 10: its diagram as a computation. The system H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + q_i²)/2 "
+    "is integrable; ω₂/ω₁ is the golden ratio. The angles are removed from the modified Hamiltonian of "
+    "Störmer–Verlet, computed through h⁴ in action-angle variables, by the Lindstedt–Poincaré series with N terms. In "
+    "the new variables the actions b are constant and φ = φ₀ + ω(b)t. (a) The largest global error so far grows "
+    "linearly for Störmer–Verlet and quadratically for Kutta's method of order 3, which is neither symplectic nor "
+    "symmetric. The other curves show the distance of Störmer–Verlet from the solutions with N terms, transformed "
+    "back. (b) Changes of the actions a and of the new actions b."
 )
 SIZE = (17.0, 10.5)
 
@@ -42,27 +43,16 @@ SHOWN = 150
 
 
 class LinearErrorGrowth(NamedTuple):
-    """Data of the figure: at all times the largest distances up to then.
+    """Data of the figure: at all times the largest distances up to then."""
 
-    Attributes:
-        h: The step size.
-        t: The times.
-        symplectic: The global error of Störmer–Verlet.
-        other: That of Kutta's method of order 3.
-        predicted: The distance of Störmer–Verlet from the solutions after N = 1, 2 terms, (terms, times).
-        actions: The changes of the actions with Störmer–Verlet.
-        other_actions: Those with Kutta's method.
-        new_actions: The changes of the actions b after N = 1, 2 terms with Störmer–Verlet, (terms, times).
-    """
-
-    h: float
-    t: np.ndarray
-    symplectic: np.ndarray
-    other: np.ndarray
-    predicted: np.ndarray
-    actions: np.ndarray
-    other_actions: np.ndarray
-    new_actions: np.ndarray
+    h: float  # step size
+    t: np.ndarray  # times
+    symplectic: np.ndarray  # global error of Störmer–Verlet
+    other: np.ndarray  # that of Kutta's method of order 3
+    predicted: np.ndarray  # distance of Störmer–Verlet from the solutions after N = 1, 2 terms, (terms, times)
+    actions: np.ndarray  # changes of the actions with Störmer–Verlet
+    other_actions: np.ndarray  # those with Kutta's method
+    new_actions: np.ndarray  # changes of the actions b after N = 1, 2 terms with Störmer–Verlet, (terms, times)
 
 
 def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
@@ -70,10 +60,10 @@ def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
     import numpy as np
 
     h = check_number(h, "h", 0.01, 0.05)
-    rotors, change = scene(), bs.harmonic_action_angle(OLD, NEW, [1, 1])
+    rotors, change = scene(), bs.hamiltonians.harmonic_action_angle(OLD, NEW, [1, 1])
     start = np.array(START)
     first, second = (
-        bs.integrate(rotors, method, h=h, steps=round(SPAN / h), y0=change.to_old(start), save_every=EVERY)
+        bs.integrate(method, rotors, h=h, steps=round(SPAN / h), y0=change.to_old(start), save_every=EVERY)
         for method in (SYMPLECTIC, OTHER)
     )
     exact = change.to_old(_rotating(start, _frequencies(change.hamiltonian(rotors), start), first.t))
@@ -103,18 +93,20 @@ def scene() -> Scene:
     return bs.Scene(OLD, hamiltonian=ENERGY.format(*actions), name="rotors")
 
 
-def normal_forms(rotors: Scene, change: bs.CoordinateChange) -> list[bs.NormalForm]:
+def normal_forms(rotors: Scene, change: bs.hamiltonians.CoordinateChange) -> list[bs.hamiltonians.NormalForm]:
     """The modified Hamiltonian of Störmer–Verlet without angles, through ε, ε², … with ε = h²."""
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), rotors, 2 * TERMS + 1)
     terms = (bs.Scene(OLD, hamiltonian=energy.symbolic(2 * k)) for k in range(1, TERMS + 1))
     perturbations = [change.hamiltonian(term).hamiltonian for term in terms]
     integrable = change.hamiltonian(rotors)
-    return [bs.lindstedt_poincare(integrable, n, perturbations=perturbations[:n]) for n in range(1, TERMS + 1)]
+    return [
+        bs.hamiltonians.lindstedt_poincare(integrable, n, perturbations=perturbations[:n]) for n in range(1, TERMS + 1)
+    ]
 
 
 def _frequencies(system: Scene, state: np.ndarray) -> np.ndarray:
     """The velocities of the angles."""
-    return bs.right_hand_side(system)(0.0, state)[2:]
+    return bs.integrators.right_hand_side(system)(0.0, state)[2:]
 
 
 def _rotating(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_number, truncated_scene
-from bseries.plotting import BLACK, BLUE, GREY, VERMILION
+from foundation.plotting import BLACK, BLUE, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 NUMBER = 2
 TITLE = "Lotka–Volterra: explicit and symplectic Euler in the exact and in the modified flow"
 CAPTION = (
-    "Lecture, figure 2 (HLW, figure IX.1.2). Steps from the large dots leave the curves of the exact flow (left); they "
-    "stay close to those of the modified equation truncated after h (right). For symplectic Euler, implicit in p, "
-    "these are closed again. The lecture's initial values are lost."
+    "Lecture, figure 2 (HLW, figure IX.1.2). Numerical solutions, started at the large dots, leave the curves of the "
+    "exact flow (left) but stay close to those of the modified equation truncated after h (right). For the symplectic "
+    "Euler method, implicit in p, the modified curves are closed. The initial values of the lecture are not known."
 )
 SIZE = (13.0, 12.5)
 
@@ -39,18 +39,12 @@ POINTS = 500
 
 
 class LotkaVolterra(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step size.
-        steps: The numerical solutions by method, (starts, 2, steps + 1).
-        exact: The curves of the exact flow, (curves, 2, points).
-        modified: The curves of the modified flows, by method. The first curves start where the steps do.
-    """
-
-    h: float
-    steps: dict[str, np.ndarray]
-    exact: np.ndarray
+    h: float  # step size
+    steps: dict[str, np.ndarray]  # numerical solutions by method, (starts, 2, steps + 1)
+    exact: np.ndarray  # curves of the exact flow, (curves, 2, points)
+    # curves of the modified flows, by method. The first curves start where the steps do
     modified: dict[str, np.ndarray]
 
 
@@ -75,7 +69,7 @@ def _steps(scene: Scene, method: str, h: float) -> np.ndarray:
     import numpy as np
 
     starts = [(p, LINE) for p in STARTS[method]]
-    return np.array([bs.integrate(scene, method, h=h, steps=round(SPAN / h), y0=start).y for start in starts])
+    return np.array([bs.integrate(method, scene, h=h, steps=round(SPAN / h), y0=start).y for start in starts])
 
 
 def _curves(flow: Scene, starts: tuple[float, ...], *ends: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import bseries as bs
 from bseries.figures.helpers import check_count
-from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
+from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,11 +21,12 @@ NUMBER = None
 TITLE = "Störmer–Verlet: the error of the modified equation after N terms, and after the best number of them"
 CAPTION = (
     "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a step "
-    "from the flow of the modified equation with N terms. It shrinks at first, then the series diverges. The best N is "
-    "proportional to 1/h, and the error there exponentially small, as theory bounds it for analytic f and small h. "
-    "Here both are told by x = 2πδ/h, where δ is the distance of the solution's singularities in complex time. The "
-    "pendulum starts from (p, q) = (2.5, 0). For the quadrature, H = p − ½ log(1 + q²) from (0, 0), steps are those of "
-    "the trapezoidal rule, and there are terms enough."
+    "from the flow of the modified equation with N terms. It decreases at first, then the series diverges. The best N "
+    "is proportional to 1/h, and the error for this N is exponentially small, in agreement with the bounds for "
+    "analytic f and small h. Here both are approximately functions of x = 2πδ/h, where δ is the distance of the "
+    "singularities of the solution from the real axis in complex time. The pendulum starts from (p, q) = (2.5, 0). "
+    "For the quadrature problem, H = p − ½ log(1 + q²) from (0, 0), the steps are those of the trapezoidal rule, and "
+    "more terms are available."
 )
 SIZE = (17.0, 7.0)
 
@@ -44,20 +45,13 @@ TINY_STEP = 1e-15
 
 
 class Truncations(NamedTuple):
-    """Errors of truncations on a scene.
+    """Errors of truncations on a scene."""
 
-    Attributes:
-        distance: The distance δ of the singularities.
-        h: The step sizes, from large to small.
-        terms: The numbers of terms N; only odd ones, as the method is symmetric.
-        errors: The error of a step by step size and number of terms; nan where the flow could not be computed.
-        expected: The optimal N by the sizes of the terms at the middle of the step (`bseries.reach`), by step size.
-    """
-
-    distance: float
-    h: np.ndarray
-    terms: np.ndarray
-    errors: np.ndarray
+    distance: float  # distance δ of the singularities
+    h: np.ndarray  # step sizes, from large to small
+    terms: np.ndarray  # numbers of terms N; only odd ones, as the method is symmetric
+    errors: np.ndarray  # error of a step by step size and number of terms; nan where the flow could not be computed
+    # optimal N by the sizes of the terms at the middle of the step (`bseries.reach`), by step size
     expected: np.ndarray
 
     @property
@@ -115,17 +109,19 @@ def _truncations(
     import numpy as np
 
     h, odd = 2 * np.pi * distance / np.linspace(*x), np.arange(1, terms + 1, 2)
-    steps = [bs.integrate(scene, METHOD, h=size, steps=1, y0=start).y[:, 1] for size in h]
+    steps = [bs.integrate(METHOD, scene, h=size, steps=1, y0=start).y[:, 1] for size in h]
     fields = [bs.modified_field(bs.method(METHOD), scene, int(n), route="towers") for n in odd]
     gauss = cast(bs.RungeKutta, bs.method(NODES)).to_float()
     flow = partial(_flow, np.array(gauss.A, dtype=float), np.array(gauss.b, dtype=float), np.array(start))
     errors = [[np.linalg.norm(flow(f, size) - end) for f in fields] for size, end in zip(h, steps, strict=True)]
     middles = (np.array(start) + steps) / 2
-    sizes = (bs.reach(fields[-1], middle, TINY_STEP)._replace(h=size) for middle, size in zip(middles, h, strict=True))
+    sizes = (
+        bs.fields.reach(fields[-1], middle, TINY_STEP)._replace(h=size) for middle, size in zip(middles, h, strict=True)
+    )
     return Truncations(distance, h, odd, np.array(errors), np.array([found.optimal_order for found in sizes]))
 
 
-def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.SceneSeries, h: float) -> np.ndarray:
+def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.fields.SceneSeries, h: float) -> np.ndarray:
     """The flow of a field after a time h, by one step of a Gauss method; nan if the iteration fails."""
     import numpy as np
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import reduced_angle, set_angle_axis
-from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION, WHITE
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 NUMBER = 4
 TITLE = "Pendulum: phase portraits of explicit Euler, symplectic Euler and Störmer–Verlet on the cylinder"
 CAPTION = (
-    "Lecture, figure 4. The angle q is that of a circle, so that states (p, q) lie on a cylinder: above seen from the "
-    "front, with what is behind it pale; below cut open at q = ±π. Grey are level curves of the energy. Explicit Euler "
-    "gains energy; the other two stay near level curves, even with large steps. Störmer–Verlet starts where symplectic "
-    "Euler does, as the lecture's values are lost."
+    "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder from the "
+    "front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Grey curves are level curves of "
+    "the energy. The explicit Euler method gains energy; the other two methods stay near level curves even with large "
+    "steps. The initial values of the lecture for Störmer–Verlet are not known; here they are those of the symplectic "
+    "Euler method."
 )
 SIZE = (17.0, 12.5)
 
@@ -37,21 +38,13 @@ MOST_DRAWN = 120
 
 
 class Portrait(NamedTuple):
-    """A method on the pendulum.
+    """A method on the pendulum."""
 
-    Attributes:
-        method: The name of the method.
-        title: Its name in the picture.
-        h: The step size.
-        steps: The number of steps.
-        starts: The initial states (p, q).
-    """
-
-    method: str
-    title: str
-    h: float
-    steps: int
-    starts: tuple[tuple[float, float], ...]
+    method: str  # name of the method
+    title: str  # its name in the picture
+    h: float  # step size
+    steps: int  # number of steps
+    starts: tuple[tuple[float, float], ...]  # initial states (p, q)
 
 
 STARTS = ((0.7, 0.0), (1.4, 0.0), (2.1, 0.0))
@@ -63,17 +56,11 @@ PORTRAITS = (
 
 
 class PendulumPortraits(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        runs: The states by method, (starts, 2, steps + 1), with unreduced angles.
-        energies: Their energies, (starts, steps + 1).
-        levels: The level curves, (curves, 2, points), with angles from −π to π.
-    """
-
-    runs: dict[str, np.ndarray]
-    energies: dict[str, np.ndarray]
-    levels: np.ndarray
+    runs: dict[str, np.ndarray]  # states by method, (starts, 2, steps + 1), with unreduced angles
+    energies: dict[str, np.ndarray]  # their energies, (starts, steps + 1)
+    levels: np.ndarray  # level curves, (curves, 2, points), with angles from −π to π
 
 
 def numbers() -> PendulumPortraits:
@@ -83,7 +70,7 @@ def numbers() -> PendulumPortraits:
     pendulum = bs.scene("pendulum")
     states, energies = {}, {}
     for method, _, h, steps, starts in PORTRAITS:
-        runs = [bs.integrate(pendulum, method, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
+        runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
         states[method] = np.array([run.y for run in runs])
         energies[method] = np.array([run.observed["energy"] for run in runs])
     return PendulumPortraits(states, energies, np.array([curve for level in LEVELS for curve in _level_curves(level)]))

@@ -8,8 +8,9 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from bseries.exceptions import SeriesError
-from bseries.plotting import new_figure, print_style
-from integrators.core.optional_modules import optional_module
+from foundation.extras import optional_module
+from foundation.plotting import new_figure, print_style
+from integrators.core.errors import suggestion
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +65,8 @@ def figure_file(name: str) -> FigureFile:
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
         return file
-    raise SeriesError(f"name must be one of {', '.join(figure_names())}, but was {name!r:.60}")
+    names = figure_names()
+    raise SeriesError(f"name must be one of {', '.join(names)}, but was {name!r:.60}{suggestion(str(name), names)}")
 
 
 def _modules() -> list[str]:
@@ -101,7 +103,7 @@ def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
 
 def drawn(file: FigureFile, numbers: Any) -> Figure:
     """The picture of a figure's data."""
-    optional_module("matplotlib", "figures")
+    optional_module("matplotlib", "a figure")
     with print_style():
         figure = new_figure(file.SIZE, file.CAPTION)
         file.draw(numbers, figure)

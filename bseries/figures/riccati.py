@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_number, truncated_scene
-from bseries.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 NUMBER = 1
 TITLE = "y' = y²: explicit Euler and the modified equation after 1 to 4 terms"
 CAPTION = (
-    "Lecture, figure 1 (HLW, figure IX.1.1). The solution of y' = y², y(0) = 1, has a pole at t = 1; the steps of "
-    "explicit Euler pass it by. The modified equation after 1, 2, 3 and 4 terms follows them better and better."
+    "Lecture, figure 1 (HLW, figure IX.1.1). The solution of y' = y², y(0) = 1, has a pole at t = 1; the explicit "
+    "Euler method steps across it. The solutions of the modified equation with 1, 2, 3 and 4 terms follow its steps "
+    "more and more closely."
 )
 SIZE = (12.0, 8.0)
 
@@ -34,18 +35,12 @@ FINE = 4
 
 
 class Riccati(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step size.
-        t: The times of the steps.
-        y: The numerical solution.
-        truncated: The solutions of the truncated equations as pairs of times and values, by the number of terms.
-    """
-
-    h: float
-    t: np.ndarray
-    y: np.ndarray
+    h: float  # step size
+    t: np.ndarray  # times of the steps
+    y: np.ndarray  # numerical solution
+    # solutions of the truncated equations as pairs of times and values, by the number of terms
     truncated: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
@@ -53,7 +48,7 @@ def numbers(*, h: float = 0.02) -> Riccati:
     """Steps of explicit Euler for h y < 1.4, and curves up to h y = 0.7."""
     h = check_number(h, "h", 0.002, 0.1)
     riccati = bs.scene("riccati")
-    run = bs.integrate(riccati, METHOD, h=h, steps=round(1 / h + log(1 / h)) + 2)
+    run = bs.integrate(METHOD, riccati, h=h, steps=round(1 / h + log(1 / h)) + 2)
     shown = run.y[0] < 2 * REACH / h
     curves = {terms: _solution(truncated_scene(METHOD, riccati, terms, h), h) for terms in TERMS}
     return Riccati(h, run.t[shown], run.y[0, shown], curves)

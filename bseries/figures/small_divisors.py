@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_count
-from bseries.plotting import BLACK, BLUE, VERMILION
+from foundation.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 NUMBER = None
 TITLE = "Outer solar system: small divisors k·ω among the mean motions of the planets"
 CAPTION = (
-    "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where ω "
-    "are the mean motions of the planets over 80,000 years of a run. Dashed: γ|k|^(−ν) with the largest γ that "
-    "fits, for ν = d − 1, the border of what almost all frequencies satisfy. Triangles: commensurabilities that "
-    "astronomers know. Neptune and Pluto are in 3:2 resonance; what is left of that divisor is how slowly Pluto's "
-    "perihelion moves."
+    "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where ω are "
+    "the mean motions of the planets in a run over 80,000 years. Dashed lines: γ|k|^(−ν) with ν = d − 1 and the "
+    "largest possible γ; for larger ν almost all frequencies satisfy such a condition. Triangles: commensurabilities "
+    "known to astronomers. Neptune and Pluto are in 3:2 resonance; their divisor differs from zero by the slow motion "
+    "of Pluto's perihelion."
 )
 SIZE = (17.0, 8.5)
 
@@ -36,17 +36,11 @@ KNOWN = ((2, -5, 0, 0, 0), (0, 0, 1, -2, 0), (0, 0, 0, 2, -3))
 
 
 class Divisors(NamedTuple):
-    """The divisors of a set of planets.
+    """The divisors of a set of planets."""
 
-    Attributes:
-        norm: |k| = 1, 2, …
-        least: The least |k·ω| with this |k|, in radians per year.
-        k: The minimising k, (norms, planets).
-    """
-
-    norm: np.ndarray
-    least: np.ndarray
-    k: np.ndarray
+    norm: np.ndarray  # |k| = 1, 2, …
+    least: np.ndarray  # least |k·ω| with this |k|, in radians per year
+    k: np.ndarray  # minimising k, (norms, planets)
 
     @property
     def nu(self) -> int:
@@ -60,17 +54,11 @@ class Divisors(NamedTuple):
 
 
 class SmallDivisors(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        frequencies: The mean motions of the planets, in radians per year.
-        giants: The divisors without Pluto.
-        planets: Those with Pluto.
-    """
-
-    frequencies: np.ndarray
-    giants: Divisors
-    planets: Divisors
+    frequencies: np.ndarray  # mean motions of the planets, in radians per year
+    giants: Divisors  # divisors without Pluto
+    planets: Divisors  # those with Pluto
 
 
 def numbers(*, reach: int = 20) -> SmallDivisors:
@@ -88,7 +76,7 @@ def mean_motions() -> np.ndarray:
     import numpy as np
 
     scene = bs.scene("outer-solar-system")
-    run = bs.integrate(scene, METHOD, h=STEP, steps=STEPS, save_every=EVERY)
+    run = bs.integrate(METHOD, scene, h=STEP, steps=STEPS, save_every=EVERY)
     p, q = run.y.reshape(2, len(PLANETS) + 1, 3, -1)
     axis = np.cross(q[:, :, 0], p[:, :, 0]).sum(axis=0)
     first = np.cross(axis, (1.0, 0.0, 0.0))

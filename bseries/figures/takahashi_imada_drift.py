@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_number
-from bseries.plotting import BLACK, BLUE, GREEN, VERMILION
+from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 NUMBER = 7
 TITLE = "Simplified Takahashi–Imada method on a pendulum, with and without a symmetric potential"
 CAPTION = (
-    "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The modified energy H + h²H₃ of the symplectic "
-    "Takahashi–Imada method along the simplified one, which is not symplectic: lines are means over 25 units of time, "
-    "bands how far it goes up and down in them; at t = 0 its error is 0. Where U is not symmetric, every turn of the "
-    "pendulum adds −h⁴/288 ∫U‴U′² dq = −πh⁴/240 to leading order, or the opposite the other way round; for U = −cos q "
-    "the integral is zero."
+    "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + h²H₃ of "
+    "the symplectic Takahashi–Imada method along the simplified method, which is not symplectic. Lines are means over "
+    "25 units of time; bands show the least and the largest values in them. Where the potential U is not symmetric, "
+    "each revolution of the pendulum changes the energy by −h⁴/288 ∫U‴U′² dq = −πh⁴/240 to leading order, with the "
+    "opposite sign in the other direction. For U = −cos q the integral is zero."
 )
 SIZE = (12.0, 11.0)
 
@@ -37,35 +37,21 @@ WINDOWS = 200
 
 
 class Drift(NamedTuple):
-    """The modified energy along runs on a scene.
+    """The modified energy along runs on a scene."""
 
-    Attributes:
-        forwards: The error along the simplified method, from p = 2.5.
-        backwards: The same from p = −2.5.
-        symplectic: The error along the symplectic method, from p = 2.5.
-        slope: The predicted slope of the forward run.
-    """
-
-    forwards: np.ndarray
-    backwards: np.ndarray
-    symplectic: np.ndarray
-    slope: float
+    forwards: np.ndarray  # error along the simplified method, from p = 2.5
+    backwards: np.ndarray  # the same from p = −2.5
+    symplectic: np.ndarray  # error along the symplectic method, from p = 2.5
+    slope: float  # predicted slope of the forward run
 
 
 class TakahashiImadaDrift(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step size.
-        t: The times of the steps.
-        perturbed: The pendulum with U = −cos q + sin(2q)/5.
-        pendulum: The pendulum with U = −cos q.
-    """
-
-    h: float
-    t: np.ndarray
-    perturbed: Drift
-    pendulum: Drift
+    h: float  # step size
+    t: np.ndarray  # times of the steps
+    perturbed: Drift  # pendulum with U = −cos q + sin(2q)/5
+    pendulum: Drift  # pendulum with U = −cos q
 
 
 def numbers(*, h: float = 0.2) -> TakahashiImadaDrift:
@@ -83,8 +69,8 @@ def _drift(scene: Scene, h: float) -> Drift:
 
     def error(method: str, p: float) -> np.ndarray:
         run = bs.integrate(
-            scene,
             method,
+            scene,
             h=h,
             steps=round(SPAN / h),
             y0=[p, 0],

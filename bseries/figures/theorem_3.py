@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_count, logarithmic_indices, power_exponent
-from bseries.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from foundation.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,10 +17,10 @@ NUMBER = None
 TITLE = "Pendulum: conservation of the modified Hamiltonian of symplectic Euler, truncated after 1 to 8 terms"
 CAPTION = (
     "Beyond the lecture, on its theorem 3: where H̃ is globally defined and the solution stays in a compact set, H̃ "
-    "truncated after N terms is conserved up to O(t hᴺ). (a) The largest errors for t ≤ 100; their exponents of h are "
-    "N. (b) How errors grow with time: not at all, since truncations with more terms are conserved better still, and "
-    "what they add, of size hᴺ, only oscillates. Symplectic Euler implicit in p, from (p, q) = (2.5, 0), where the "
-    "pendulum turns over."
+    "truncated after N terms is conserved up to O(t hᴺ). The method is symplectic Euler, implicit in p, from (p, q) = "
+    "(2.5, 0), where the pendulum rotates. (a) Largest errors for t ≤ 100; their exponents of h are N. (b) Largest "
+    "errors so far. They do not grow with time, because truncations with more terms are conserved even better, and "
+    "the difference between truncations, of size hᴺ, only oscillates."
 )
 SIZE = (17.0, 9.0)
 
@@ -36,21 +36,13 @@ SHOWN = 120
 
 
 class Conservation(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        terms: The numbers of terms N.
-        h: The step sizes.
-        errors: The largest error of H with N terms for t ≤ 100, (terms, step sizes).
-        t: Times of the longer run.
-        growth: The largest error up to these times for h = 0.1, (terms, times).
-    """
-
-    terms: np.ndarray
-    h: np.ndarray
-    errors: np.ndarray
-    t: np.ndarray
-    growth: np.ndarray
+    terms: np.ndarray  # numbers of terms N
+    h: np.ndarray  # step sizes
+    errors: np.ndarray  # largest error of H with N terms for t ≤ 100, (terms, step sizes)
+    t: np.ndarray  # times of the longer run
+    growth: np.ndarray  # largest error up to these times for h = 0.1, (terms, times)
 
     @property
     def exponents(self) -> np.ndarray:
@@ -72,11 +64,11 @@ def numbers(*, terms: int = 8) -> Conservation:
     )
 
 
-def largest_errors(energy: bs.ModifiedHamiltonian, h: float, span: float) -> np.ndarray:
+def largest_errors(energy: bs.hamiltonians.ModifiedHamiltonian, h: float, span: float) -> np.ndarray:
     """The largest error up to each step of H with 1, 2, … terms, (terms, steps + 1)."""
     import numpy as np
 
-    run = bs.integrate(energy.scene, METHOD, h=h, steps=round(span / h), y0=START)
+    run = bs.integrate(METHOD, energy.scene, h=h, steps=round(span / h), y0=START)
     truncations = np.cumsum(energy.terms(run.y) * h ** np.arange(energy.order)[:, None], axis=0)
     return np.maximum.accumulate(abs(truncations - truncations[:, :1]), axis=1)
 

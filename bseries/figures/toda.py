@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import power_exponent
-from bseries.plotting import BLUE, VERMILION
+from foundation.plotting import BLUE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 NUMBER = 9
 TITLE = "Toda lattice of three particles: errors of the eigenvalues and of the solution, RK4 and Störmer–Verlet"
 CAPTION = (
-    "Lecture, figure 9 (HLW, sections X.1.5 and X.3). Flaschka's matrix L(p, q) has eigenvalues that are first "
+    "Lecture, figure 9 (HLW, sections X.1.5 and X.3). The eigenvalues of Flaschka's matrix L(p, q) are first "
     "integrals. With Störmer–Verlet, which is symplectic, their error stays bounded and the global error grows "
-    "linearly, as theorem 7 has it for frequencies that are not resonant; with RK4 the one grows linearly and the "
-    "other quadratically. Exponents are those of the running maxima for t from 10 on."
+    "linearly, as theorem 7 states for non-resonant frequencies. With RK4 the error of the eigenvalues grows linearly "
+    "and the global error quadratically. The exponents are fitted to the running maxima from t = 10 on."
 )
 SIZE = (12.0, 12.0)
 
@@ -31,19 +31,12 @@ GRID = Fraction(1, 50)
 
 
 class Errors(NamedTuple):
-    """The errors of a method.
+    """The errors of a method."""
 
-    Attributes:
-        h: The step size.
-        t: The times of the steps.
-        eigenvalues: The Euclidean norms of the errors of the eigenvalues.
-        solution: Those of the errors of (p, q).
-    """
-
-    h: float
-    t: np.ndarray
-    eigenvalues: np.ndarray
-    solution: np.ndarray
+    h: float  # step size
+    t: np.ndarray  # times of the steps
+    eigenvalues: np.ndarray  # Euclidean norms of the errors of the eigenvalues
+    solution: np.ndarray  # those of the errors of (p, q)
 
 
 class Toda(NamedTuple):
@@ -64,7 +57,7 @@ def _errors(method: str, every: int, solution: np.ndarray) -> Errors:
     import numpy as np
 
     h = float(every * GRID)
-    run = bs.integrate(bs.scene("toda"), method, h=h, steps=round(SPAN / h))
+    run = bs.integrate(method, bs.scene("toda"), h=h, steps=round(SPAN / h))
     values = eigenvalues(run.y)
     changes = np.linalg.norm(values - values[0], axis=1)
     return Errors(h, run.t, changes, np.linalg.norm(run.y - solution[:, ::every], axis=0))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import check_count, check_number, truncated_scene
-from bseries.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 NUMBER = 3
 TITLE = "Lotka–Volterra: the modified equations truncated after h and after h²"
 CAPTION = (
-    "Lecture, figure 3 (HLW, figure IX.1.3). Two Euler methods from (p, q) = (2, 2), the exact solution, and solutions "
-    "of the modified equations truncated after h and h². Below, the distances of these from the steps, which are "
-    "O(h), O(h²) and O(h³): a law for small h. At h = 0.1 the term with h alone is no gain for symplectic Euler from "
-    "t ≈ 5 on: the period of its orbit is 4.594, that of the given equations 4.615, after the term with h 4.620, and "
-    "only after h² 4.591."
+    "Lecture, figure 3 (HLW, figure IX.1.3). Two Euler methods from (p, q) = (2, 2), with the exact solution and the "
+    "solutions of the modified equations truncated after h and after h². Below: their distances from the numerical "
+    "solution, which are O(h), O(h²) and O(h³) for small h. At h = 0.1 the term with h brings no gain for the "
+    "symplectic Euler method from t ≈ 5 on, because of the periods: 4.594 for the method, 4.615 for the given "
+    "equations, 4.620 for the truncation after h, and 4.591 for the truncation after h²."
 )
 SIZE = (15.0, 13.0)
 
@@ -33,21 +33,13 @@ MOST_TERMS = 6
 
 
 class Truncation(NamedTuple):
-    """Data of the figure.
+    """Data of the figure."""
 
-    Attributes:
-        h: The step size.
-        t: The times of the steps.
-        fine_t: The times of the curves: those of the steps and between them.
-        steps: The numerical solutions (2, steps + 1) by method.
-        curves: The solutions of the modified equations by method, (terms, 2, points).
-    """
-
-    h: float
-    t: np.ndarray
-    fine_t: np.ndarray
-    steps: dict[str, np.ndarray]
-    curves: dict[str, np.ndarray]
+    h: float  # step size
+    t: np.ndarray  # times of the steps
+    fine_t: np.ndarray  # times of the curves: those of the steps and between them
+    steps: dict[str, np.ndarray]  # numerical solutions (2, steps + 1) by method
+    curves: dict[str, np.ndarray]  # solutions of the modified equations by method, (terms, 2, points)
 
     def distances(self, method: str) -> np.ndarray:
         """The distances |y_n − y(t_n)| of the steps of a method from the curves, (terms, steps + 1)."""
@@ -62,7 +54,7 @@ def numbers(*, h: float = 0.1, terms: int = 3) -> Truncation:
 
     h, terms = check_number(h, "h", 0.005, 0.12), check_count(terms, "terms", 1, MOST_TERMS)
     scene, count = bs.scene("lotka-volterra"), round(SPAN / h)
-    runs = {name: bs.integrate(scene, name, h=h, steps=count, y0=START) for name in METHODS}
+    runs = {name: bs.integrate(name, scene, h=h, steps=count, y0=START) for name in METHODS}
     fine_t = np.arange(count * FINE + 1) * (h / FINE)
 
     def curves(method: str) -> np.ndarray:

@@ -1,74 +1,378 @@
-"""Modified Hamiltonians in closed form: sums of convergent series, with their radii of convergence."""
+"""Modified Hamiltonians in closed form: sums of convergent series, with their radii of convergence.
+
+For a quadratic H, y' = Ay with A = J⁻¹S splits into modes on which A² = −κ. On a mode a method acts as on the harmonic
+oscillator p' = −q, q' = p with the step size x = h √κ: any Runge–Kutta method, and other methods of kicks and drifts if
+H = T(p) + U(q). The step for the oscillator is [[a, −x b], [x c, d]] with rational functions a, b, c, d of s = x². Its
+determinant is 1, its eigenvalues are e^(±iθ) with cos θ = (a + d)/2, and its logarithm is
+
+    θ / sin θ · [[(a − d)/2, −x b], [x c, (d − a)/2]],    sin θ = (1 + cos θ) tan(θ/2).
+
+It is singular in x at poles of the step, and where θ is a nonzero multiple of π, unless the step is ±1 there. Hence
+
+    H̃ = Σ_κ θ/sin θ (c T_κ + b U_κ + (d − a)/h X_κ)   with T = ½ pᵀBp, U = ½ qᵀCq, X = ½ pᵀq on the mode κ.
+"""
 
 from __future__ import annotations
 
+import cmath
+import math
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.stages import check_method
+from bseries.analysis.stability.linear_stability import stability_function
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
-from bseries.hamiltonians.linear_hamiltonians import LinearHamiltonian, quadratic_form
-from bseries.hamiltonians.symplectic_stages import canonical_pairs, entry, symplectic_stages
+from bseries.fields.truncation import convergence_radius
+from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
+from integrators import RungeKutta
+from integrators.core.immutable import cached_method
+from integrators.methods.catalogue.registry import as_method
+from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
+
+
+DIGITS = 60
+"""Digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many."""
+TOLERANCE = 1e-9
+"""Largest value that counts as zero at a root."""
+PIECES = 64
+"""The number of segments along which the branch of an angle is continued."""
+
+
+class OscillatorStep:
+    """Step of a method for the harmonic oscillator: the `entries` a, b, c, d as exact functions of s = x²."""
+
+    def __init__(self, entries: Sequence[sympy.Expr], s: sympy.Symbol):
+        import sympy
+
+        self.s = s
+        self.entries: tuple[Any, ...] = tuple(sympy.cancel(entry) for entry in entries)
+        self.cosine: Any = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
+        self._numeric = sympy.lambdify(s, self.entries, "math")
+
+    @classmethod
+    def of_runge_kutta(cls, method: RungeKutta) -> OscillatorStep:
+        """The step of a Runge–Kutta method: even and odd part of R(z) with z² = −s."""
+        import sympy
+
+        s, z = sympy.symbols("s z")
+        R = stability_function(method)
+        above, below = (
+            sympy.Add(*(sympy.sympify(x, strict=True) * z**k for k, x in enumerate(row)))
+            for row in (R.numerator, R.denominator)
+        )
+        mirrored = below.subs(z, -z)
+        product = above * mirrored
+        parts = ((product + product.subs(z, -z)) / 2, (product - product.subs(z, -z)) / (2 * z), below * mirrored)
+        even, odd, common = (sympy.expand(part).subs(z, sympy.sqrt(-s)) for part in parts)
+        return cls((even / common, odd / common, odd / common, even / common), s)
+
+    @classmethod
+    def of_stages(cls, stages: Stages) -> OscillatorStep:
+        """The step of kicks by U = q²/2 and drifts by T = p²/2: P_i = p − x Σ a_ij Q_j, Q_i = q + x Σ â_ij P_j.
+
+        The values z at the stages (Q_i for kicks, P_i for drifts) satisfy z = z_0 + x N z, so that the step is
+        1 + x E (1 − xN)⁻¹ z_0.
+        """
+        import sympy
+        from sympy.polys.matrices import DomainMatrix
+
+        rows = stages.stages
+        s, x = sympy.Symbol("s"), sympy.Symbol("x")
+
+        def changes(at: LinearForm, momentum: bool) -> list[Any]:
+            """The coefficients of the stage values in the change of momenta, or positions, up to a point."""
+            signed = ((-1, one.forces) if momentum else (1, one.velocities) for one in rows)
+            return [
+                sign * sympy.sympify(entry(at, multiples), strict=True) if one.kicks is momentum else 0
+                for one, (sign, multiples) in zip(rows, signed, strict=True)
+            ]
+
+        if not rows:
+            return cls(list(map(sympy.Integer, (1, 0, 0, 1))), s)
+        n = len(rows)
+        table = [
+            *([*changes(one.at, not one.kicks), int(one.drifts), int(one.kicks)] for one in rows),
+            *([*changes(stages.end, momentum), 0, 0] for momentum in (True, False)),
+        ]
+        matrix = DomainMatrix.from_Matrix(sympy.Matrix(table), extension=True).to_field()
+        N, start, E = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n]
+        coefficients = N.charpoly()  # also those of det(1 − xN), in ascending order
+        determinant = sympy.Add(*(N.domain.to_sympy(d) * x**k for k, d in enumerate(coefficients)))
+        step, column = determinant * sympy.eye(2), start - start
+        for k, d in enumerate(coefficients[:-1]):  # adj(1 − xN) z_0 by powers of x (Faddeev–Le Verrier)
+            column = N * column + start * d
+            step += x ** (k + 1) * (E * column).to_Matrix()
+        parts = (step[0, 0], -step[0, 1] / x, step[1, 0] / x, step[1, 1], determinant)
+        *numerators, common = (sympy.expand(part).subs(x, sympy.sqrt(s)) for part in parts)
+        return cls([part / common for part in numerators], s)
+
+    def formulas(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+        """θ/sin θ times b, c and (d − a)/h at x = h √κ, on the branch from h = 0 while tan(θ/2) is real."""
+        import sympy
+
+        s = h**2 * kappa
+        a, b, c, d = (entry.subs(self.s, s) for entry in self.entries)
+        if s == 0:
+            return b, c, (d - a) / h if h else d - a
+        angle, rational, root = self._half_angle(h, kappa)
+        found = []
+        for factor in (b, c, (d - a) / h):
+            rest = factor / ((1 + (a + d) / 2) * rational)
+            written = (root**k * sympy.factor(sympy.cancel(rest / root ** (k + 1))) for k in (-1, 1))
+            found.append(2 * angle * min(written, key=sympy.count_ops))
+        return found[0], found[1], found[2]
+
+    def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+        """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; for κ < 0 without the factors i."""
+        import sympy
+
+        squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
+        rational = h * sympy.sqrt(abs(kappa) if kappa.is_negative else kappa)
+        root = sympy.sqrt(squared.subs(self.s, 0))
+        for part, sign in zip(sympy.fraction(squared), (1, -1), strict=True):
+            for factor, times in sympy.factor_list(part)[1]:
+                one = (factor / factor.subs(self.s, 0)).subs(self.s, h**2 * kappa)
+                rational *= one ** (sign * (times // 2))
+                root *= sympy.sqrt(one) ** (sign * (times % 2))
+        angle = (sympy.atanh if kappa.is_negative else sympy.atan)(rational * root)
+        return angle, rational, root
+
+    def coefficients(self, x: complex) -> tuple[complex, complex, complex]:
+        """θ/sin θ times b, c and (d − a)/x, on the branch continuous from x = 0."""
+        if x == 0:
+            return 1.0, 1.0, 0.0
+        a, b, c, d = self._numeric(x * x)
+        angle, sine = self._angle(x)
+        if sine == 0:  # the step is ±1, and the limit finite
+            return self.coefficients(x * (1 - TOLERANCE))
+        return angle / sine * b, angle / sine * c, angle / sine * (d - a) / x
+
+    def _angle(self, x: complex) -> tuple[complex, complex]:
+        """θ and sin θ, continued from 0 to x along a straight line."""
+        before = now = sine = 0j
+        for k in range(1, PIECES + 1):
+            s = (x * k / PIECES) ** 2
+            a, b, c, d = self._numeric(s)
+            positive = cmath.sqrt(s * b * c - ((a - d) / 2) ** 2)  # more accurate than from cos θ
+            expected, principal = 2 * now - before, -1j * cmath.log((a + d) / 2 + 1j * positive)
+            choices = []
+            for sign in (1, -1):
+                periods = round(((expected - sign * principal) / (2 * math.pi)).real)
+                choices.append((sign * principal + 2 * math.pi * periods, sign * positive))
+            before, (now, sine) = now, min(choices, key=lambda choice: abs(choice[0] - expected))
+        return now, sine
+
+    def radius(self) -> float:
+        """The radius of convergence of the logarithm in powers of x."""
+        singular = (math.sqrt(abs(s)) for s, is_pole in self._candidates() if is_pole or not self._is_regular(s))
+        return next(singular, math.inf)
+
+    def _candidates(self) -> list[tuple[complex, bool]]:
+        """Poles of the step and points with cos θ = ±1 other than 0, by distance from 0."""
+        import sympy
+
+        zeros = [(sympy.numer(sympy.cancel(self.cosine - sign)), False) for sign in (1, -1)]
+        poles = [(sympy.denom(entry), True) for entry in self.entries]
+        found: list[tuple[complex, bool]] = []
+        for formula, is_pole in [*poles, *zeros]:
+            polynomial = sympy.Poly(formula, self.s, extension=True)
+            if polynomial.degree() > 0:
+                roots = polynomial.sqf_part().nroots(DIGITS, maxsteps=500)
+                found += [(complex(root), is_pole) for root in roots if root]
+        return sorted(found, key=lambda candidate: abs(candidate[0]))
+
+    def _is_regular(self, s: complex) -> bool:
+        """Whether the logarithm is analytic at a point with cos θ = ±1: the step is ±1, or θ = 0."""
+        a, b, c, d = self._numeric(s)
+        if max(abs(b), abs(c), abs(a - d)) < TOLERANCE:
+            return True
+        angle, _ = self._angle(cmath.sqrt(s))
+        return abs(angle) < 1
+
+
+def quadratic_form(scene: Scene) -> Any:
+    """The matrix S of H = ½ yᵀSy; None if H is not quadratic, or has symbols."""
+    import sympy
+
+    H, y = scene.hamiltonian, scene.symbols
+    if H is None or not H.is_polynomial(*y) or H.free_symbols - set(y):
+        return None
+    if any(sum(monomial) not in (0, 2) for monomial in sympy.Poly(H, *y).monoms()):
+        return None
+    return sympy.hessian(H, y)
+
+
+class LinearHamiltonian:
+    """Modified Hamiltonian of a symplectic method for H = ½ yᵀSy with the matrix `form`.
+
+    It is yᵀGy with G = T c(K) + U b(K) + X m(K) for K = −A², where T and U are the halves of S that depend on momenta
+    and on positions, and the functions of κ are those of `OscillatorStep`; for Runge–Kutta methods G = ½ S c(K).
+    """
+
+    kind = "linear"
+
+    def __init__(self, method: Method, scene: Scene, form: Any, parts: Any = None):
+        import sympy
+
+        self._scene, size = scene, scene.dimension
+        energy: Any = scene.hamiltonian
+        self.constant = energy.subs(dict.fromkeys(scene.symbols, 0))
+        stages = symplectic_stages(method, scene, parts)
+        if isinstance(method, RungeKutta):
+            self._step = OscillatorStep.of_runge_kutta(method)
+            in_x = convergence_radius(method).radius
+            self._factors: tuple[Any, ...] = form / 2, sympy.zeros(size), sympy.zeros(size)
+        else:
+            _check_separable(method, scene, stages)
+            self._step = OscillatorStep.of_stages(stages)
+            in_x = self._step.radius()
+            momenta, positions, mixed = (sympy.zeros(size) for _ in range(3))
+            for p, q in canonical_pairs(scene):
+                momenta[p, p], positions[q, q], mixed[p, q] = 1, 1, sympy.Rational(1, 2)
+            self._factors = momenta * form / 2, positions * form / 2, mixed
+        self._square: Any = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
+        self._polynomial = _minimal_polynomial(self._square, scene.name)
+        largest = max(abs(kappa) for kappa in self._eigensystem[0])
+        self.radius = in_x / math.sqrt(largest) if largest else math.inf
+
+    @cached_property
+    def _eigensystem(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Eigenvalues κ and eigenvectors of K, and the inverse of the matrix of eigenvectors."""
+        import mpmath
+        import numpy as np
+
+        with mpmath.workdps(DIGITS):
+            values, vectors = mpmath.eig(mpmath.matrix(self._square.evalf(DIGITS).tolist()))
+            found = values, vectors.tolist(), (vectors**-1).tolist()
+        values, vectors, inverse = (np.array(rows, complex) for rows in found)
+        return values, vectors, inverse
+
+    @cached_method
+    def matrix(self, h: float) -> np.ndarray:
+        """The matrix G of H̃ = yᵀGy."""
+        import numpy as np
+
+        values, vectors, inverse = self._eigensystem
+        roots = np.sqrt(values)
+        b, c, mixed = np.array([self._step.coefficients(h * root) for root in roots]).T
+        functions = zip(self._factors, (c, b, mixed * roots), strict=True)
+        summands = (np.array(factor.tolist(), float) @ (vectors * function) @ inverse for factor, function in functions)
+        total: Any = sum(summands)
+        return total.real
+
+    def values(self, y: np.ndarray, h: float) -> np.ndarray:
+        """Values of H̃ at the rows of y."""
+        return ((y @ self.matrix(h)) * y).sum(axis=1)
+
+    def radius_at(self, y: np.ndarray) -> float:
+        """The radius of convergence, at all points."""
+        return self.radius
+
+    def expression(self, h: Any) -> sympy.Expr:
+        """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
+        import sympy
+
+        y = sympy.Matrix(self._scene.symbols)
+        total: Any = sympy.Integer(0)
+        for kappa, projection in self._projections:
+            T, U, X = (
+                sympy.expand((y.T * (factor * projection).applyfunc(sympy.simplify) * y)[0, 0])
+                for factor in self._factors
+            )
+            b, c, mixed = self._step.formulas(h, kappa)
+            total += c * T + b * U + mixed * X
+        return total
+
+    @cached_property
+    def _projections(self) -> list[tuple[Any, Any]]:
+        """The exact eigenvalues κ of K, and the projections on their modes, which are polynomials in K."""
+        import sympy
+
+        factors = [factor for factor, _ in self._polynomial.factor_list()[1] if factor.degree() <= 2]
+        roots = [root for factor in factors for root in sympy.roots(factor)]
+        if len(roots) < self._polynomial.degree():
+            raise SeriesError(
+                f"scene must have frequencies that are square roots for a formula, but the squares of those of "
+                f"{self._scene.name} are roots of {self._polynomial.as_expr()!s:.60}"
+            )
+        one = sympy.eye(self._scene.dimension)
+        return [
+            (kappa, math.prod(((self._square - x * one) / (kappa - x) for x in roots if x is not kappa), start=one))
+            for kappa in roots
+        ]
+
+
+def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
+    """Check that a method consists of kicks by U(q) and drifts by T(p)."""
+    import sympy
+
+    parts = {stage.hamiltonian for stage in stages.stages}
+    mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
+    if mixed or sympy.expand(sympy.Add(*parts) - scene.hamiltonian).free_symbols:
+        raise SeriesError(
+            "method must be a Runge–Kutta method, or kick by U(q) and drift by T(p), for a closed form, but "
+            f"{method.name} on {scene.name} does otherwise"
+        )
+
+
+def _minimal_polynomial(square: Any, name: str) -> Any:
+    """The minimal polynomial of −A², which must have simple roots."""
+    import sympy
+
+    polynomial = sympy.Poly(square.charpoly().as_expr(), extension=True).sqf_part()
+    value = sympy.zeros(square.rows)
+    for coefficient in polynomial.all_coeffs():
+        value = value * square + coefficient * sympy.eye(square.rows)
+    if not value.applyfunc(sympy.simplify).is_zero_matrix:
+        raise SeriesError(f"scene must have a square A² that can be diagonalised, but that of {name} has Jordan blocks")
+    return polynomial
 
 
 class FieldNijhoff:
     """Closed form c ((I ln I − (I − u) ln(I − u))/u − 1), I = (α + p)(β + q), u = c h, or u = −c h if implicit in q.
 
     The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or vice versa).
-
-    Args:
-        invariant: The invariant I.
-        c: The factor of H.
-        sign: 1 if the method is implicit in p, −1 if it is implicit in q.
-        symbols: The variables.
     """
 
     kind = "field-nijhoff"
 
-    def __init__(self, invariant: Any, c: Any, sign: int, symbols: Any):
+    def __init__(self, scene: Scene, invariant: Any, c: Any, sign: int):
         import sympy
 
         self._invariant, self._c, self._sign = invariant, c, sign
         self.radius = invariant / abs(c)
-        self._numeric = sympy.lambdify(symbols, invariant, "numpy")
+        energy: Any = scene.hamiltonian
+        self.constant = sympy.simplify(sympy.logcombine(sympy.expand(energy - c * sympy.log(invariant)), force=True))
+        self._numeric = sympy.lambdify(scene.symbols, invariant, "numpy")
 
     @classmethod
     def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
         """The closed form of a symplectic Euler method on a scene of this kind; None for others."""
         import sympy
 
-        pairs = canonical_pairs(scene)
-        if len(pairs) != 1:
+        pairs, stages = canonical_pairs(scene), symplectic_stages(method, scene, parts)
+        kicks, drifts = ([one for one in stages.stages if getattr(one, kind)] for kind in ("kicks", "drifts"))
+        if (len(pairs), len(stages.stages), len(kicks), len(drifts)) != (1, 2, 1, 1):
             return None
-        p, q = (scene.symbols[i] for i in pairs[0])
-        H: Any = scene.hamiltonian
-        stages = symplectic_stages(method, scene, parts)
-        kicks = [stage for stage in stages.stages if stage.kicks]
-        drifts = [stage for stage in stages.stages if stage.drifts]
-        if len(stages.stages) != 2 or len(kicks) != 1 or len(drifts) != 1:
-            return None
+        symbols, H = [scene.symbols[i] for i in pairs[0]], scene.hamiltonian
         before = entry(drifts[0].at, kicks[0].forces), entry(kicks[0].at, drifts[0].velocities)
-        factors = [sympy.cancel(1 / H.diff(x)) for x in (p, q)]
-        rates = [factor.diff(x) for factor, x in zip(factors, (p, q), strict=True)]
-        linear = all(factor.free_symbols == {x} for factor, x in zip(factors, (p, q), strict=True))
-        if sorted(before) != [0, 1] or not linear or rates[0] != rates[1] or not rates[0].is_number:
+        factors = [sympy.cancel(1 / sympy.diff(H, x)) for x in symbols]
+        rate, other = (factor.diff(x) for factor, x in zip(factors, symbols, strict=True))
+        if sorted(before) != [0, 1] or [factor.free_symbols for factor in factors] != [{x} for x in symbols]:
             return None
-        return cls(factors[0] * factors[1] / rates[0] ** 2, 1 / rates[0], 1 if before[0] else -1, (p, q))
-
-    @property
-    def limit(self) -> sympy.Expr:
-        """The limit h → 0."""
-        import sympy
-
-        return self._c * sympy.log(self._invariant)
+        if rate != other or not rate.is_number:
+            return None
+        return cls(scene, factors[0] * factors[1] / rate**2, 1 / rate, 1 if before[0] else -1)
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula for a step size."""
@@ -77,11 +381,9 @@ class FieldNijhoff:
         i, u = self._invariant, self._sign * self._c * h
         return self._c * ((i * sympy.log(i) - (i - u) * sympy.log(i - u)) / u - 1)
 
-    def radii(self, y: np.ndarray) -> np.ndarray:
-        """Radii of convergence |I/c|, where H is defined."""
-        import numpy as np
-
-        return np.maximum(self._numeric(*y.T) / abs(float(self._c)), 0)
+    def radius_at(self, y: np.ndarray) -> float:
+        """The least radius of convergence |I/c| at the rows of y; 0 where H is not defined."""
+        return max(0.0, float(self._numeric(*y.T).min(initial=math.inf)) / abs(float(self._c)))
 
     def values(self, y: np.ndarray, h: float) -> np.ndarray:
         """Values of H̃, without cancellation for small steps."""
@@ -100,10 +402,11 @@ class ClosedHamiltonian:
         scene: The scene.
         kind: ``"linear"`` or ``"field-nijhoff"``.
         radius: The radius of convergence in h, a number or a formula in the variables.
+        variables: The names of the variables.
 
     Example:
         >>> import bseries as bs
-        >>> closed = bs.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff"))
+        >>> closed = bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff"))
         >>> closed.kind, closed.radius
         ('field-nijhoff', (p + 1)*(q + 1))
     """
@@ -111,7 +414,7 @@ class ClosedHamiltonian:
     def __init__(self, method: Method, scene: Scene, parts: Any, form: FieldNijhoff | LinearHamiltonian):
         self.label = f"{method.name} on {scene.name}"
         self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
-        self.kind, self.radius = form.kind, form.radius
+        self.kind, self.radius, self.variables = form.kind, form.radius, scene.variables
 
     def __reduce__(self) -> tuple[Any, ...]:
         method, scene, parts = self._arguments
@@ -121,13 +424,8 @@ class ClosedHamiltonian:
         return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
 
     def __str__(self) -> str:
-        heading = f"modified Hamiltonian of {self.label}, for |h| < {self._shown_radius}"
-        return heading if self._shown_formula is None else f"{heading}\n{self._shown_formula}"
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of the variables."""
-        return self.scene.variables
+        heading, formula = f"modified Hamiltonian of {self.label}, for |h| < {self._shown_radius}", self._shown_formula
+        return heading if formula is None else f"{heading}\n{formula}"
 
     @property
     def _shown_radius(self) -> str:
@@ -153,15 +451,7 @@ class ClosedHamiltonian:
             SeriesError: `h` is neither a number nor an expression, or the frequencies of the linear system are not
                 square roots.
         """
-        return self._form.expression(read_symbolic_step(h)) + self._constant
-
-    @cached_property
-    def _constant(self) -> sympy.Expr:
-        """The difference of H and the closed form for h = 0."""
-        import sympy
-
-        energy: Any = self.scene.hamiltonian
-        return sympy.simplify(sympy.logcombine(sympy.expand(energy - self._form.limit), force=True))
+        return self._form.expression(read_symbolic_step(h)) + self._form.constant
 
     def __call__(self, y: Any, h: float) -> Any:
         """The value at one point or many.
@@ -178,12 +468,12 @@ class ClosedHamiltonian:
         """
         states, shape = read_states(y, self.scene.dimension)
         step = read_step(h)
-        smallest = float(self._form.radii(states).min(initial=float("inf")))
+        smallest = self._form.radius_at(states)
         if not abs(step) < smallest:
             raise SeriesError(
                 f"h must be less than {smallest:.6g}, the radius of convergence, in absolute value, but was {step}"
             )
-        values = self._form.values(states, step) + float(self._constant)
+        values = self._form.values(states, step) + float(self._form.constant)
         return float(values[0]) if len(shape) == 1 else values
 
     def to_dict(self) -> dict[str, Any]:
@@ -199,7 +489,7 @@ class ClosedHamiltonian:
         }
 
 
-def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> ClosedHamiltonian:
+def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any = None) -> ClosedHamiltonian:
     """The modified Hamiltonian of a symplectic method as the sum of its series, where a closed form is known.
 
     - Linear systems with H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. It is R(hA), A = J⁻¹S, for
@@ -229,6 +519,8 @@ def closed_hamiltonian(method: Method, scene: Scene, *, parts: Any = None) -> Cl
         E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
         (2003) 1673–1683.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     check_method(method)
     canonical_pairs(scene)
     form = quadratic_form(scene)

@@ -19,24 +19,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
-from bseries.algebra.stages import own_trees
 from bseries.analysis.order import trusted
 from bseries.analysis.structure import hamiltonian_field
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
+from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.elementary_differentials import SymbolicSeries
 from bseries.fields.modified_fields import SceneSeries
 from bseries.fields.scene_trees import SceneTrees, flat_fields, mapped_uncertainty, trees_of_method, trees_of_series
-from bseries.fields.symbolic.sparse_polynomials import TooLarge
-from bseries.hamiltonians.energy_formulas import EnergyFormulas
 from integrators import IntegratorError
-from integrators.methods.program.child_bounds import common_bounds
+from integrators.methods.programs.program import common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.local_terms import VALUE, Output, Place
-from integrators.scenes.model.system import System
-from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.scenes.model.system import VALUE, Output, Place, System
 from integrators.scenes.particles.local_form import constant_terms
+from integrators.scenes.particles.parts import Piece, degrees
 from trees.counting import count_trees
 from trees.free_trees import grafting
 from trees.kernels import OUTSIDE
@@ -46,10 +43,10 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from bseries.analysis.verdicts import Verdict
+    from bseries.analysis.structure_conditions import Verdict
     from integrators import Scene
-    from integrators.methods.program.program import Method
-    from integrators.scenes.model.local_terms import LocalTerm
+    from integrators.methods.programs.program import Method
+    from integrators.scenes.model.system import LocalTerm
 
     Bounds = list[list[int | None]]
 
@@ -59,17 +56,6 @@ class EnergyScene(System):
 
     If each term of H belongs to one piece of the field, as for a splitting, or for H = T(p) + U(q) with the blocks p
     and q as pieces, there is an energy for each piece. Otherwise H is the only energy.
-
-    Args:
-        scene: The scene.
-        pieces: The pieces of its field, one for each colour of trees.
-
-    Attributes:
-        scene: The scene.
-        field_pieces: The pieces of its field.
-        separated: Whether each term of H belongs to one piece.
-        twins: For each energy, the colour of a piece of the field that it generates.
-        pieces: The pieces of the field, followed by those of the energies.
 
     Example:
         >>> import bseries as bs
@@ -82,10 +68,10 @@ class EnergyScene(System):
     """
 
     scene: Scene
-    field_pieces: tuple[Piece, ...]
-    separated: bool
-    twins: tuple[int, ...]
-    pieces: tuple[Piece, ...]
+    field_pieces: tuple[Piece, ...]  # the pieces of its field, one for each colour of trees
+    separated: bool  # whether each term of H belongs to one piece
+    twins: tuple[int, ...]  # for each energy, the colour of a piece of the field that it generates
+    pieces: tuple[Piece, ...]  # the pieces of the field, followed by those of the energies
     _places: list[Place]
 
     def __init__(self, scene: Scene, pieces: Sequence[Piece]):
@@ -168,7 +154,7 @@ def _flat_formula(term: LocalTerm, scene: Scene) -> sympy.Expr:
 
     symbols, formulas = scene.symbols, []
     for row in term.sites.rows():
-        here: dict[Any, Any] = {sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(term.data)}
+        here: dict[Any, Any] = {**term.data_at(row)}
         for k, (plus, minus) in enumerate(term.arguments):
             value = symbols[plus.at(row)]
             here[sympy.Symbol(f"x{k}")] = value if minus is None else value - symbols[minus.at(row)]
@@ -176,56 +162,124 @@ def _flat_formula(term: LocalTerm, scene: Scene) -> sympy.Expr:
     return sympy.Add(*formulas)
 
 
+class EnergyFormulas:
+    """Modified Hamiltonian given by formulas: the sum Σ h^k · formula, compiled or in any precision.
+
+    Example:
+        >>> import numpy as np, sympy
+        >>> p, q = sympy.symbols("p q")
+        >>> energy = EnergyFormulas([p, q], [p**2 / 2 - sympy.cos(q), -p * sympy.sin(q) / 2])
+        >>> energy.gradient(np.array([[1.0, 0.0]]), 0.5)
+        array([[ 1.  , -0.25]])
+    """
+
+    def __init__(self, symbols: Sequence[sympy.Symbol], formulas: Sequence[sympy.Expr]):
+        self.symbols, self.formulas = tuple(symbols), tuple(formulas)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return EnergyFormulas, (self.symbols, self.formulas)
+
+    @property
+    def evaluator(self) -> EnergyFormulas:
+        """The object itself, which evaluates the sum."""
+        return self
+
+    def symbolic(self, k: int) -> sympy.Expr:
+        """The coefficient of h^k."""
+        return self.formulas[k]
+
+    def _compiled(self, columns: Sequence[Sequence[sympy.Expr]]) -> CompiledFormulas:
+        symbols = {symbol for formula in self.formulas for symbol in formula.free_symbols} - set(self.symbols)
+        if symbols:
+            names = ", ".join(sorted(map(str, symbols)))
+            raise SeriesError(
+                f"parameters of scene and method must be numbers in compiled code, but {names} are symbols"
+            )
+        return CompiledFormulas(self.symbols, columns)
+
+    @cached_property
+    def total(self) -> CompiledFormulas:
+        """The sum, compiled."""
+        return self._compiled([self.formulas])
+
+    @cached_property
+    def _terms(self) -> CompiledFormulas:
+        return self._compiled([(formula,) for formula in self.formulas])
+
+    @cached_property
+    def _gradient(self) -> CompiledFormulas:
+        return self._compiled([[formula.diff(x) for formula in self.formulas] for x in self.symbols])
+
+    @property
+    def compiled(self) -> Callable[[Any, float], float]:
+        """The sum as a numba function (y, h)."""
+        return self.total.module.first
+
+    def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
+        """The sums at the rows of `states`."""
+        return self.total.values(states, step, workers)[:, 0]
+
+    def terms(self, states: np.ndarray, workers: int = 1) -> np.ndarray:
+        """The terms at the rows of `states`, one row for each power of h."""
+        return self._terms.values(states, 0.0, workers).T
+
+    def gradient(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
+        """The gradients at the rows of `states`."""
+        return self._gradient.values(states, step, workers)
+
+    def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
+        """The sum at one point, in the current precision of mpmath, which exceeds `digits`."""
+        import mpmath
+        import sympy
+
+        # Dummy symbols, since a variable may have the name of a function of mpmath.
+        terms = sympy.lambdify(self.symbols, list(self.formulas), "mpmath", cse=True, dummify=True)
+        try:
+            value = mpmath.polyval(terms(*y)[::-1], h)
+        except ArithmeticError as error:
+            raise SeriesError(f"y must lie in the domain of the energy, but there a formula {error}") from None
+        if isinstance(value, mpmath.mpc):
+            raise SeriesError("y must lie in the domain of the energy, but a formula was not real there")
+        return value
+
+
 MOST_SIMPLIFIED = 300
 """Longer sums, as over pairs of particles, are not simplified: it is slow and rarely shortens them."""
 
 
 class EnergySeries:
-    """The sum of the energies of a series, as a function of the state and the step size."""
+    """Modified Hamiltonian as the sum of the energies of a series, evaluated by derivative towers.
 
-    def __init__(self, scene: EnergyScene, trees: SceneTrees, series: BSeries, route: str = "auto"):
-        self.scene, self._wanted = scene, route
+    `evaluator` is the same sum as compiled formulas where these are faster.
+    """
+
+    def __init__(self, scene: EnergyScene, trees: SceneTrees, series: BSeries):
+        self.scene = scene
         self.series = SceneSeries(cast("Scene", scene), trees, series, route="towers")
+        self.order, self._size = series.order, scene.scene.dimension
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return EnergySeries, (self.scene, self.series.trees, self.series.series, self._wanted)
-
-    def by_route(self, route: str) -> EnergySeries:
-        """The same energy, evaluated by another route."""
-        return EnergySeries(self.scene, self.series.trees, self.series.series, route)
-
-    @property
-    def order(self) -> int:
-        """The number of terms."""
-        return self.series.order
+        return EnergySeries, (self.scene, self.series.trees, self.series.series)
 
     @cached_property
     def evaluator(self) -> EnergySeries | EnergyFormulas:
-        """The evaluator for the chosen route."""
-        if self._wanted == "towers":
-            return self
-        if self._wanted == "symbolic":
-            return self._formulas()
+        """The faster of derivative towers and formulas."""
         from bseries.fields.evaluation import MOST_MONOMIALS, MOST_VARIABLES, contractions
 
         if self._size > MOST_VARIABLES:
             return self
         try:
-            formulas = self._formulas(limit=MOST_MONOMIALS)
+            formulas = self.formulas(limit=MOST_MONOMIALS)
             faster = formulas.total.is_faster(contractions(self.series.evaluator.tables[0]))
         except (SeriesError, IntegratorError):
             return self
         return formulas if faster else self
 
-    @property
-    def _size(self) -> int:
-        """The number of variables of the original scene."""
-        return self.scene.scene.dimension
-
     def _symbolic_series(self, **limits: int) -> SymbolicSeries:
         return SymbolicSeries(self.series.series, self.scene.fields, self.scene.symbols, **limits)
 
-    def _formulas(self, **limits: int) -> EnergyFormulas:
+    def formulas(self, **limits: int) -> EnergyFormulas:
+        """The sum as formulas, abandoned where they exceed a limit."""
         symbolic = self._symbolic_series(**limits)
         terms = [self._term(symbolic, k, simplify=False) for k in range(self.order)]
         self.__dict__.setdefault("_symbolic", symbolic)  # keeps the terms
@@ -241,11 +295,8 @@ class EnergySeries:
 
     def _term(self, series: SymbolicSeries, k: int, *, simplify: bool) -> sympy.Expr:
         ring = series.ring
-        total = ring.sum((1, energy) for energy in series.elements(k + 1)[self._size :])
-        try:
-            formula = ring.to_expression(total, simplify=simplify and total.size <= MOST_SIMPLIFIED)
-        except TooLarge:
-            formula = ring.to_expression(total, simplify=False)
+        total = sum(series.elements(k + 1)[self._size :], ring.zero)
+        formula = ring.to_expression(total, simplify=simplify and total.size <= MOST_SIMPLIFIED)
         return formula if k else formula + self.scene.constant
 
     @cached_property
@@ -259,7 +310,22 @@ class EnergySeries:
     @cached_property
     def compiled(self) -> Callable[[Any, float], float]:
         """The sum as a numba function (y, h)."""
-        return _scalar(self.series.compiled, self._size, self.scene.dimension, self._constant)
+        import numpy as np
+        from numba import njit
+
+        field, constant, size, dimension = self.series.compiled, self._constant, self._size, self.scene.dimension
+
+        @njit(nogil=True, error_model="numpy")
+        def compiled(y: Any, h: float) -> float:
+            """The energy at y."""
+            if y.size != size:
+                raise ValueError("y must have another number of entries")
+            state, out = np.zeros(dimension), np.empty(dimension)
+            state[:size] = y
+            field(state, h, out)
+            return out[size:].sum() + constant
+
+        return compiled
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
         """The sums at the rows of `states`."""
@@ -289,40 +355,14 @@ class EnergySeries:
         return mpmath.fsum([*extended[self._size :], constant])
 
 
-def _scalar(field: Any, size: int, dimension: int, constant: float) -> Any:
-    """The sum of the energies of a compiled field and a constant, as a numba function of the state."""
-    import numpy as np
-    from numba import njit
-
-    @njit(nogil=True, error_model="numpy")
-    def compiled(y: Any, h: float) -> float:
-        """The energy at y."""
-        if y.size != size:
-            raise ValueError("y must have another number of entries")
-        state, out = np.zeros(dimension), np.empty(dimension)
-        state[:size] = y
-        field(state, h, out)
-        return out[size:].sum() + constant
-
-    return compiled
-
-
 class EnergyTrees(NamedTuple):
-    """Trees and coefficients of a modified Hamiltonian.
-
-    Attributes:
-        scene: The scene with its energies.
-        table: The trees in the colours of its pieces.
-        field: The modified equation, on trees that contain the twins of the trees with an energy at the root.
-        colors: The colour in `field` for each colour in `table`.
-        blocks: Whether the colours of `field` are blocks of variables.
-    """
+    """Trees and coefficients of a modified Hamiltonian."""
 
     scene: EnergyScene
-    table: TreeTable
-    field: BSeries
-    colors: tuple[int, ...]
-    blocks: bool
+    table: TreeTable  # the trees in the colours of the pieces of the scene with its energies
+    field: BSeries  # the modified equation, on trees that contain the twins of the trees with an energy at the root
+    colors: tuple[int, ...]  # the colour in `field` for each colour in `table`
+    blocks: bool  # whether the colours of `field` are blocks of variables
 
     @property
     def verdict(self) -> Verdict:
@@ -361,7 +401,7 @@ def _table_of_twins(
     rows = [[*row[:count], row[-1]] for row in bounds]
     for twin, energy in zip(scene.twins, rows[count:], strict=True):
         rows[twin] = [None if a is None or b is None else max(a, b) for a, b in zip(rows[twin], energy, strict=True)]
-    return tree_table(order, count, common_bounds(tuple(map(tuple, rows[:count])), own_trees(method)))
+    return tree_table(order, count, common_bounds(tuple(map(tuple, rows[:count])), method.max_children))
 
 
 def energy_series(trees: EnergyTrees) -> EnergySeries:

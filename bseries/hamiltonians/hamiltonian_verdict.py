@@ -18,27 +18,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
-from bseries.algebra.stages import check_method, own_trees
-from bseries.analysis.order import order_of, trusted
+from bseries.algebra.stages import check_method
+from bseries.analysis.order import order_of, samples_of, trusted
 from bseries.analysis.structure import hamiltonian_field
-from bseries.analysis.structure_conditions import SEPARABLE
-from bseries.analysis.verdicts import failing, samples_of
+from bseries.analysis.structure_conditions import SEPARABLE, failing
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from bseries.scene_text import with_effects
-from bseries.table import Column, Table, as_html
+from foundation.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.methods.program.child_bounds import common_bounds
-from integrators.scenes.particles.degrees import degrees
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import common_bounds
+from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import degrees
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.analysis.verdicts import Verdict
+    from bseries.analysis.structure_conditions import Verdict
     from integrators import Scene
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
 
 DIGITS = 100
 STEP = "1e-33"
@@ -63,7 +64,8 @@ class HamiltonianVerdict(NamedTuple):
 
     Example:
         >>> import bseries as bs
-        >>> verdict = bs.hamiltonian_verdict(bs.method("simplified-takahashi-imada"), bs.scene("pendulum"), 6)
+        >>> method, pendulum = bs.method("simplified-takahashi-imada"), bs.scene("pendulum")
+        >>> verdict = bs.hamiltonians.hamiltonian_verdict(method, pendulum, 6)
         >>> print(verdict)
         simplified-takahashi-imada is Hamiltonian for all H = T(p) + U(q) with quadratic T to order 4, where
         p[q[p[q[p]]]] breaks it, and on pendulum to order 6, as far as tested
@@ -135,9 +137,7 @@ class HamiltonianVerdict(NamedTuple):
         rows.append((here, self.order, "" if self.holds else f"h^{self.order}"))
         notes = ["Order n: the terms with h^0 to h^(n-1) have a Hamiltonian."]
         if self.holds and general is not None and not general.holds:
-            notes.append(
-                "It has one on this scene, although not for all Hamiltonians: `bseries drift` tells what that means."
-            )
+            notes.append("It has one on this scene, although not for all Hamiltonians; see `bseries drift`.")
         heads = {"schema": 1, "kind": "hamiltonian-verdict", "method": self.method, "scene": self.scene}
         return Table(
             f"Modified equation of {self.method} on {here}: Hamiltonian to order {self.order}, "
@@ -148,11 +148,14 @@ class HamiltonianVerdict(NamedTuple):
             data=lambda: {**heads, "effects": list(effects), **self.to_dict()},
         )
 
-    _repr_html_ = as_html
+    _repr_html_, to_pandas = as_html, as_frame
+
+    def __repr__(self) -> str:
+        return f"<HamiltonianVerdict of {self.method} on {self.scene}: order {self.order} of {self.tested_to}>"
 
 
 def hamiltonian_verdict(
-    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None
+    method: Method | BSeries | str, scene: Scene | str, order: int | None = None, *, parts: Any = None
 ) -> HamiltonianVerdict:
     """The order to which the modified equation of a method is Hamiltonian, for all H and on one scene.
 
@@ -176,13 +179,15 @@ def hamiltonian_verdict(
 
     Example:
         >>> import bseries as bs
-        >>> print(bs.hamiltonian_verdict(bs.method("rk4"), bs.scene("pendulum"), 6))
+        >>> print(bs.hamiltonians.hamiltonian_verdict(bs.method("rk4"), bs.scene("pendulum"), 6))
         rk4 is Hamiltonian for all H to order 4, where [τ,[[τ]]] breaks it, and on pendulum to order 5, where the term
         with h^5 breaks it
 
     References:
         HLW, theorems IX.3.1 and IX.9.8; E. Hairer, lecture on long-time behaviour, sections 3 and 4.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     if not isinstance(method, BSeries):
         method = trusted(check_method(method))
         order = order_of(method) + FURTHER if order is None else order
@@ -236,7 +241,7 @@ def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str
     limits, kind = None, "all H"
     bounds = degrees(field.scene, pieces)
     if bounds[0][0] == bounds[1][1] == 0:
-        own = own_trees(method)
+        own = method.max_children
         limits, kind = common_bounds(SEPARABLE, own), "all H = T(p) + U(q)" + (" with quadratic T" if own else "")
     whole = modified_equation(trusted(method), tree_table(field.order, 2, limits))
     return hamiltonian_field(whole, colors_are="blocks"), kind
@@ -245,39 +250,38 @@ def _general(method: Method | BSeries, field: SceneSeries) -> tuple[Verdict, str
 def hamiltonian_order(f: SceneSeries) -> int:
     """The largest n for which the terms of a field with h^0, …, h^(n−1) are Hamiltonian on its scene."""
     structure = structure_matrix(f.scene)
-    symbols = [*f.scene.parameter_values.values(), *f.weights]
-    test = _by_formulas if any(getattr(x, "free_symbols", ()) for x in symbols) else _by_numbers
-    failures = (k for k, holds in enumerate(test(f, structure)) if not holds)
-    return next(failures, f.order)
-
-
-def _by_formulas(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool]:
+    numbers = [*f.scene.parameter_values.values(), *f.weights]
+    if not any(getattr(x, "free_symbols", ()) for x in numbers):
+        return _first_violation(f, structure)
     with refusing_large(MOST_MONOMIALS):
         inverse = inverse_structure(f)
-        return [is_gradient(f.formulas.ring, covector(f, inverse, k)) for k in range(f.order)]
+        holds = (is_gradient(f.formulas.ring, covector(f, inverse, k)) for k in range(f.order))
+        return next((k for k, holds_here in enumerate(holds) if not holds_here), f.order)
 
 
-def _by_numbers(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[bool]:
+def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
+    """The power of h of the first term with a defect at a random point; the order if there is none."""
     import mpmath
 
     with mpmath.workdps(DIGITS):
         samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
         residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
-        violated = set(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]))
-    return [k not in violated for k in range(f.order)]
+        return min(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]), default=f.order)
 
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
     """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
     import mpmath
+    import sympy
 
-    from bseries.fields.evaluation import PreciseSeries
-
-    terms, matrix = PreciseSeries(f, DIGITS).terms, _structure_function(f.scene, structure)
+    terms, entries = f.at_digits(DIGITS).terms, sympy.lambdify(f.scene.symbols, structure, "mpmath", dummify=True)
     random, step = Random(1), mpmath.mpf(STEP)
     centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()
     y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
     u, v = ([mpmath.mpf(random.uniform(-1, 1)) for _ in y] for _ in range(2))
+
+    def matrix(y: Sequence[Any]) -> list[list[Any]]:
+        return entries(*y)
 
     def derivative(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
         ahead, behind = ([a + s * d for a, d in zip(y, direction, strict=True)] for s in (step, -step))
@@ -294,11 +298,3 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
         parts = mpmath.fdot(u, first), -mpmath.fdot(v, second), -mpmath.fdot(u, varied)
         found.append((mpmath.fsum(parts), mpmath.fsum(parts, absolute=True)))
     return found
-
-
-def _structure_function(scene: Scene, structure: Sequence[Sequence[Any]]) -> Callable[[Sequence[Any]], list[list[Any]]]:
-    """The structure matrix as a function of numbers of mpmath."""
-    import sympy
-
-    function = sympy.lambdify(scene.symbols, structure, "mpmath", dummify=True)
-    return lambda y: function(*y)

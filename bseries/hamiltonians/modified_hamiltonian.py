@@ -8,22 +8,31 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
-from bseries.fields.modified_fields import modified_field
+from bseries.fields.modified_fields import modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
-from bseries.hamiltonians.energy_formulas import EnergyFormulas
-from bseries.hamiltonians.from_trees import energy_series, energy_trees
+from bseries.hamiltonians.from_trees import EnergyFormulas, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.hamiltonian_verdict import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
-from bseries.scene_text import formula_notes, hamiltonian_equation, head, place, remarks, span
-from bseries.table import Column, Table, listed
+from bseries.scene_text import (
+    first_powers,
+    formula_notes,
+    hamiltonian_equation,
+    head,
+    place,
+    remarks,
+    short_powers,
+    span,
+)
+from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError
-from integrators.reference.plain_arithmetic import Arithmetic
-from integrators.scenes.scene import Scene
+from integrators.core.immutable import cached_method
+from integrators.methods.catalogue.registry import as_method
+from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.scenes.catalogue.registry import as_scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
@@ -32,7 +41,8 @@ if TYPE_CHECKING:
 
     from bseries.fields.modified_fields import SceneSeries
     from bseries.hamiltonians.from_trees import EnergySeries
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
+    from integrators.scenes.scene import Scene
 
 
 class ModifiedHamiltonian:
@@ -46,6 +56,8 @@ class ModifiedHamiltonian:
         order: The number of terms N, with the powers h^0 … h^(N−1).
         parts: The parts of the method on the scene, if given.
         route: The way of computation: ``"trees"``, ``"brackets"``, ``"generating-function"`` or ``"integration"``.
+        label: The name of the modified Hamiltonian.
+        variables: The names of the variables.
 
     Example:
         >>> import bseries as bs
@@ -69,27 +81,19 @@ class ModifiedHamiltonian:
     ):
         self.method, self.scene, self.order, self.parts, self.route = method, scene, order, parts, route
         self._energy = energy
+        self.label, self.variables = f"the modified Hamiltonian of {name_of(method)}", scene.variables
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ModifiedHamiltonian, (self.method, self.scene, self.order, self.parts, self.route, self._energy)
-
-    @property
-    def label(self) -> str:
-        """The name of the modified Hamiltonian."""
-        return f"the modified Hamiltonian of {name_of(self.method)}"
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of the variables."""
-        return self.scene.variables
 
     def __repr__(self) -> str:
         return f"<{self.label} on {self.scene.name}: order {self.order}, by {self.route}>"
 
     def __str__(self) -> str:
-        rows = (f"h^{k:<3} {self.symbolic(k)}" for k in range(self.order))
-        limit = self.verdict.limit()
-        return "\n".join([f"{self.label} on {self.scene.name}", *rows, *([limit] if limit else [])])
+        return first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_text(PRINT_WIDTH)
+
+    def _short_powers(self) -> range:
+        return short_powers(self.scene, lambda k: [self.symbolic(k)], self.order)
 
     @cached_property
     def verdict(self) -> HamiltonianVerdict:
@@ -151,7 +155,7 @@ class ModifiedHamiltonian:
             >>> import bseries as bs
             >>> pendulum, midpoint = bs.scene("pendulum"), bs.method("implicit-midpoint")
             >>> H = bs.modified_hamiltonian(midpoint, pendulum, 3)
-            >>> run = bs.integrate(pendulum, midpoint, h=0.1, steps=1000, observe={"H": H.observer(0.1)})
+            >>> run = bs.integrate(midpoint, pendulum, h=0.1, steps=1000, observe={"H": H.observer(0.1)})
             >>> bool(abs(run.observed["H"] - run.observed["H"][0]).max() < 1e-6)
             True
         """
@@ -181,7 +185,7 @@ class ModifiedHamiltonian:
             if len(point) != self.scene.dimension:
                 raise SeriesError(f"y must have {self.scene.dimension} values, but had {len(point)}")
             value = self._energy.precise(list(point), arithmetic.number(h, "h"), digits)
-            return arithmetic.rounded(arithmetic.vector([value]))[0]
+            return arithmetic.rounded([value])[0]
 
     def symbolic(self, k: int) -> sympy.Expr:
         """The formula of the coefficient of h^k.
@@ -193,13 +197,11 @@ class ModifiedHamiltonian:
             SeriesError: The power is out of range.
         """
         check_power(k, self.order - 1)
-        if k not in self._formulas:
-            self._formulas[k] = self._energy.symbolic(k)
-        return self._formulas[k]
+        return self._formula(k)
 
-    @cached_property
-    def _formulas(self) -> dict[int, sympy.Expr]:
-        return {}
+    @cached_method
+    def _formula(self, k: int) -> sympy.Expr:
+        return self._energy.symbolic(k)
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula for a step size, a number or a symbol.
@@ -241,18 +243,7 @@ class ModifiedHamiltonian:
 
     def to_dict(self) -> dict[str, Any]:
         """The formulas and the verdict as plain data."""
-        return {
-            "schema": 1,
-            "kind": "hamiltonian",
-            "method": name_of(self.method),
-            "scene": self.scene.name,
-            "route": self.route,
-            "order": self.order,
-            "variables": list(self.variables),
-            "exists_through": self.verdict.exists_through,
-            "verdict": self.verdict.to_dict(),
-            "terms": [{"power": k, "hamiltonian": str(self.symbolic(k))} for k in range(self.order)],
-        }
+        return dict(self.to_table().data())
 
     def to_latex(self) -> str:
         """The formula as LaTeX, without zero terms, with a note on where the modified Hamiltonian ends."""
@@ -264,8 +255,11 @@ class ModifiedHamiltonian:
         limit = self.verdict.limit(latex=True)
         return f"{formula}\\quad\\text{{({limit})}}" if limit else formula
 
-    def _repr_latex_(self) -> str:
-        return f"$\\displaystyle {self.to_latex()}$"
+    def _repr_latex_(self) -> str | None:
+        return short_latex(self.to_latex()) if len(self._short_powers()) == self.order else None
+
+    def _repr_html_(self) -> str:
+        return first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_html()
 
     def to_table(
         self, powers: Sequence[int] | None = None, *, nonzero: bool = False, effects: Sequence[str] | None = None
@@ -313,7 +307,12 @@ ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
 
 
 def modified_hamiltonian(
-    method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None, route: str = "auto"
+    method: Method | BSeries | str,
+    scene: Scene | str,
+    order: int | None = None,
+    *,
+    parts: Any = None,
+    route: str = "auto",
 ) -> ModifiedHamiltonian:
     """The modified Hamiltonian of a method on a scene: the Hamiltonian of its truncated modified equation.
 
@@ -336,10 +335,15 @@ def modified_hamiltonian(
         >>> import bseries as bs
         >>> H = modified_hamiltonian(bs.method("stormer-verlet"), bs.scene("henon-heiles"), 3)
         >>> print(H)
-        the modified Hamiltonian of stormer-verlet-kdk on henon-heiles
-        h^0   p1**2/2 + p2**2/2 + q1**2*q2 + q1**2/2 - q2**3/3 + q2**2/2
-        h^1   0
-        h^2   p1**2*q2/6 + p1**2/12 + p1*p2*q1/3 - p2**2*q2/6 + p2**2/12 - q1**4/24 - q1**2*q2**2/12 - ...
+        Modified Hamiltonian of stormer-verlet-kdk on henon-heiles: powers h^0 to h^2, by trees
+        <BLANKLINE>
+        k  coefficient of h^k
+        ─  ...
+        0  p1**2/2 + p2**2/2 + q1**2*q2 + q1**2/2 - q2**3/3 + q2**2/2
+        1  0
+        2  p1**2*q2/6 + p1**2/12 + p1*p2*q1/3 - p2**2*q2/6 + p2**2/12 - q1**4/24 - q1**2*q2**2/12 - ...
+        <BLANKLINE>
+        The numerical solution follows the system with the Hamiltonian Σ h^k · (coefficient of h^k).
 
         A method that is not symplectic has none:
 
@@ -351,23 +355,13 @@ def modified_hamiltonian(
     References:
         HLW, sections IX.3, IX.4 and IX.9, theorem IX.9.8.
     """
+    method = as_method(method)
+    scene = as_scene(scene)
     if route not in ROUTES:
         raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
-    if not isinstance(scene, Scene):
-        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
-    if isinstance(method, BSeries):
-        order = check_order(method.order if order is None else order)
-        if method.empty != 0:
-            raise SeriesError(
-                f"method must be a method or the series of a field, but its empty tree has {method.empty}"
-            )
-        if route in ("brackets", "generating-function"):
-            raise SeriesError(f"method must be a method for the route {route!r}, but was a series")
-    else:
-        check_method(method)
-        if order is None:
-            raise SeriesError("order must be given for a method, but was None")
-        order = check_order(order)
+    order = check_order(read_order(method, scene, order))
+    if isinstance(method, BSeries) and route in ("brackets", "generating-function"):
+        raise SeriesError(f"method must be a method for the route {route!r}, but was a series")
     found, energy = _route_and_energy(method, scene, order, parts, route)
     return ModifiedHamiltonian(method, scene, order, parts, found, energy)
 
@@ -378,9 +372,11 @@ def _route_and_energy(
     """The route to H̃, and H̃ itself."""
     canonical = scene.is_hamiltonian and scene.poisson is None
     if route == "trees" or (route == "auto" and canonical):
-        found = _by_trees(method, scene, order, parts, canonical)
-        if found is not None:
-            return "trees", found
+        if not canonical:
+            raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {scene.title} is not")
+        trees = energy_trees(method, scene, order, parts)
+        if trees.verdict.holds:
+            return "trees", energy_series(trees)
         if route == "trees":
             verdict = hamiltonian_verdict(method, scene, order, parts=parts)
             raise SeriesError(f"method must be symplectic for the route 'trees', but {verdict}")
@@ -417,14 +413,6 @@ def _with_constants(
         is_constant = all(ring.is_zero(ring.derivative(gap, i)) for i in range(scene.dimension))
         found.append(term + ring.to_expression(gap) if is_constant else term)
     return tuple(found)
-
-
-def _by_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any, canonical: bool) -> EnergySeries | None:
-    """H̃ by trees; None if the modified equation is not Hamiltonian for all H of the kind of the scene."""
-    if not canonical:
-        raise SeriesError(f"scene must be given by a Hamiltonian in canonical variables, but {scene.title} is not")
-    trees = energy_trees(method, scene, order, parts)
-    return energy_series(trees) if trees.verdict.holds else None
 
 
 def _check_hamiltonian(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> None:

@@ -18,42 +18,31 @@ from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import cancels, multiply_entries, sum_entries
-from integrators.methods.program.evaluations import Field, Flow
-from integrators.scenes.particles.degrees import Piece
+from integrators.methods.programs.evaluations import Field, Flow
 from integrators.scenes.particles.expansion import flat_hamiltonian
-from integrators.scenes.particles.parts import pieces_of
+from integrators.scenes.particles.parts import Piece, pieces_of
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.methods.program.evaluations import Evaluation, LinearForm
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.evaluations import Evaluation, LinearForm
+    from integrators.methods.programs.program import Method
 
 Multiples = Mapping[int, Any]
 """The factors of h H_q or h H_p at a stage in the evaluations k_e of a program."""
 
 
 class Stage(NamedTuple):
-    """Stage: a part of the Hamiltonian, evaluated at a point.
-
-    Attributes:
-        hamiltonian: The formula.
-        kicks: Whether it depends on positions and so changes momenta.
-        drifts: Whether it depends on momenta and so changes positions.
-        at: The point.
-        forces: The evaluations that are multiples of −h H_q.
-        velocities: The evaluations that are multiples of h H_p.
-        number: The number of the stage in the method.
-    """
+    """Stage: a part of the Hamiltonian, evaluated at a point."""
 
     hamiltonian: sympy.Expr
-    kicks: bool
-    drifts: bool
+    kicks: bool  # whether H depends on positions and so changes momenta
+    drifts: bool  # whether H depends on momenta and so changes positions
     at: LinearForm
-    forces: Multiples
-    velocities: Multiples
-    number: int
+    forces: Multiples  # the evaluations that are multiples of −h H_q
+    velocities: Multiples  # the evaluations that are multiples of h H_p
+    number: int  # of the stage in the method
 
 
 class Stages(NamedTuple):
@@ -69,9 +58,7 @@ class Stages(NamedTuple):
 
 def entry(at: LinearForm, multiples: Multiples) -> Any:
     """The factor of the increment of a stage in a point."""
-    return sum_entries(
-        multiply_entries(at.terms[e], multiple) for e, multiple in multiples.items() if e in at.terms
-    )  # fmt: skip
+    return sum_entries(multiply_entries(at.terms[e], multiple) for e, multiple in multiples.items() if e in at.terms)
 
 
 def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:

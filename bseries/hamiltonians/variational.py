@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.generating_functions import GeneratingFunction
-from bseries.hamiltonians.hamilton_jacobi import check_formula, check_symbols
-from bseries.hamiltonians.power_series import Composition, Expansion
+from bseries.hamiltonians.generating_functions import GeneratingFunction, check_formula, check_symbols
+from bseries.hamiltonians.power_series import Composition, Expansion, PowerSeries
 from trees.counting import check_order
 
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.symbolic.differential_rings import Element
+    from bseries.fields.symbolic.polynomials import Element
 
 
 def variational_generating_function(
@@ -147,7 +146,7 @@ class _Legendre:
 
 def _point(expansion: Expansion, q: Sequence[Any], v: Sequence[Sequence[Element]]) -> Composition:
     """The composition with q, v = v_0 + h v_1 + … and h."""
-    arithmetic, ring = expansion.arithmetic, expansion.ring
-    positions = [arithmetic.polynomial(ring.element(x)) for x in q]
-    velocities = [arithmetic.polynomial(*x) for x in v]
-    return expansion.at([*positions, *velocities, arithmetic.polynomial(ring.zero, ring.coerce(1))])
+    ring = expansion.ring
+    positions = [PowerSeries.polynomial(ring.element(x)) for x in q]
+    velocities = [PowerSeries.polynomial(*x) for x in v]
+    return expansion.at([*positions, *velocities, PowerSeries.polynomial(ring.zero, ring.coerce(1))])

@@ -1,1 +1,5 @@
 """Shadow energies: modified Hamiltonians measured along finished trajectories, from their forces."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,14 +19,11 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import lru_cache
-from operator import mul
 from typing import TypeAlias
 
 from bseries.exceptions import SeriesError
 
 LEAST_ORDER, MOST_ORDER = 2, 24
-
-PRIME = 2**127 - 1
 
 Wave: TypeAlias = tuple[int, int]
 """The function cosh(aS) cosh(bδ), as (a, b)."""
@@ -162,33 +159,13 @@ def _gathered(waves: list[tuple[Wave, int]]) -> Waves:
 
 
 def _solution(rows: list[list[Fraction]]) -> list[Fraction]:
-    """The unique solution of a linear system: modulo a prime, then as fractions, then verified."""
-    pivots: list[list[int]] = []
-    waiting = [[_residue(x) for x in row] for row in rows]
-    for _ in range(len(rows[0]) - 1):
-        found = next(row for row in waiting if row[0])
-        inverse = pow(found[0], -1, PRIME)
-        pivot = [x * inverse % PRIME for x in found[1:]]
-        waiting = [[(x - row[0] * y) % PRIME for x, y in zip(row[1:], pivot, strict=True)] for row in waiting]
-        waiting = list(filter(any, waiting))
-        pivots.append(pivot)
-    values: list[int] = []
-    for *factors, right in reversed(pivots):
-        values.insert(0, (right - sum(map(mul, factors, values))) % PRIME)
-    solution = [_fraction(value) for value in values]
-    if any(sum(map(mul, row, solution)) != row[-1] for row in rows):
-        raise ArithmeticError("the solution modulo a prime is none in fractions")
-    return solution
+    """The unique solution of a linear system, whose right-hand side is the last column."""
+    import flint
 
-
-def _residue(value: Fraction) -> int:
-    return value.numerator * pow(value.denominator, -1, PRIME) % PRIME
-
-
-def _fraction(residue: int) -> Fraction:
-    """The fraction with a small numerator and denominator and this residue, by Euclid's algorithm."""
-    (a, b), (x, y) = (PRIME, residue), (0, 1)
-    while b * b > PRIME:
-        quotient = a // b
-        a, b, x, y = b, a - quotient * b, y, x - quotient * y
-    return Fraction(b, y)
+    unknowns = len(rows[0]) - 1
+    entries = [flint.fmpq(x.numerator, x.denominator) for row in rows for x in row]
+    reduced, rank = flint.fmpq_mat(len(rows), unknowns + 1, entries).rref()
+    if rank != unknowns or any(reduced[k, k] != 1 for k in range(unknowns)):
+        raise ArithmeticError("the linear system of a shadow energy must have one solution")
+    found = [reduced[k, unknowns] for k in range(unknowns)]
+    return [Fraction(int(x.p), int(x.q)) for x in found]

@@ -10,12 +10,13 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.plotting import BLACK, BLUE, VERMILION, check_place, new_figure, picture, picture_format, print_style
-from bseries.shadow.checks import finite_number
+from bseries.picture_files import check_place, picture_format
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from bseries.table import Column, Table, as_html, listed
-from integrators.core.optional_modules import optional_module
+from foundation.extras import optional_module
+from foundation.plotting import BLACK, BLUE, VERMILION, new_figure, picture, print_style
+from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.text_files import atomic_write, check_path
+from integrators.exact.arguments import read_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,12 +24,11 @@ if TYPE_CHECKING:
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
-FIELDS = ("order", "mean", "deviation", "scatter", "gap", "drift", "drift_error")
 LIMITS = {
-    "rounding": "what is left is rounding",
+    "rounding": "the rest is rounding",
     "order": "higher orders may show less",
     "step": "higher orders scatter more, since the step is large",
-    "slow": "what is left no order explains: sums of roundings, or forces that jump",
+    "slow": "no order explains the rest: rounding errors of the data, their sums, or forces that jump",
 }
 COMFORTABLE, LARGE = 0.25, 0.5
 """Bounds of small and of moderate steps, relative to the largest step."""
@@ -71,30 +71,22 @@ def _on_drift(report: ShadowReport) -> str:
     drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
     if not report.has_drift:
         return (
-            f"No drift: {drift} is zero within 3 standard errors (the energy alone tells ± {energy.drift_error:.1g})."
+            f"No drift: {drift} is zero within 3 standard errors (from the energy alone: ± {energy.drift_error:.1g})."
         )
-    return f"Drift: {drift} energy per time, {change:.2g} in all (the energy alone tells ± {energy.drift_error:.1g})."
+    return f"Drift: {drift} energy per time, {change:.2g} in all (from the energy alone: ± {energy.drift_error:.1g})."
 
 
 def _on_step(report: ShadowReport) -> str:
     most = report.largest_step
     if most is None and report.best.order > 2:
-        return "Step: order 4 already shows what there is to see; the step is small."
+        return "Step: no order above 4 is useful; the step is small."
     if most is None and report.limit == "rounding":
-        return "Step: the energy does not change by more than rounding, which tells nothing of the step."
+        return "Step: the energy changes by no more than rounding, so the step cannot be judged."
     if most is None:
         return "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
     part = report.h / most
     size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
     return f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, where order 4 is no steadier than the energy."
-
-
-def report_text(report: ShadowReport) -> str:
-    """The report as plain text."""
-    rows = [list(HEADINGS), *map(cells, report.rows)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-    return "\n".join([title(report), "", *lines, "", *sentences(report)])
 
 
 SIZE = (17.0, 6.0)
@@ -105,22 +97,8 @@ def check_picture(path: Any) -> str:
     name = check_path(path, "plot")
     kind = picture_format(name, "plot")
     check_place(name, "plot")
-    optional_module("matplotlib", "pictures")
+    optional_module("matplotlib", "a picture")
     return kind
-
-
-def save_picture(report: ShadowReport, path: str | os.PathLike[str]) -> None:
-    """Save the picture of a report; see `ShadowReport.save_plot`."""
-    kind = check_picture(path)
-    with print_style():
-        figure = new_figure(SIZE)
-        gains, energy, shadow = figure.subplots(1, 3)
-        _draw_orders(report, gains)
-        _draw_times(report, energy, 0, BLUE)
-        _draw_times(report, shadow, report.rows.index(report.best), VERMILION)
-        title = f"{os.path.basename(report.label)}: {report.states:,} states, h = {report.h:g}"
-        figure.suptitle(title, fontsize="medium", parse_math=False)
-    atomic_write(path, picture(figure, kind))
 
 
 def _draw_orders(report: ShadowReport, ax: Axes) -> None:
@@ -174,7 +152,7 @@ class ShadowReport:
     Example:
         >>> from integrators import integrate, scene
         >>> from bseries import shadow_energy
-        >>> report = shadow_energy(integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=4000))
+        >>> report = shadow_energy(integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=4000))
         >>> report.has_drift, report.limit
         (False, 'rounding')
         >>> print(f"{report.largest_step:.2f}, {report.step_for(1e-4):.4f}")
@@ -202,12 +180,9 @@ class ShadowReport:
             f"<ShadowReport of {self.label}: orders 2 to {self.rows[-1].order}, {self.states:,} states, h = {self.h:g}>"
         )
 
-    def __str__(self) -> str:
-        return report_text(self)
-
     @property
     def best(self) -> OrderStatistics:
-        """The lowest order whose scatter no higher order reduces much."""
+        """The lowest order whose scatter is not much reduced by higher orders."""
         scatters = [row.scatter for row in self.rows]
         useful = (row for k, row in enumerate(self.rows) if row.scatter <= GAIN * min(scatters[k:]))
         return next(useful, self.rows[-1])
@@ -248,7 +223,7 @@ class ShadowReport:
         """The step size at which order 4 would be no steadier than the energy; None if fewer orders are useful.
 
         The difference of orders 2 and 4 is proportional to h^2, that of orders 4 and 6 to h^4; at this step they would
-        be equal. A rule of thumb.
+        be equal: an empirical rule.
         """
         gaps = list(self.gaps.values())[:2]
         return self.h * (gaps[0] / gaps[1]) ** 0.5 if len(gaps) == 2 and gaps[1] > 0 else None
@@ -264,8 +239,9 @@ class ShadowReport:
 
         Raises:
             SeriesError: The bound is not positive, or no higher order explains how the energy changes.
+            IntegratorError: The bound is not a finite number.
         """
-        limit = finite_number(bound, "bound")
+        limit = read_number(bound, "bound")
         if limit <= 0:
             raise SeriesError(f"bound must be a positive energy, but was {bound!r:.60}")
         # gap factor^power / limit = (rate factor)^power stays at most 1, for limits of any size
@@ -323,7 +299,16 @@ class ShadowReport:
             SeriesError: The extension is another one, or the folder does not exist.
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
-        save_picture(self, path)
+        kind = check_picture(path)
+        with print_style():
+            figure = new_figure(SIZE)
+            gains, energy, shadow = figure.subplots(1, 3)
+            _draw_orders(self, gains)
+            _draw_times(self, energy, 0, BLUE)
+            _draw_times(self, shadow, self.rows.index(self.best), VERMILION)
+            heading = f"{os.path.basename(self.label)}: {self.states:,} states, h = {self.h:g}"
+            figure.suptitle(heading, fontsize="medium", parse_math=False)
+        atomic_write(path, picture(figure, kind))
 
     def to_table(self, bound: float | None = None) -> Table:
         """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
@@ -341,7 +326,7 @@ class ShadowReport:
             [*sentences(self, bound), "", KEY],
             data=lambda: data,
             items="rows",
-            records=listed([(name, itemgetter(name)) for name in FIELDS], data["rows"]),
+            records=listed([(name, itemgetter(name)) for name in OrderStatistics._fields], data["rows"]),
         )
 
-    _repr_html_ = as_html
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame

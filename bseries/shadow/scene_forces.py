@@ -10,7 +10,7 @@ from integrators import Scene
 from integrators.compile.modules import load_module
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, field_lines
-from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,7 +102,7 @@ def _module(scene: Scene) -> ModuleType:
     """The compiled functions of a scene, with a loop over positions at zero momenta."""
     from integrators.compile import machine
 
-    writer = ModuleText(precise=False)
+    writer = ModuleText()
     lines = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
     writer.function("field(y, out)", "Put f(y) in out.", lines, "@kept")
     writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer), "@inlined")

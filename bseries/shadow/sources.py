@@ -1,33 +1,36 @@
-"""Sources of states: columns of a finished trajectory, read piece by piece, with its metadata."""
+"""Columns of a finished trajectory by role: from a run of this package, arrays by name, or a file of any program."""
 
 from __future__ import annotations
 
 import fnmatch
+import os
+import re
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from contextlib import nullcontext
+from itertools import chain, islice
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
-from bseries.shadow.roundings import ULPS, Rounding, precision
+from bseries.shadow.scene_forces import SceneForces
+from integrators.core.text_files import read_lines
+from integrators.scenes.files import scene_from_table
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.shadow.scene_forces import SceneForces
+    from integrators import Trajectory
 
     Columns: TypeAlias = Mapping[str, np.ndarray]
     """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
 
-ROLES = {
-    "t": "the time",
-    "q": "positions",
-    "p": "momenta",
-    "v": "velocities",
-    "U": "the potential",
-    "F": "forces",
-    "gradU": "the potential's gradient",
-}
-VECTORS = ("q", "p", "v", "F", "gradU")
-ALIASES = {
+MEANINGS = {"q": "positions", "p": "momenta", "v": "velocities", "U": "the potential", "F": "forces"}
+MEANINGS |= {"gradU": "the potential's gradient"}
+NAMES = {
     "t": ("t", "time", "times"),
     "q": ("q", "position", "positions", "coordinates", "x", "r"),
     "p": ("p", "momentum", "momenta"),
@@ -36,132 +39,338 @@ ALIASES = {
     "F": ("F", "f", "force", "forces"),
     "gradU": ("gradU", "gradient", "gradients", "g"),
     "mass": ("mass", "masses", "m"),
-    "h": ("h", "dt", "step", "timestep"),
+    "h": ("h", "dt", "timestep"),
 }
-"""Names of arrays in other programs."""
-SAME = (("p", "v"), ("F", "gradU"))
-"""Roles for the same quantity; both must agree, unless one is chosen."""
+"""What programs call the columns of each role."""
+COMPONENT = re.compile(r"(gradU|[qpvFf])_?([xyz\d_]+)|([xyz]\d*)")
+"""One coordinate of a role: q1, p_2, vx1, fy; x1 is a position."""
+PLACES = re.compile(r"(\d*):(\d*)")
+VECTORS = ("q", "p", "v", "F", "gradU")
+SAME = {"p": "v", "v": "p", "F": "gradU", "gradU": "F"}
+"""Roles for the same quantity; choosing one sets the other aside."""
+MOST_LETTERS = 100
+"""Most characters of a path in a message."""
+DAMAGE = (
+    OSError, ValueError, EOFError, OverflowError, MemoryError, NotImplementedError, TypeError, KeyError, SyntaxError,
+    tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""Errors of NumPy for damaged files."""
+ROUNDINGS = 16
+"""Rounding errors in a stored number."""
+DOUBLE = 2.0**-52
 
 
 class Source(NamedTuple):
-    """A finished trajectory as columns.
+    """A finished trajectory as columns."""
 
-    Attributes:
-        label: Its name in messages.
-        blocks: Gives the columns by role in blocks with at most the given number of steps.
-        states: The number of states; None if unknown before reading.
-        dimension: The number of coordinates.
-        roundings: Rounding by role, and of "h"; others are doubles.
-        h: The step size, if stored.
-        every: The steps per stored state, if known.
-        mass: Masses, if stored.
-        method: The method, if known.
-        forces: The scene that supplies potentials and forces; None if the columns contain them.
-    """
-
-    label: str
-    blocks: Callable[[int], Iterator[Columns]]
-    states: int | None
-    dimension: int
-    roundings: Mapping[str, Rounding]
-    h: float | None = None
-    every: int = 1
-    mass: Any = None
-    method: str | None = None
-    forces: SceneForces | None = None
-
-    def off(self, role: str, rows: np.ndarray) -> np.ndarray:
-        """Rounding bounds of numbers of a role, (states, …), for each column."""
-        return self.roundings.get(role, Rounding()).of(rows)
+    label: str  # its name in messages
+    blocks: Callable[[int], Iterator[Columns]]  # the columns by role, in blocks with at most this number of steps
+    states: int | None  # the number of states; None if unknown before reading
+    dimension: int  # the number of coordinates
+    precision: float = ROUNDINGS * DOUBLE  # the relative error of its numbers, from the coarsest array
+    h: float | None = None  # the step size, if stored
+    every: int = 1  # the steps per stored state; 0 if only the start and the end are stored
+    mass: Any = None  # masses, if stored
+    method: str | None = None  # the method, if known
+    forces: SceneForces | None = None  # the scene that supplies potentials and forces, unless columns do
 
 
-def with_equivalents(chosen: Iterable[str]) -> set[str]:
-    """Roles, with those for the same quantities."""
-    roles = set(chosen)
-    return roles.union(*(pair for pair in SAME if not roles.isdisjoint(pair)))
-
-
-def choose(
-    names: Iterable[str], chosen: Mapping[str, str] | None, label: str, *, roles: Sequence[str]
-) -> dict[str, list[str]]:
-    """The names of each role.
+def open_source(trajectory: Any, columns: Mapping[str, Any] | None = None, forces: SceneForces | None = None) -> Source:
+    """The source of a trajectory.
 
     Args:
-        names: All names.
-        chosen: Patterns by role, as in ``{"q": "x*"}``; other roles are found by `ALIASES`.
-        label: The name of the data in messages.
-        roles: The possible roles.
+        trajectory: A `Trajectory`, arrays by name, a data frame, the path of a file, or an open text file.
+        columns: Names, patterns of names, or places of columns, by role.
+        forces: The scene that supplies potentials and forces, if there is one.
     """
-    there, found = list(names), dict[str, list[str]]()
-    for role, patterns in (chosen or {}).items():
-        if role not in roles:
-            raise SeriesError(f"columns must be for {', '.join(roles)}, but one was for {role!r:.60}")
-        pieces = [piece.strip() for piece in patterns.split(",")]
-        found[role] = [name for piece in pieces for name in there if fnmatch.fnmatchcase(name, piece)]
-        if not found[role]:
-            shown = f"{', '.join(there)}"
-            raise SeriesError(f"columns must fit names in {label}, but {patterns!r:.60} fits none of {shown:.200}")
-    for role in roles:
-        if role not in with_equivalents(chosen or ()):
-            found[role] = next(([name] for name in ALIASES[role] if name in there), [])
-    return {role: names for role, names in found.items() if names}
+    from integrators import Trajectory
+
+    if columns is not None and not isinstance(columns, Mapping):
+        raise SeriesError(f'columns must be a dict, as in {{"q": "x*"}}, but was {columns!r:.60}')
+    if isinstance(trajectory, Trajectory):
+        return _own(trajectory, "trajectory", columns, forces)
+    if isinstance(trajectory, str | os.PathLike):
+        return _of_path(os.fspath(trajectory), columns, forces)
+    if hasattr(trajectory, "readline"):
+        name = getattr(trajectory, "name", None)
+        known = isinstance(name, str) and not name.startswith("<")
+        return _of_text(trajectory, str(name) if known else "standard input", columns, forces)
+    arrays = _by_name(trajectory, "trajectory")
+    if arrays is None:
+        raise SeriesError(f"trajectory must be a Trajectory, arrays by name, or a path, but was {trajectory!r:.60}")
+    return _of_arrays(arrays, "trajectory", columns, forces)
 
 
-def check_roles(roles: Iterable[str], label: str, *, with_forces: bool) -> None:
-    """Check that positions, momenta and forces are available."""
-    there = set(roles)
-    needs = [("q",), ("p", "v")] + ([] if with_forces else [("U",), ("F", "gradU")])
-    for choices in needs:
-        if there.isdisjoint(choices):
-            texts = " or ".join(f"{ROLES[role]} ({role})" for role in choices)
-            hint = "" if choices[0] in "qp" else "; a scene would supply it"
-            raise SeriesError(f"{label} must have {texts}, but has {', '.join(sorted(there)) or 'nothing known'}{hint}")
-
-
-def array_source(
-    arrays: Mapping[str, Any], label: str, columns: Mapping[str, str] | None, forces: SceneForces | None
-) -> Source:
-    """The source of arrays by name, (steps, …) each; or (…, steps) if only the last axis has the length of the times.
-
-    Args:
-        arrays: The arrays.
-        label: Their name in messages.
-        columns: Names of arrays by role; others are found by `ALIASES`.
-        forces: The scene that supplies potentials and forces, if any.
-    """
+def _of_path(path: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+    """The source of a file: text, NPY, NPZ, or a run of this package."""
     import numpy as np
 
-    found = choose(arrays, columns, label, roles=tuple(ALIASES))
-    check_roles(found, label, with_forces=forces is not None)
-    numbers = {role: _numbers(arrays[names[0]], names[0]) for role, names in found.items()}
-    masses, h = numbers.pop("mass", None), numbers.pop("h", None)
-    count = _count(numbers)
-    rows = {role: _rows(values, count, role) for role, values in numbers.items()}
+    from integrators import load_trajectory
+
+    label = path if len(path) < MOST_LETTERS else f"…{path[-MOST_LETTERS:]}"
+    if not os.path.isfile(path):  # the folder of a run, also of an unfinished one
+        return _own(load_trajectory(path), label, columns, forces)
+    try:
+        with open(path, "rb") as file:
+            start = file.read(6)
+        is_text = not start.startswith((b"PK", b"\x93NUMPY"))
+        if start.startswith(b"PK"):
+            zipfile.ZipFile(path).close()  # NumPy leaves damaged archives open
+        stored = None if is_text else np.load(path, mmap_mode="r", allow_pickle=False)
+    except DAMAGE as error:
+        raise SeriesError(f"{label} must be text, an NPY or an NPZ file, but was not: {error}") from None
+    if is_text:
+        return _of_text(path, label, columns, forces)
+    if isinstance(stored, Mapping) and {"t", "y", "variables"} <= set(stored):
+        return _own(load_trajectory(path), label, columns, forces)
+    return _of_arrays(_by_name(stored, label) or {}, label, columns, forces)
+
+
+def _by_name(data: Any, label: str) -> Mapping[str, Any] | None:
+    """Arrays by name: those of a mapping or data frame, the fields or columns of one array; None for anything else."""
+    import numpy as np
+
+    if hasattr(data, "to_records"):  # a frame of pandas, with its index
+        data = data.to_records()
+    if isinstance(data, Mapping):
+        coordinates = getattr(data, "coords", None)  # of xarray
+        return data if coordinates is None else {**coordinates, **data}
+    if not isinstance(data, np.ndarray):
+        return None
+    if data.dtype.names is not None:
+        return {name: data[name] for name in data.dtype.names}
+    if data.ndim != 2:
+        raise SeriesError(f"{label} must have a row for each state, but has the shape {data.shape}")
+    return {str(k): column for k, column in enumerate(data.T)}
+
+
+def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+    """The source of a trajectory of this package, which stores its scene."""
+    import numpy as np
+
+    if columns is not None:
+        raise SeriesError("columns must be left out for a Trajectory, which has names of its own, but was given")
+    if forces is None:
+        stored = run.meta.get("scene")
+        if not isinstance(stored, Mapping) or "variables" not in stored:
+            raise SeriesError(f"scene must be given, since {label} contains none, but was not")
+        forces = SceneForces(scene_from_table(stored, f"scene of {label}"))
+    missing = next((name for block in forces.names for name in block if name not in run.variables), None)
+    if missing is not None:
+        raise SeriesError(
+            f"{label} must have the variable {missing} of the scene, but has {', '.join(run.variables):.200}"
+        )
+    places = {role: _places(block, run.variables) for role, block in zip("pq", forces.names, strict=True)}
+
+    def blocks(size: int) -> Iterator[Columns]:
+        for start in range(0, len(run.t), size):
+            piece = slice(start, start + size)
+            rows = np.asarray(run.y[:, piece], dtype=float).T
+            yield {"t": np.asarray(run.t[piece], dtype=float)} | {role: rows[:, x] for role, x in places.items()}
+
+    method = (run.meta.get("method") or {}).get("name")
+    every = run.meta.get("save_every", 1) or 0
+    return Source(label, blocks, len(run.t), len(forces.names[1]), h=run.h, every=every, method=method, forces=forces)
+
+
+def _places(names: Sequence[str], variables: Sequence[str]) -> slice | list[int]:
+    """The indices of variables; consecutive ones as a slice, which avoids copies."""
+    places = [variables.index(name) for name in names]
+    whole = slice(places[0], places[0] + len(places))
+    return whole if tuple(variables[whole]) == tuple(names) else places
+
+
+def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+    """The source of a table: names of columns in the first line, unless `columns` has places, then a line per state."""
+    import numpy as np
+
+    lines = _lines(file, label)
+    heading = next(lines, "")
+    separator = next((mark for mark in ",;\t" if mark in heading), None)
+    names = [name.strip().strip('"') for name in heading.lstrip("# ").split(separator) if name.strip()]
+    if not names or all(map(_is_number, names)):
+        if columns is None:
+            raise SeriesError(
+                f"{label} must begin with the names of its columns, but began with {heading!r:.60}: columns assigns "
+                'places, as in "t=0,q=1:3"'
+            )
+        lines, names = chain([heading], lines), [str(k) for k in range(len(names))]
+    found = find_roles(names, columns, label, forces, ("t", "U", *VECTORS))
+    for role, chosen in found.items():
+        _check_width(role, len(chosen), len(found["q"]))
+    needed = [name for role in found.values() for name in role]
+    places = [names.index(name) for name in needed]
+    ends = np.cumsum([len(role) for role in found.values()])
+
+    def blocks(size: int) -> Iterator[Columns]:
+        first = 1
+        while piece := list(islice(lines, size)):
+            try:
+                table = np.loadtxt(piece, delimiter=separator, usecols=places, ndmin=2, comments=None, unpack=True)
+            except ValueError:
+                for state, line in enumerate(piece, first):
+                    _check_row(line.split(separator), needed, places, f"{label} must have numbers in state {state}")
+                raise
+            first += len(piece)
+            parts = zip(found, np.split(table, ends[:-1]), strict=True)
+            yield {role: rows.T if role in VECTORS else rows[0] for role, rows in parts}
+
+    return Source(label, blocks, None, len(found["q"]), forces=forces)
+
+
+def _lines(source: str | IO[Any], label: str) -> Iterator[str]:
+    """The lines that are neither empty nor comments; the first may be a comment."""
+    is_first = True
+    with open(source, encoding="utf-8-sig") if isinstance(source, str) else nullcontext(source) as file:
+        try:
+            for line in read_lines(file, label):
+                text = line.strip()
+                if text and (is_first or not text.startswith("#")):
+                    is_first = False
+                    yield text
+        except UnicodeDecodeError:
+            raise SeriesError(f"{label} must be text in UTF-8, an NPY or an NPZ file, but was neither") from None
+
+
+def _check_row(cells: Sequence[str], names: Sequence[str], places: Sequence[int], must: str) -> None:
+    """Check that a line has numbers in its columns."""
+    for name, k in zip(names, places, strict=True):
+        if k >= len(cells):
+            raise SeriesError(f"{must}, but it has {len(cells)} columns and {name} is number {k + 1}")
+        if not _is_number(cells[k].strip()):
+            raise SeriesError(f"{must}, but {name} was {cells[k].strip()!r:.60}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text  # Python also reads other digits and underscores
+
+
+def find_roles(
+    names: Iterable[str],
+    columns: Mapping[str, Any] | None,
+    label: str,
+    forces: SceneForces | None,
+    roles: Sequence[str] = tuple(NAMES),
+) -> dict[str, list[str]]:
+    """The names of the columns of each role: as chosen, by the names of a scene, or by usual names.
+
+    Raises:
+        SeriesError: Names are not unique, a choice fits none, or a quantity is missing.
+    """
+    names, chosen = [str(name) for name in names], columns or {}
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise SeriesError(f"{label} must have different names, but has {twice!r:.60} twice")
+    if forces is not None and not chosen and {name for block in forces.names for name in block} <= set(names):
+        found = dict(zip("pq", map(list, forces.names), strict=True))
+        roles = [role for role in roles if role in ("t", "mass", "h")]
+    else:
+        found = {role: _chosen(role, what, names, label, roles) for role, what in chosen.items()}
+    parts = {role: by_key for role, by_key in _components(names).items() if role not in found}
+    order = parts.get("q")
+    for role in roles:
+        if role in found or SAME.get(role) in chosen:
+            continue
+        usual = next((name for name in NAMES[role] if name in names), None)
+        several = parts.get(role, {})
+        if usual is not None and not (len(several) > 1 and usual in several.values()):  # x beside y is not all of q
+            found[role] = [usual]
+        elif several:
+            missing = next((key for key in order or () if key not in several), None)
+            if order and missing is not None:
+                raise SeriesError(f"{label} must have a column {role}{missing} beside {order[missing]}, but has none")
+            found[role] = [several[key] for key in order or several]
+    for choices in [("q",), ("p", "v")] + ([] if forces else [("U",), ("F", "gradU")]):
+        if found.keys().isdisjoint(choices):
+            texts = " or ".join(f"{MEANINGS[role]} ({role})" for role in choices)
+            scene = "" if choices[0] in "qp" else ", or a scene supply it"
+            raise SeriesError(
+                f"{label} must have {texts}, but has {', '.join(names) or 'nothing':.200}; columns can name it{scene}"
+            )
+    return found
+
+
+def _components(names: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Names such as x1, vx1, fx1 or q1, p1 by role and by coordinate."""
+    found: dict[str, dict[str, str]] = {}
+    for name in names:
+        match = COMPONENT.fullmatch(name)
+        if match:
+            role = "q" if match[3] else match[1].replace("f", "F")
+            found.setdefault(role, {})[match[3] or match[2].strip("_")] = name
+    return found
+
+
+def _chosen(role: str, what: Any, names: list[str], label: str, roles: Sequence[str]) -> list[str]:
+    """The names that ``x*``, ``x,y``, a place such as 3 or places such as ``1:3`` stand for."""
+    if role not in roles:
+        raise SeriesError(f"columns must be for {', '.join(roles)}, but one was for {role!r:.60}")
+    found: list[str] = []
+    for piece in what.split(",") if isinstance(what, str) else what if isinstance(what, list | tuple) else [what]:
+        text = str(piece).strip()
+        places = PLACES.fullmatch(text)
+        if places:
+            found += names[slice(*(int(end) if end else None for end in places.groups()))]
+        elif text not in names and text.isdecimal():
+            found += names[int(text) : int(text) + 1]
+        else:
+            found += [name for name in names if fnmatch.fnmatchcase(name, text)]
+    if not found:
+        raise SeriesError(f"columns must fit names in {label}, but {what!r:.60} fits none of {', '.join(names):.200}")
+    return found
+
+
+def _of_arrays(
+    arrays: Mapping[str, Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None
+) -> Source:
+    """The source of arrays, (steps, …) each; or (…, steps) if only the last axis has the length of the times."""
+    import numpy as np
+
+    by_text = {str(name): name for name in arrays}
+    found = find_roles([str(name) for name in arrays], columns, label, forces)
+    numbers = {role: [_array(arrays, by_text[name], label) for name in names] for role, names in found.items()}
+    precisions = [float(np.finfo(x.dtype).eps) for part in numbers.values() for x in part if x.dtype.kind == "f"]
+    masses, h = (numbers.pop(role, [None])[0] for role in ("mass", "h"))
+    count = next((numbers[role][0].size for role in ("t", "U") if role in numbers), len(np.atleast_1d(numbers["q"][0])))
+    parts = {role: [_rows(x, count, role) for x in part] for role, part in numbers.items()}
+    rows = {role: part[0] if len(part) == 1 else np.hstack(part) for role, part in parts.items()}
     dimension = rows["q"].shape[1]
-    for role in VECTORS:
-        if role in rows and rows[role].shape[1] != dimension:
-            raise SeriesError(f"{role} must have as many coordinates as q, {dimension}, but has {rows[role].shape[1]}")
-    scale = () if masses is None else (masses,)  # masses in single precision limit the precision of p and v
-    roundings = {
-        role: Rounding(ULPS * precision(values, *(scale if role in ("p", "v") else ())))
-        for role, values in rows.items()
-    }
-    roundings |= {
-        role: Rounding(precision(array)) for role, array in (("t", numbers.get("t")), ("h", h)) if array is not None
-    }
+    for role, values in rows.items():
+        _check_width(role, values.shape[1], dimension)
 
     def blocks(size: int) -> Iterator[Columns]:
         for start in range(0, count, size):
-            yield {role: np.asarray(values[start : start + size], dtype=float) for role, values in rows.items()}
+            piece = {role: np.asarray(x[start : start + size], dtype=float) for role, x in rows.items()}
+            yield {role: x if role in VECTORS else x[:, 0] for role, x in piece.items()}
 
-    step = None if h is None else _step(h)
-    return Source(label, blocks, count, dimension, roundings, h=step, mass=masses, forces=forces)
+    precision = ROUNDINGS * max([DOUBLE, *precisions])
+    return Source(
+        label, blocks, count, dimension, precision, None if h is None else _step(h), mass=masses, forces=forces
+    )
 
 
-def _numbers(values: Any, name: str) -> np.ndarray:
+def _check_width(role: str, width: int, dimension: int) -> None:
+    """Check the number of columns of a role."""
+    wanted = dimension if role in VECTORS else 1
+    if width != wanted:
+        whose = f"as many coordinates as q, {wanted}" if role in VECTORS else "one number for each state"
+        raise SeriesError(f"{role} must have {whose}, but has {width}")
+
+
+def _array(arrays: Mapping[str, Any], name: Any, label: str) -> np.ndarray:
+    """A stored array of real numbers."""
     import numpy as np
 
-    array = np.asanyarray(values)
+    try:
+        array = np.asanyarray(arrays[name])
+    except DAMAGE as error:
+        raise SeriesError(
+            f"{label} must have an array of real numbers {name}, but it cannot be read: {error}"
+        ) from None
     if array.dtype.kind not in "fiu":
         raise SeriesError(f"{name} must be an array of real numbers, but was of the kind {array.dtype}")
     return array
@@ -176,48 +385,12 @@ def _step(h: np.ndarray) -> float:
     return float(h.flat[0])
 
 
-def _count(arrays: Mapping[str, np.ndarray]) -> int:
-    """The number of states."""
-    for role in ("t", "U"):
-        if role in arrays and arrays[role].ndim >= 1:
-            return arrays[role].size
-    shape = arrays["q"].shape
-    return shape[0] if shape else 0
-
-
 def _rows(values: np.ndarray, count: int, role: str) -> np.ndarray:
     """An array with a row for each state."""
     if not values.size:
         raise SeriesError(f"{role} must have numbers for at least one state, but has the shape {values.shape}")
-    if role not in VECTORS:
-        if values.size != count:
-            raise SeriesError(f"{role} must have one number for each of {count} states, but has {values.size}")
-        return values.reshape(count)
     if values.ndim and values.shape[0] == count:
         return values.reshape(count, -1)
     if values.ndim and values.shape[-1] == count:
         return values.reshape(-1, count).T
     raise SeriesError(f"{role} must have {count} states along its first axis, but has the shape {values.shape}")
-
-
-def inverse_masses(mass: Any, dimension: int) -> np.ndarray:
-    """The inverse mass of each coordinate.
-
-    Args:
-        mass: A number, one for each particle, or one for each coordinate; None: 1.
-        dimension: The number of coordinates.
-    """
-    import numpy as np
-
-    try:
-        values = np.asarray(1.0 if mass is None else mass, dtype=float).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        raise SeriesError(f"mass must be numbers, but was {mass!r:.60}") from None
-    if not len(values) or dimension % len(values):
-        raise SeriesError(
-            f"mass must be one number, or one for each particle or coordinate, but there were {len(values)} for "
-            f"{dimension} coordinates"
-        )
-    if not (np.all(np.isfinite(values)) and np.all(values > 0)):
-        raise SeriesError(f"mass must be positive, but one was {values[~(values > 0) | ~np.isfinite(values)][0]:g}")
-    return np.repeat(1 / values, dimension // len(values))

@@ -14,17 +14,16 @@ from bseries.shadow.checks import (
     check_finite,
     check_potential,
     check_steps,
-    finite_number,
     refuse_thinned,
 )
-from bseries.shadow.files import open_source
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
-from bseries.shadow.roundings import DOUBLE, Roundings
 from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import inverse_masses
-from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader, States
+from bseries.shadow.sources import open_source
+from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader, States, longest, positive_numbers
 from bseries.shadow.statistics import Statistics
+from integrators.core.arguments import check_progress
+from integrators.exact.arguments import read_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,19 +59,21 @@ def shadow_energy(
     by O(h²), which hides a drift. Memory does not depend on the length of the trajectory.
 
     Args:
-        trajectory: A `Trajectory`; arrays by name, (steps, …) each; or the path of a file: one of this package, any
-            NPZ, or text with the names of columns in its first line. It has positions q, momenta p or velocities v,
-            the potential U and its gradient gradU or forces F; and optionally t, h and mass.
+        trajectory: A `Trajectory`; arrays by name, (steps, …) each, also as a frame of pandas or xarray; or the path of
+            a file: one of this package, NPZ, NPY, or text with the names of columns in its first line. It has positions
+            q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and optionally t, h and
+            mass.
         scene: A `Scene`, which supplies masses, potentials and forces. Trajectories of this package contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
         h: The step size, if neither times nor the file contain it.
         mass: A mass, one for each particle, or one for each coordinate; by default that of the file, or 1.
-        columns: The names of columns or arrays, as in ``{"q": "x*", "U": "PotEng"}``.
+        columns: The columns of each role where names do not tell: names, patterns, or places from 0 on, as in
+            ``{"q": "x*", "U": "PotEng"}`` or ``{"t": 0, "p": "1:3", "q": "3:5"}``.
         layout: The storage layout of momenta: ``full``; ``half-behind`` or ``half-ahead`` of their positions by half a
             step ("leapfrog"); or ``drift-kick-drift`` for states of that method, which needs a scene.
         period: The edge of the periodic box of wrapped positions, or one for each coordinate.
         tolerance: The largest distance of a state from a step of the method, relative to the largest numbers; by
-            default 1e-9, or according to the digits of the data.
+            default 1e-9, or 2e-6 if an array has single precision. Text with few digits needs more.
         keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
@@ -81,11 +82,11 @@ def shadow_energy(
 
     Raises:
         SeriesError: Data are missing, or not consecutive steps of this method; the message contains a diagnosis.
-        IntegratorError: A file or a scene cannot be used.
+        IntegratorError: A file, a scene, a number or `progress` cannot be used.
 
     Example:
         >>> from integrators import integrate, scene
-        >>> run = integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=2000)
+        >>> run = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=2000)
         >>> report = shadow_energy(run, order=6)
         >>> print(*(f"{row.order}: {row.deviation:.0e}" for row in report.rows))
         2: 1e-03 4: 5e-06 6: 3e-08
@@ -94,79 +95,59 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
+    import numpy as np
+
     if order is not None:
         check_order(order)
-    allowed = None if tolerance is None else _tolerance(tolerance)
-    if progress is not None and not callable(progress):
-        raise SeriesError(f"progress must be a function of two numbers, but was {progress!r:.60}")
+    check_progress(progress)
+    least = 0.0 if tolerance is None else read_number(tolerance, "tolerance")
+    if least < 0:
+        raise SeriesError(f"tolerance must be 0 or more, but was {tolerance!r:.60}")
     source = open_source(trajectory, columns, None if scene is None else SceneForces(scene))
-    blocks, step, off_h, start = _timed(source, h)
+    allowed = max(TOLERANCE, source.precision) if tolerance is None else least
+    blocks, step, start = _timed(source, h, allowed)
     reader = _reader(source, step, mass, layout, period)
 
-    def check(states: States, first: int) -> None:
-        off = reader.roundings._replace(h=off_h)
-        usual = (TOLERANCE, off) if allowed is None else (allowed, Roundings())
-        check_steps(states, step, first, *usual, source, layout)
+    def check(states: States, first: int) -> float:
+        rounding = check_steps(states, step, first, allowed, source, layout)
         if first == 0:
-            check_potential(states, off, source)
+            check_potential(states, allowed, source)
+        return rounding
 
-    measurement = _Measurement(reader.states(blocks), order, step, source, keep)
-    for done in measurement.advance(check):
-        if progress is not None:
-            progress(done, source.states or done)
-    return measurement.report(start, reader.roundings.energy)
+    with np.errstate(all="ignore"):  # numbers that overflow are refused where they are found
+        return _measure(map(reader.states, blocks), order, step, start, source, check, keep, progress)
 
 
 def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Reader:
     """The conversion of the columns of a source to states, according to the options."""
+    import numpy as np
+
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
-    edges = _box_edges(period, source.dimension)
+    dimension, edges = source.dimension, None
+    if period is not None:
+        edges = positive_numbers(period, "period", dimension)
+        edges = np.tile(edges, dimension // len(edges))
     if source.forces is None:
         if layout == MIDDLE:
             raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
-        inverse = inverse_masses(source.mass if mass is None else mass, source.dimension)
+        given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
+        masses = positive_numbers(given, "mass", dimension)
+        inverse = np.repeat(1 / masses, dimension // len(masses))
     elif mass is None:
         inverse = source.forces.inverse_masses
-        if len(inverse) != source.dimension:
+        if len(inverse) != dimension:
             raise SeriesError(
                 f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
-                f"{source.dimension} numbers for each state"
+                f"{dimension} numbers for each state"
             )
     else:
         raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
     return Reader(Masses(inverse), h, source, layout, edges)
 
 
-def _box_edges(period: Any, dimension: int) -> np.ndarray | None:
-    """The edges of a periodic box, one for each coordinate; None if there is no box."""
-    if period is None:
-        return None
-    import numpy as np
-
-    try:
-        edges = np.asarray(period, dtype=float).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        raise SeriesError(f"period must be numbers, but was {period!r:.60}") from None
-    if not len(edges) or dimension % len(edges) or not (np.all(edges > 0) and np.all(np.isfinite(edges))):
-        raise SeriesError(
-            f"period must be a positive number, or one for each dimension or coordinate, but was {period!r:.60}"
-        )
-    return np.tile(edges, dimension // len(edges))
-
-
-def _tolerance(value: Any) -> float:
-    """A nonnegative number."""
-    number = finite_number(value, "tolerance")
-    if number < 0:
-        raise SeriesError(f"tolerance must be 0 or more, but was {value!r:.60}")
-    return number
-
-
-def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, float, float]:
-    """The checked columns of a source, the step size, its rounding bound, and the first time."""
-    import numpy as np
-
+def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[Columns], float, float]:
+    """The checked columns of a source, the step size, and the first time."""
     blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
     head = next(blocks, None)
     if head is None or len(head["q"]) < 2:
@@ -175,12 +156,12 @@ def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, f
         refuse_thinned(source, f"are every {source.every}th of a run" if source.every else "are its start and end")
     t = head.get("t")
     if h is not None:
-        step, off = finite_number(h, "h"), 0.0
+        step = read_number(h, "h")
     elif source.h is not None:
-        step, off = source.h, float(source.off("h", np.array([source.h])))
+        step = source.h
     elif t is not None:
         check_finite(t, "times", 0, source)
-        step, off = _step_of(t, float(source.off("t", t)))
+        step = float(t[-1] - t[0]) / (len(t) - 1)
     else:
         raise SeriesError(f"h must be given where there are no times, but {source.label} has none")
     if step == 0 or not math.isfinite(step):
@@ -189,77 +170,55 @@ def _timed(source: Source, h: float | None) -> tuple[Iterator[Columns], float, f
     def checked() -> Iterator[Columns]:
         first, before = 0, None
         for columns in chain([head], blocks):
-            check_columns(columns, before, step, first, source)
+            check_columns(columns, before, step, first, tolerance, source)
             first, before = first + len(columns["q"]), None if t is None else float(columns["t"][-1])
             yield columns
 
-    return checked(), step, off, 0.0 if t is None else float(t[0])
+    return checked(), step, 0.0 if t is None else float(t[0])
 
 
-def _step_of(t: np.ndarray, off: float) -> tuple[float, float]:
-    """The step size of times with rounding errors, and its rounding bound; 0 if they are equidistant."""
+def _measure(
+    pieces: Iterator[States],
+    order: int | None,
+    h: float,
+    start: float,
+    source: Source,
+    check: Callable[[States, int], float],
+    keep: bool,
+    progress: Callable[[int, int], object] | None,
+) -> ShadowReport:
+    """The report on states, in one pass; `check` refuses wrong ones and returns the energy's rounding error."""
     import numpy as np
 
-    step = float(t[-1] - t[0]) / (len(t) - 1)
-    is_even = np.all(np.abs(np.diff(t) - step) <= 4 * DOUBLE * np.max(np.abs(t)))
-    return step, 0.0 if is_even else 2 * off / (len(t) - 1)
-
-
-class _Measurement:
-    """One pass over states.
-
-    Args:
-        pieces: The states, in pieces.
-        order: The largest order; None for the usual one, or the largest that a short trajectory allows.
-        h: The step size.
-        source: The source of the states.
-        keep: Whether values are kept.
-    """
-
-    def __init__(self, pieces: Iterator[States], order: int | None, h: float, source: Source, keep: bool):
-        self._pieces, self._h, self._source, self._kept = pieces, h, source, [] if keep else None
-        self._head = next(pieces)
-        self.orders = _orders(order, self._head.u.size, source)
-        self._offset = float(self._head.u[0])
-        self.statistics, self.done = Statistics(self.orders), 0
-
-    def advance(self, check: Callable[[States, int], None]) -> Iterator[int]:
-        """Process the states; after each piece, yield the number of states so far."""
-        import numpy as np
-
-        weights, works, products = formula_arrays([shadow_formula(order) for order in self.orders])
-        halo = 2 * (weights.shape[1] - 1)
-        before: States | None = None
-        for piece in chain([self._head], self._pieces):
-            fresh = piece._replace(u=piece.u - self._offset)  # reduces rounding
-            states = fresh if before is None else States(*map(_joined, before, fresh))
-            steps = states.u.size
-            check(states, self.done - (steps - piece.u.size))
-            self.done += piece.u.size
-            if steps > halo:
-                work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
-                out = np.empty((len(self.orders), steps - halo))
-                kernels.shadow_values.compiled(
-                    self._h, states.p, states.g, states.u, weights, works, products, *work, out
-                )
-                middle = self.done - steps + halo // 2
-                check_finite(out, "shadow energies", middle, self._source)  # squares of finite numbers may overflow
-                self.statistics.add(out)
-                if self._kept is not None:
-                    self._kept.append(out + self._offset)
-                states = States(*(array[..., steps - halo :] for array in states))
-            before = states
-            yield self.done
-
-    def report(self, start: float, rounding: float) -> ShadowReport:
-        """The report, with the time of the first state and the bound of rounding errors of energies."""
-        import numpy as np
-
-        values = None
-        if self._kept is not None:
-            values = dict(zip(self.orders, np.concatenate(self._kept, axis=1), strict=True))
-        known = self._offset, rounding, values
-        return ShadowReport(self._source.label, self._h, start, self.done, self.statistics, *known)
+    head = next(pieces)
+    orders = _orders(order, head.u.size, source)
+    statistics, offset, kept = Statistics(orders), float(head.u[0]), list[np.ndarray]()
+    weights, works, products = formula_arrays([shadow_formula(order) for order in orders])
+    halo = 2 * (weights.shape[1] - 1)
+    done, most_rounding = 0, 0.0
+    before: States | None = None
+    for piece in chain([head], pieces):
+        fresh = piece._replace(u=piece.u - offset)  # reduces rounding
+        states = fresh if before is None else States(*map(_joined, before, fresh))
+        steps = states.u.size
+        rounding = check(states, done - (steps - piece.u.size))
+        rounding += source.precision * (float(np.max(np.abs(piece.u))) + longest(piece.p) * longest(piece.p))
+        most_rounding, done = max(most_rounding, rounding), done + piece.u.size
+        if steps > halo:
+            work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
+            out = np.empty((len(orders), steps - halo))
+            kernels.shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
+            middle = done - steps + halo // 2
+            check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
+            statistics.add(out)
+            if keep:
+                kept.append(out + offset)
+            states = States(*(array[..., steps - halo :] for array in states))
+        before = states
+        if progress is not None:
+            progress(done, source.states or done)
+    values = dict(zip(orders, np.concatenate(kept, axis=1), strict=True)) if keep else None
+    return ShadowReport(source.label, h, start, done, statistics, offset, most_rounding, values)
 
 
 def _joined(before: np.ndarray, piece: np.ndarray) -> np.ndarray:

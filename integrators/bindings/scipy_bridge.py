@@ -12,14 +12,16 @@ from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from math import isfinite
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from foundation.extras import how_to_install
+from foundation.extras import optional_module
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -31,16 +33,13 @@ if TYPE_CHECKING:
 
 LARGEST_DENOMINATOR = 10**6
 DOUBLE_DIGITS = 16
-RADAU_ROUNDING = 1e-13
-"""Tolerance for SciPy's transformation of the Radau stages, which has at least 15 digits."""
 
 
-def scipy_solver(method: RungeKutta) -> type[PairSolver]:
+def scipy_solver(method: RungeKutta | str) -> type[PairSolver]:
     """A solver class of SciPy from an embedded pair, for ``solve_ivp(…, method=scipy_solver(method))``.
 
-    Steps are chosen as in SciPy's own Runge–Kutta solvers, with `rtol`, `atol`, `max_step` and `first_step`; the order
-    of the estimated error comes from the tableau. The weights `b` advance the solution. A last stage that equals the
-    first of the next step is not evaluated twice. States may be complex.
+    Steps are those of SciPy's own Runge–Kutta solvers, with the options of ``scipy.integrate.RK45``; the order of the
+    estimated error comes from the tableau. The weights `b` advance the solution. States may be complex.
 
     Between steps the solution is continuously differentiable, and of order p − 1 for a method of order p ≤ 9 (p for
     p ≤ 3). An interpolated step needs one additional evaluation of the right-hand side with ``verner65``, four with
@@ -67,16 +66,16 @@ def scipy_solver(method: RungeKutta) -> type[PairSolver]:
     References:
         Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.4.
     """
-    try:
-        from integrators.bindings.scipy_pairs import solver_class
-    except ImportError as missing:
-        raise ImportError(f"scipy_solver needs SciPy: {how_to_install('scipy')}") from missing
-    if not isinstance(method, RungeKutta):
-        raise IntegratorError(f"method must be a RungeKutta, but was {shorten(repr(method))}")
-    return solver_class(method, method.name)
+    optional_module("scipy.integrate", "scipy_solver")
+    from integrators.bindings.scipy_pairs import solver_class
+
+    found = as_method(method)
+    if not isinstance(found, RungeKutta):
+        raise IntegratorError(f"method must be a RungeKutta, but was {shorten(repr(found))}")
+    return solver_class(found, found.name)
 
 
-def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
+def right_hand_side(scene: Scene | str) -> Callable[[float, np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
     """The field of a scene as a compiled function f(t, y), for `solve_ivp` and other solvers.
 
     Args:
@@ -100,6 +99,7 @@ def right_hand_side(scene: Scene) -> Callable[[float, np.ndarray[Any, Any]], np.
         >>> bool(abs(found.y[:, -1] - kepler.y0).max() < 1e-9)
         True
     """
+    scene = as_scene(scene)
     import numpy as np
 
     if not isinstance(scene, Scene):
@@ -144,18 +144,26 @@ def from_scipy(solver: type) -> RungeKutta:
         >>> dop853.domain, dop853.digits, float(dop853.b[0]), len(dop853.embedded)
         ('decimal', 16, 0.054293734116568765, 2)
     """
-    method = getattr(solver, "method", None)
-    if isinstance(method, RungeKutta):
-        return method
+    known = getattr(solver, "method", None)
+    if isinstance(known, RungeKutta):
+        return known
     integrate = sys.modules.get("scipy.integrate")
     if integrate is not None and solver is integrate.Radau:
-        return _radau(sys.modules[solver.__module__])
-    found = _read(solver)
-    if all(float(_fraction(x)) == x for row in found.rows for x in row):
-        exact = found.method(_fraction)
-        if _is_confirmed(exact, found):
+        radau: Any = named_method("radau-iia3")
+        return radau
+    A, b, c, differences, orders = _read(solver)
+
+    def tableau(number: Callable[[float], Fraction], digits: int | None = None) -> RungeKutta:
+        weights, *rows = [list(map(number, row)) for row in (b, *differences)]
+        embedded = [[x + y for x, y in zip(weights, row, strict=True)] for row in rows]
+        matrix, nodes = [list(map(number, row)) for row in A], list(map(number, c))
+        return RungeKutta(matrix, weights, nodes, embedded=embedded, name=solver.__name__, digits=digits, warn=False)
+
+    if all(float(_fraction(x)) == x for row in (*A, b, c, *differences) for x in row):
+        exact = tableau(_fraction)
+        if _is_confirmed(exact, *orders):
             return exact
-    return found.method(lambda x: Fraction(Decimal(repr(x))), DOUBLE_DIGITS)
+    return tableau(lambda x: Fraction(Decimal(repr(x))), DOUBLE_DIGITS)
 
 
 def _fraction(x: float) -> Fraction:
@@ -163,33 +171,10 @@ def _fraction(x: float) -> Fraction:
     return Fraction(x).limit_denominator(LARGEST_DENOMINATOR)
 
 
-class _Doubles(NamedTuple):
-    """The data of a solver class; `differences` are the embedded weights minus the weights."""
-
-    name: str
-    A: list[Row]
-    b: Row
-    c: Row
-    differences: list[Row]
-    order: int
-    error_order: int
-
-    @property
-    def rows(self) -> list[Row]:
-        return [*self.A, self.b, self.c, *self.differences]
-
-    def method(self, number: Callable[[float], Fraction], digits: int | None = None) -> RungeKutta:
-        """The method with a number for each double."""
-        A = [list(map(number, row)) for row in self.A]
-        b, c, *differences = (list(map(number, row)) for row in (self.b, self.c, *self.differences))
-        embedded = [[x + y for x, y in zip(b, row, strict=True)] for row in differences]
-        return RungeKutta(A, b, c, embedded=embedded, name=self.name, digits=digits, warn=False)
-
-
-def _read(solver: Any) -> _Doubles:
-    """The tableau of a class like ``RK45`` or ``DOP853``."""
+def _read(solver: Any) -> tuple[list[Row], Row, Row, list[Row], tuple[int, int]]:
+    """A, b, c, the embedded weights minus the weights, and the orders of a class like ``RK45`` or ``DOP853``."""
     try:
-        order, error_order = int(solver.order), int(solver.error_estimator_order)
+        orders = int(solver.order), int(solver.error_estimator_order)
         A = [_doubles(row) for row in solver.A]
         b, c = _doubles(solver.B), _doubles(solver.C)
         if hasattr(solver, "E5"):
@@ -206,8 +191,7 @@ def _read(solver: Any) -> _Doubles:
     if any(row[-1] for row in differences):  # the estimate uses the derivative at the end of the step
         A, b, c = [*A, b], [*b, 0.0], [*c, 1.0]
     stages = len(b)
-    A = [row + [0.0] * (stages - len(row)) for row in A]
-    return _Doubles(solver.__name__, A, b, c, [row[:stages] for row in differences], order, error_order)
+    return [row + [0.0] * (stages - len(row)) for row in A], b, c, [row[:stages] for row in differences], orders
 
 
 def _doubles(values: Any) -> Row:
@@ -217,33 +201,13 @@ def _doubles(values: Any) -> Row:
     return row
 
 
-def _is_confirmed(method: RungeKutta, found: _Doubles) -> bool:
-    """Whether the nodes are the row sums and the orders those of the class, exactly."""
+def _is_confirmed(exact: RungeKutta, order: int, error_order: int) -> bool:
+    """Whether the nodes are the row sums and the orders those that the class names, exactly."""
     import numpy as np
 
-    A, b, embedded = (np.array(rows, dtype=object) for rows in (method.A, method.b, method.embedded))
+    A, b, embedded = (np.array(rows, dtype=object) for rows in (exact.A, exact.b, exact.embedded))
     return (
-        method.row_sums == method.c
-        and order_of_weights(A, b) == found.order
-        and all(order_of_difference(A, row - b) == found.error_order for row in embedded)
+        exact.row_sums == exact.c
+        and order_of_weights(A, b) == order
+        and all(order_of_difference(A, row - b) == error_order for row in embedded)
     )
-
-
-def _radau(module: ModuleType) -> RungeKutta:
-    """The method ``radau-iia3``, if A⁻¹ = T Λ T⁻¹ and the nodes agree with SciPy's module."""
-    import numpy as np
-
-    from integrators.methods.catalogue.registry import method
-
-    known: Any = method("radau-iia3")
-    rounded = known.to_float()
-    try:
-        pair = module.MU_COMPLEX
-        blocks = np.array([[module.MU_REAL, 0, 0], [0, pair.real, -pair.imag], [0, pair.imag, pair.real]])
-        A = module.T @ np.linalg.inv(blocks) @ module.TI
-        agrees = abs(A - rounded.A).max() < RADAU_ROUNDING and abs(module.C - rounded.c).max() < RADAU_ROUNDING
-    except (AttributeError, TypeError, ValueError):
-        agrees = False
-    if not agrees:
-        raise IntegratorError("solver must be a class that this version can read, but SciPy's Radau has changed")
-    return known

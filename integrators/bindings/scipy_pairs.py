@@ -1,232 +1,148 @@
 """Embedded Runge–Kutta pairs as solvers of SciPy, which must be installed; `scipy_bridge` imports this module.
 
-Only `OdeSolver` and `DenseOutput` are used, which SciPy publishes for new solvers: the base class of its own
-Runge–Kutta solvers is private. The rules for step sizes are the same, so equal pairs make equal steps.
+Steps are those of SciPy's own Runge–Kutta solvers. The tableau, the norm of two error estimates and the interpolation
+are ours.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
 from functools import cache
-from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.integrate import DenseOutput, OdeSolver
+from scipy.integrate import RK45
 
-from integrators.bindings.embedded_pairs import continuous_extension, embedded_pair
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.entries import round_entry, sum_entries
+from integrators.methods.catalogue.registry import catalogue
+from integrators.methods.tableaux.continuous_extensions import continuous_extension
+from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_difference, order_of_weights
 
 if TYPE_CHECKING:
-    from integrators.bindings.embedded_pairs import ContinuousExtension, EmbeddedPair
+    from integrators.methods.tableaux.continuous_extensions import ContinuousExtension
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
     Array = np.ndarray[Any, Any]
 
-SAFETY = 0.9
-LEAST_FACTOR = 0.2
-LARGEST_FACTOR = 10.0
-LEAST_ERROR = 1e-30
-"""Lower bound of error estimates, to avoid division by zero; far larger ones already give the largest factor."""
-LEAST_RTOL = 100 * np.finfo(float).eps
+MOST_ESTIMATES = 2
 SECOND_ERROR = 0.1
 """Weight of the second of two error estimates (Hairer, Nørsett, Wanner I, II.10, and the code DOP853)."""
 
 
-class PairSolver(OdeSolver):
-    """Base class of the solvers from `scipy_solver`, for `solve_ivp`.
-
-    Args:
-        fun: The right-hand side f(t, y).
-        t0: The first time.
-        y0: The state there, real or complex.
-        t_bound: The last time.
-        max_step: The largest step.
-        rtol: The relative tolerance, one number or one for each component.
-        atol: The absolute tolerance, likewise. Estimated errors are kept below atol + rtol |y|.
-        vectorized: Whether `fun` also accepts states of the shape (n, k).
-        first_step: The first step; None: chosen automatically.
-        extraneous: Options of other solvers, ignored with a warning.
+class PairSolver(RK45):
+    """Base class of the solvers from `scipy_solver`, for `solve_ivp`; options are those of ``scipy.integrate.RK45``.
 
     Attributes:
         method: The method.
         order: Its order.
         error_estimator_order: The order k of the estimated error, O(h^(k+1)).
+        A, B, C: The tableau, without a last stage that is the derivative at the end of the step.
+        E: The weights minus the embedded weights, for the stages and the derivative at the end of the step.
+        E2: The same for a second row of embedded weights of a lower order; None if there is none.
     """
 
     method: ClassVar[RungeKutta]
-    order: ClassVar[int]
-    error_estimator_order: ClassVar[int]
-    pair: ClassVar[EmbeddedPair]
+    E2: ClassVar[Array | None]
 
-    def __init__(
-        self,
-        fun: Callable[[float, Any], Any],
-        t0: float,
-        y0: Any,
-        t_bound: float,
-        max_step: float = np.inf,
-        rtol: Any = 1e-3,
-        atol: Any = 1e-6,
-        vectorized: bool = False,
-        first_step: float | None = None,
-        **extraneous: Any,
-    ) -> None:
-        if extraneous:
-            names = ", ".join(extraneous)
-            warnings.warn(f"these options have no effect on {type(self).__name__}: {names}", stacklevel=3)
-        super().__init__(fun, t0, y0, t_bound, vectorized, support_complex=True)
-        self.max_step = _positive(max_step, "max_step")
-        self.rtol, self.atol = _tolerances(rtol, atol, self.n)
-        self.start = t0, self.y
-        # One row for each stage; the last one is the first stage of the next step.
-        self.K = np.zeros((len(self.pair.b), self.n), dtype=self.y.dtype)
-        self.K[-1] = self._first_derivative()
-        if first_step is None:
-            self.h_abs = self._chosen_first_step()
-        else:
-            self.h_abs = _positive(first_step, "first_step")
-            if self.h_abs > abs(t_bound - t0):
-                raise IntegratorError(f"first_step must be at most {abs(t_bound - t0)}, but was {first_step}")
+    def _step_impl(self) -> Any:
+        if np.isnan(self.h_abs):  # SciPy would repeat the first step for ever
+            return False, "The right-hand side is not finite at the start."
+        return super()._step_impl()
 
-    def _first_derivative(self) -> Array:
-        f = self.fun(self.t, self.y)
-        if f.shape != self.y.shape:
-            raise IntegratorError(f"fun must return an array of the shape {self.y.shape}, but it was {f.shape}")
-        return f
-
-    def _chosen_first_step(self) -> float:
-        """A step in which the first two terms of the Taylor series are small (Hairer, Nørsett, Wanner I, II.4)."""
-        length = float(abs(self.t_bound - self.t))
-        if self.n == 0 or length == 0:
-            return length
-        f, scale = self.K[-1], self.atol + abs(self.y) * self.rtol
-        y_size, f_size = _rms(self.y / scale), _rms(f / scale)
-        if not isfinite(f_size):
-            return 0.0  # the shortest possible step, which may fail
-        trial = min(1e-6 if min(y_size, f_size) < 1e-5 else 0.01 * y_size / f_size, length)
-        h = trial * self.direction
-        change = _rms((self.fun(self.t + h, self.y + h * f) - f) / scale) / trial
-        largest = max(f_size, change)
-        if largest <= 1e-15:
-            guess = max(1e-6, trial * 1e-3)
-        else:
-            guess = (0.01 / largest) ** (1 / (self.error_estimator_order + 1))
-        return min(100 * trial, guess, length, self.max_step)
-
-    def _step_impl(self) -> tuple[bool, str | None]:
-        t, y, exponent = self.t, self.y, -1 / (self.error_estimator_order + 1)
-        needs_end = any(row[-1] for row in self.pair.errors)
-        self.K[0] = self.K[-1]
-        least = 10 * abs(np.nextafter(t, self.direction * np.inf) - t)
-        h_abs, largest_factor = min(max(self.h_abs, least), self.max_step), LARGEST_FACTOR
-        while h_abs >= least:
-            t_new = t + h_abs * self.direction
-            if self.direction * (t_new - self.t_bound) > 0:
-                t_new = self.t_bound
-            h = t_new - t
-            y_new = self._attempt(t, y, h)
-            if needs_end:
-                self.K[-1] = self.fun(t_new, y_new)
-            error = self._error_norm(h, self.atol + np.maximum(abs(y), abs(y_new)) * self.rtol)
-            if error < 1:
-                break
-            h_abs = abs(h) * max(LEAST_FACTOR, SAFETY * error**exponent)
-            largest_factor = 1.0  # no increase after a rejected step
-        else:
-            return False, self.TOO_SMALL_STEP
-        if not needs_end:
-            self.K[-1] = self.fun(t_new, y_new)
-        self.h_abs = abs(h) * min(largest_factor, SAFETY * max(error, LEAST_ERROR) ** exponent)
-        self.start, self.t, self.y = (t, y), t_new, y_new
-        return True, None
-
-    def _attempt(self, t: float, y: Array, h: float) -> Array:
-        """The end of a step; all stages but the first and the last are stored in K."""
-        A, b, c, *_ = self.pair
-        for i in range(1, len(b) - 1):
-            self.K[i] = self.fun(t + c[i] * h, y + h * np.dot(self.K[:i].T, A[i, :i]))
-        return y + h * np.dot(self.K[:-1].T, b[:-1])
-
-    def _error_norm(self, h: float, scale: Array) -> float:
+    def _estimate_error_norm(self, K: Array, h: float, scale: Array) -> float:
         """The estimated error in units of the tolerances."""
-        error, *others = (abs(h) * _rms(np.dot(self.K.T, row) / scale) for row in self.pair.errors)
-        if not others or error == 0:
+        error = super()._estimate_error_norm(K, h, scale)
+        if self.E2 is None or error == 0:
             return error
-        # E² / √(E² + (0.1 E')²): of the order 2k − k' where E' is of a lower order k'.
-        return error * (error / np.hypot(error, SECOND_ERROR * others[0]))
+        other = np.linalg.norm(np.dot(K.T, self.E2) * h / scale) / scale.size**0.5
+        # E²/√(E² + (0.1 E')²): of the order 2k − k' where E' is of a lower order k'.
+        return error * (error / np.hypot(error, SECOND_ERROR * other))
 
-    def _dense_output_impl(self) -> DenseOutput:
-        extension = _extension(type(self))
-        t, y = self.start
-        h = self.t - t
+    def _dense_output_impl(self) -> Any:
+        extension, h = _extension(type(self)), self.h_previous
         K = np.pad(self.K, ((0, len(extension.nodes)), (0, 0)))
         for i, (row, node) in enumerate(zip(extension.rows, extension.nodes, strict=True), len(self.K)):
-            K[i] = self.fun(t + node * h, y + h * np.dot(K[:i].T, row[:i]))
-        return PairOutput(t, self.t, y, h * np.dot(K.T, extension.weights))
-
-
-class PairOutput(DenseOutput):
-    """The solution within one step, y + Σ_j coefficients_j θ^(j+1) at the time t_old + θh."""
-
-    def __init__(self, t_old: float, t: float, y: Array, coefficients: Array) -> None:
-        super().__init__(t_old, t)
-        self.y = y
-        self.coefficients = coefficients
-
-    def _call_impl(self, t: Array) -> Array:
-        part = (t - self.t_old) / (self.t - self.t_old)
-        powers = np.power.outer(part, np.arange(1, self.coefficients.shape[1] + 1))
-        return (np.dot(powers, self.coefficients.T) + self.y).T
+            K[i] = self.fun(self.t_old + node * h, self.y_old + h * np.dot(K[:i].T, row[:i]))
+        stages, self.K, self.P = self.K, K, extension.weights
+        output = super()._dense_output_impl()
+        self.K = stages
+        return output
 
 
 @cache
 def solver_class(method: RungeKutta, name: str) -> type[PairSolver]:
-    """The solver class of a pair, under a name."""
-    pair = embedded_pair(method)
+    """The solver class of a pair, under a name.
+
+    Orders come from the order conditions. Two estimates E of order k and E' of a lower order k' combine into
+    E²/√(E² + (0.1 E')²), of order 2k − k'.
+
+    Raises:
+        IntegratorError: The method has symbols, is implicit or inconsistent, or has no usable embedded weights.
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.4 (embedded weights) and II.10 (two
+        estimates).
+    """
+    _check(method)
+    rounded = method.to_float()
+    A, b, c = np.array(rounded.A), np.array(rounded.b), np.array(rounded.c)
+    # Differences of weights are exact before rounding.
+    errors = [
+        np.array([round_entry(sum_entries((x, -y))) for x, y in zip(method.b, row, strict=True)])
+        for row in method.embedded
+    ]
+    if np.array_equal(A[-1], b):
+        A, b, c = A[:-1, :-1], b[:-1], c[:-1]
+    else:
+        errors = [np.append(row, 0.0) for row in errors]
+    stages, weights = with_end(A, b)
+    orders = [order_of_difference(stages, row) for row in errors]
+    if max(orders) == MAX_ORDER:
+        raise IntegratorError(
+            f"embedded weights must give another result than b, but those of {shorten(method.name)} do not"
+        )
+    (order, E), *others = sorted(zip(orders, errors, strict=True), key=lambda pair: -pair[0])
     attributes = {
         "__doc__": f"The method {name} as a solver of SciPy.",
         "__module__": __name__,
         "method": method,
-        "order": pair.order,
-        "error_estimator_order": pair.error_order,
-        "pair": pair,
+        "order": order_of_weights(stages, weights),
+        "error_estimator_order": 2 * order - others[0][0] if others else order,
+        "n_stages": len(b),
+        "A": A,
+        "B": b,
+        "C": c,
+        "E": E,
+        "E2": others[0][1] if others else None,
     }
     return type("".join(filter(str.isprintable, name)), (PairSolver,), attributes)
 
 
+def with_end(A: Array, b: Array) -> tuple[Array, Array]:
+    """A stage matrix and weights with one more stage, the derivative at the end of the step."""
+    return np.pad(np.vstack([A, b]), ((0, 0), (0, 1))), np.append(b, 0.0)
+
+
 @cache
 def _extension(solver: type[PairSolver]) -> ContinuousExtension:
-    return continuous_extension(solver.pair.A, solver.pair.b, solver.order)
+    return continuous_extension(*with_end(solver.A, solver.B), solver.order)
 
 
-def _rms(values: Array) -> float:
-    """The root mean square, also of complex numbers."""
-    return float(np.linalg.norm(values) / values.size**0.5)
-
-
-def _positive(value: Any, argument: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = -1.0
-    if not number > 0:
-        raise IntegratorError(f"{argument} must be a positive number, but was {shorten(repr(value))}")
-    return number
-
-
-def _tolerances(rtol: Any, atol: Any, n: int) -> tuple[Array, Array]:
-    """Tolerances as arrays; a relative tolerance near rounding error is raised with a warning, as in SciPy."""
-    found = []
-    for argument, value in (("rtol", rtol), ("atol", atol)):
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            array = np.array(-1.0)
-        if array.shape not in ((), (n,)) or not (array >= 0).all():
-            raise IntegratorError(f"{argument} must be a number ≥ 0 or {n} of them, but was {shorten(repr(value))}")
-        found.append(array)
-    if (found[0] < LEAST_RTOL).any():
-        warnings.warn(f"rtol must be at least {LEAST_RTOL:.2g} and was raised to that", stacklevel=4)
-    return np.maximum(found[0], LEAST_RTOL), found[1]
+def _check(method: RungeKutta) -> None:
+    """Refuse methods that are not explicit, or have no error estimate."""
+    name = shorten(method.name)
+    if method.parameters:
+        raise IntegratorError(f"parameters of {name} must have values, but {', '.join(method.parameters)} had none")
+    if not method.is_explicit:
+        raise IntegratorError(f"method must be explicit, but {name} is implicit: SciPy has Radau and BDF of its own")
+    if not method.embedded:
+        known = ", ".join(entry.name for entry in catalogue() if entry.kind == "embedded pair")
+        raise IntegratorError(
+            f"method must have embedded weights to estimate errors, but {name} has none; of the catalogue have {known}"
+        )
+    if len(method.embedded) > MOST_ESTIMATES:
+        raise IntegratorError(
+            f"method must have one or two rows of embedded weights, but {name} has {len(method.embedded)}"
+        )
+    if method.issues:
+        raise IntegratorError(f"method must be consistent, but {method.issues[0]}")

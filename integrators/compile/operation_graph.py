@@ -176,13 +176,7 @@ def exact_number(expression: Any) -> Coefficient:
 def expand_powers(graph: OperationGraph, terms: Sequence[Term], *, horner: bool) -> tuple[OperationGraph, list[Term]]:
     """Express values by additions, multiplications, divisions, roots and calls.
 
-    Args:
-        graph: A graph with rational exponents, from `Reader`.
-        terms: The values.
-        horner: Whether sums are nested by Horner's rule.
-
-    Returns:
-        A new graph and the values in it.
+    Returns a new graph and the values in it; with `horner` sums are nested by Horner's rule.
     """
     expansion = _Expansion(graph, [node for _, node in terms], horner)
     return _with_shared_pairs(expansion.result, [expansion.expand(term) for term in terms])

@@ -1,4 +1,4 @@
-"""Sums over particles in Python: loops around local formulas, or passes over SIMD lanes.
+"""Sums over particles in Python: loops around local formulas, or SIMD lanes for pairs.
 
 A site is the position of a particle in the arrays of a scene, and a row of sites holds the particles of one summand.
 """
@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
 from integrators.compile.printer import count_operations, indented, source_lines
-from integrators.scenes.model.local_terms import Argument, Place
+from integrators.scenes.model.system import Argument, Place
 from integrators.scenes.model.terms import Sites
 
 if TYPE_CHECKING:
     import sympy
 
     from integrators.compile.printer import ModuleText
-    from integrators.scenes.model.local_terms import Data, LocalTerm
-    from integrators.scenes.model.system import System
+    from integrators.scenes.model.system import Data, LocalTerm, System
 
 
 INDICES = ("i", "j", "k", "l")
@@ -95,8 +94,8 @@ class SiteSum:
         """
         if not self.outputs:
             return []
-        if module.lanes and suits_lanes(self):
-            return lane_lines(self, targets, module)
+        if module.lanes and self.sites.kind == "pairs" and (lines := _vector_lines(self, targets, module)):
+            return lines
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
@@ -113,10 +112,10 @@ class SiteSum:
             if symbol in names:
                 line = f"{symbol} = {module.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
-        targets, zeroed, after = _accumulators(targets, first, module.zero)
+        targets, zeroed, after = _accumulators(targets, first)
         before += zeroed
         assignments = [(target, self.outputs[key]) for key, target in targets.items()]
-        body += source_lines(assignments, names, number=module.number)
+        body += source_lines(assignments, names)
         return self.loop(before, body, after, module)
 
     def names(self) -> dict[Any, str]:
@@ -154,16 +153,16 @@ def entry(array: str, place: Place) -> str:
     return f"{array}[{place.offset} + {index}]" if place.offset else f"{array}[{index}]"
 
 
-def zeros(entries: Iterable[int], zero: str) -> list[str]:
+def zeros(entries: Iterable[int]) -> list[str]:
     """Statements that set entries of `out` to zero, by loops if possible."""
     lines: list[str] = []
     for _, run in groupby(enumerate(sorted(entries)), key=lambda pair: pair[1] - pair[0]):
         places = [place for _, place in run]
         if len(places) > 3:
             start = f"{places[0]}, " if places[0] else ""
-            lines += [f"for i in range({start}{places[-1] + 1}):", f"    out[i] = {zero}"]
+            lines += [f"for i in range({start}{places[-1] + 1}):", "    out[i] = 0.0"]
         else:
-            lines += [f"out[{place}] = {zero}" for place in places]
+            lines += [f"out[{place}] = 0.0" for place in places]
     return lines
 
 
@@ -196,25 +195,9 @@ class Ring(NamedTuple):
             for distance in distances:
                 for site in sites:
                     numbers.setdefault(_pair(site, distance, n), len(numbers))
-        return cls(
-            padded([*numbers]), [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances]
-        )
-
-
-def padded(rows: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """The rows of all lanes, with padding."""
-    return rows + rows[-1:] * (-len(rows) % FILL)
-
-
-def lane_data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], rows: Sequence[tuple[int, ...]], module: ModuleText
-) -> dict[sympy.Symbol, str]:
-    """The texts of parameters of particles in lane r."""
-    return {
-        symbol: f"{module.numbers([data.values[row[data.role]] for row in rows])}[r]"
-        for data, symbol in total.data.items()
-        if symbol in names
-    }
+        rows: list[tuple[int, ...]] = [*numbers]
+        rows += rows[-1:] * (-len(rows) % FILL)
+        return cls(rows, [[numbers[_pair(site, distance, n)] for site in range(n)] for distance in distances])
 
 
 def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
@@ -224,7 +207,7 @@ def _pair(site: int, distance: int, n: int) -> tuple[int, int]:
 
 def suits_ring(total: SiteSum, targets: Mapping[Any, str], scatter: Mapping[Any, tuple[int, str]]) -> bool:
     """Whether each output is a sum over all pairs, or is added to both particles up to a sign."""
-    if total.sites.kind != "pairs" or not all(target.endswith("+=") for target in targets.values()):
+    if not all(target.endswith("+=") for target in targets.values()):
         return False
     at_sites = {key: target for key, target in targets.items() if not _is_total(target)}
     if not all(getattr(key, "stride", 0) and target.startswith("out[") for key, target in at_sites.items()):
@@ -245,20 +228,15 @@ def ring_lines(
     scatter: Mapping[Any, tuple[int, str]],
     module: ModuleText,
 ) -> list[str]:
-    """Statements for a sum over pairs in a ring.
-
-    Args:
-        total: The sum, which `suits_ring`.
-        targets: Left-hand sides by the keys of the outputs.
-        values: The formulas.
-        scatter: For each output the number of its formula, and a sign.
-        module: The module under construction.
-    """
+    """Statements for a sum over pairs in a ring, by values and the number and sign of the value of each output."""
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
     copies, differences = _gather(arguments, ring, n, module)
     entries = {key: value for key, value in scatter.items() if not _is_total(targets[key])}
-    lanes = names | lane_data(total, names, ring.rows, module)
+    lanes = dict(names)
+    for data, symbol in total.data.items():
+        if symbol in names:
+            lanes[symbol] = f"{module.numbers([data.values[row[data.role]] for row in ring.rows])}[r]"
     formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
     return [
         *copies,
@@ -341,57 +319,51 @@ def _balanced(terms: Sequence[str]) -> str:
     return " + ".join(f"({_balanced(part)})" if len(part) > 1 else part[0] for part in (terms[:half], terms[half:]))
 
 
-FEWEST_LANES, FEWEST_PAIRS = 8, 3
-MOST_FLAT = MOST_PERMUTED
-MOST_LANES = 4096
+FEWEST_PAIRS, MOST_LANES = 3, 4096
 SLOW = {"call", "power"}
 """Operations without vector instructions, which dominate the time."""
 
 
-def suits_lanes(total: SiteSum) -> bool:
-    """Whether three passes (gather, formula, scatter) are faster than one."""
-    kind, n = total.sites.kind, total.sites.count
-    if kind in ("single", "each") or total.sites.size < (FEWEST_PAIRS if kind == "pairs" else FEWEST_LANES):
-        return False
-    if total.sites.size > MOST_FLAT and (kind != "pairs" or n > MOST_LANES):
-        return False
-    formulas = [(f"v{k}", formula) for k, formula in enumerate(total.outputs.values())]
-    return not SLOW & count_operations(source_lines(formulas, total.names())).keys()
-
-
-def lane_lines(total: SiteSum, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
-    """Statements for a sum in three passes over its lanes: gather, formula, scatter."""
-    flat = total.sites.size <= MOST_FLAT
-    lane = "r" if flat else "j"
+def _vector_lines(total: SiteSum, targets: Mapping[Any, str], module: ModuleText) -> list[str] | None:
+    """Statements for a sum over pairs that LLVM or `lowering` vectorise; None if a plain loop is as fast."""
     values, scatter = _values({key: total.outputs[key] for key in targets})
-    if flat and suits_ring(total, targets, scatter):
-        return ring_lines(total, targets, values, scatter, module)
-    before, body, after = _sums(scatter, targets, lane, first=0 if total.sites.kind == "pairs" else None)
-    names = total.names()
-    local = {symbol: names[symbol] for symbol in total.arguments.values() if symbol in names}
-    rows = padded([*total.sites.rows()]) if flat else []
-    data, row = (lane_data(total, names, rows, module), []) if flat else _data(total, names, module)
-    lanes = {symbol: f"{name}[{lane}]" for symbol, name in local.items()} | data
-    formula = source_lines([(f"v{k}[{lane}]", value) for k, value in enumerate(values)], lanes)
-    gather = [f"{local[s]}[{lane}] = {difference(a)}" for a, s in total.arguments.items() if s in local]
-    size = len(rows) if flat else total.sites.count
-    arrays = [f"{name} = stack({size})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
-    if flat:
-        following = ["r += 1"]
-        idle = [f"{name}[{r}] = 1.0" for r in range(total.sites.size, size) for name in local.values()]
-        return [
-            *arrays,
-            *idle,
-            "r = 0",
-            *total.loop([], gather + following, [], module),
-            f"for r in range({size}):",
-            *indented(formula),
-            "r = 0",
-            *total.loop(before, body + following, after, module),
-        ]
-    lanes_of_row = f"for j in range(i + 1, {size}):"
-    passes = [line for lines in (gather, formula, body) for line in (lanes_of_row, *indented(lines))]
-    return [*arrays, f"for i in range({size - 1}):", *indented([*row, *before, *passes, *after])]
+    formulas = [(f"v{k}", formula) for k, formula in enumerate(values)]
+    if total.sites.size < FEWEST_PAIRS or SLOW & count_operations(source_lines(formulas, total.names())).keys():
+        return None
+    if total.sites.size > MOST_PERMUTED:
+        return _row_lines(total, targets, values, scatter, module) if total.sites.count <= MOST_LANES else None
+    return ring_lines(total, targets, values, scatter, module) if suits_ring(total, targets, scatter) else None
+
+
+def _row_lines(
+    total: SiteSum,
+    targets: Mapping[Any, str],
+    values: Sequence[sympy.Expr],
+    scatter: Mapping[Any, tuple[int, str]],
+    module: ModuleText,
+) -> list[str]:
+    """Statements for a sum over pairs: gather, formula and scatter over the partners of each particle in turn."""
+    n, names = total.sites.count, total.names()
+    targets, before, after = _accumulators(targets, 0)
+    body: list[str] = []
+    for key, target in targets.items():
+        (number, sign), (left, operation) = scatter[key], target.rsplit(" ", 1)
+        value = f"v{number}[j]"
+        body.append(f"{left} {sign}= {value}" if operation == "+=" else f"{left} = {sign.strip('+')}{value}")
+    local = {argument: names[symbol] for argument, symbol in total.arguments.items() if symbol in names}
+    lanes = names | {total.arguments[argument]: f"{name}[j]" for argument, name in local.items()}
+    row: list[str] = []
+    for data, symbol in total.data.items():
+        if symbol in names and data.role == 0:
+            row.append(f"{names[symbol]} = {module.numbers(data.values)}[i]")
+        elif symbol in names:
+            lanes[symbol] = f"{module.numbers(data.values)}[j]"
+    formula = source_lines([(f"v{k}[j]", value) for k, value in enumerate(values)], lanes)
+    gather = [f"{name}[j] = {difference(argument)}" for argument, name in local.items()]
+    arrays = [f"{name} = stack({n})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
+    following = f"for j in range(i + 1, {n}):"
+    passes = [line for lines in (gather, formula, body) for line in (following, *indented(lines))]
+    return [*arrays, f"for i in range({n - 1}):", *indented([*row, *before, *passes, *after])]
 
 
 def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[Any, tuple[int, str]]]:
@@ -408,26 +380,7 @@ def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[A
     return values, scatter
 
 
-def _sums(
-    scatter: Mapping[Any, tuple[int, str]], targets: Mapping[Any, str], lane: str, first: int | None
-) -> tuple[list[str], list[str], list[str]]:
-    """Statements before, in and after the loop over lanes that adds the values to the targets."""
-    targets, before, after = _accumulators(targets, first, "0.0")
-    body: list[str] = []
-    for key, target in targets.items():
-        number, sign = scatter[key]
-        left, operation = target.rsplit(" ", 1)
-        value = f"v{number}[{lane}]"
-        if operation == "+=":
-            body.append(f"{left} {sign}= {value}")
-        else:
-            body.append(f"{left} = {value if sign == '+' else f'-{value}'}")
-    return before, body, after
-
-
-def _accumulators(
-    targets: Mapping[Any, str], first: int | None, zero: str
-) -> tuple[dict[Any, str], list[str], list[str]]:
+def _accumulators(targets: Mapping[Any, str], first: int | None) -> tuple[dict[Any, str], list[str], list[str]]:
     """Targets with variables for the first particle of a row, and statements before and after the inner loop."""
     before: list[str] = []
     after: list[str] = []
@@ -435,23 +388,6 @@ def _accumulators(
     for key, target in targets.items():
         if first is not None and getattr(key, "role", None) == first:
             changed[key] = f"a{len(after)} +="
-            before.append(f"a{len(after)} = {zero}")
+            before.append(f"a{len(after)} = 0.0")
             after.append(f"{target} a{len(after)}")
     return changed, before, after
-
-
-def _data(
-    total: SiteSum, names: Mapping[sympy.Symbol, str], module: ModuleText
-) -> tuple[dict[sympy.Symbol, str], list[str]]:
-    """The texts of parameters of particles in a row of lanes, and statements that read those of the first particle."""
-    found: dict[sympy.Symbol, str] = {}
-    row: list[str] = []
-    for data, symbol in total.data.items():
-        if symbol not in names:
-            continue
-        if data.role == 0:
-            found[symbol] = names[symbol]
-            row.append(f"{names[symbol]} = {module.numbers(data.values)}[i]")
-        else:
-            found[symbol] = f"{module.numbers(data.values)}[j]"
-    return found, row

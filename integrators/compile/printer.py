@@ -1,8 +1,6 @@
-"""Formulas as assignments in Python, and functions as modules, for numba and for mpmath.
+"""Formulas as assignments in Python, and functions as modules for numba.
 
-The text depends on the formulas only. In double precision every number is a correctly rounded literal. In exact mode
-fractions are calls of a function, and irrational numbers are expressions, so that mpmath evaluates them in its present
-precision.
+The text depends on the formulas only. Every number is a correctly rounded literal.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from integrators.compile.operation_graph import (
 )
 from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import ELEMENTARY
-from integrators.exact.number_text import ATOM, PRODUCT, SUM, bound_text, exact_text, literal, within
+from integrators.exact.number_text import ATOM, PRODUCT, SUM, literal, within
 
 if TYPE_CHECKING:
     import sympy
@@ -35,7 +33,7 @@ if TYPE_CHECKING:
     from integrators.scenes.model.system import System
 
 FUNCTIONS = (*ELEMENTARY, "sqrt")
-"""The functions that lines may call, with their names in the modules math and mpmath."""
+"""The functions that lines may call, with their names in the module math."""
 
 COSTS = {"add": 1, "multiply": 1, "divide": 4, "sqrt": 5, "call": 20, "power": 40}
 """Costs of operations in units of an addition; square roots and divisions overlap with other operations."""
@@ -47,8 +45,6 @@ MAX_LENGTH = 90
 def source_lines(
     assignments: Iterable[tuple[str, sympy.Expr]],
     names: Mapping[sympy.Symbol, str],
-    *,
-    number: str | None = None,
     temporary: str = "c",
 ) -> list[str]:
     """Write formulas as assignments in Python, without common subexpressions.
@@ -57,11 +53,10 @@ def source_lines(
         assignments: Targets and formulas. A target is the text to the left of ``=``, or an augmented one such as
             ``"out[0] +="``.
         names: The text of each symbol: a variable, or an entry such as ``y[0]``.
-        number: None for double precision; in exact mode the name of a function (p, q) ↦ p/q of integers.
         temporary: The prefix of temporary variables.
 
     Returns:
-        The lines, without indentation. They call the `FUNCTIONS`, and in exact mode also ``pi``.
+        The lines, without indentation. They call the `FUNCTIONS`.
 
     Raises:
         IntegratorError: A formula uses other symbols or functions, or a number that is not real and finite.
@@ -84,7 +79,7 @@ def source_lines(
     try:
         terms = [reader.read(sympy.sympify(formula, strict=True)) for _, formula in assignments]
         expanded = [expand_powers(graph, terms, horner=horner) for horner in (False, True)]
-        printed = [_Printer(*pair, number, temporary).print([target for target, _ in assignments]) for pair in expanded]
+        printed = [_Printer(*pair, temporary).print([target for target, _ in assignments]) for pair in expanded]
     except RecursionError:
         raise IntegratorError("formula must be nested less deeply, but was nested beyond the limit of Python") from None
     except ZeroDivisionError:
@@ -126,8 +121,8 @@ def operation_cost(lines: Iterable[str]) -> int:
 class _Printer:
     """Prints a graph; nodes with several uses and long expressions get temporary variables."""
 
-    def __init__(self, graph: OperationGraph, terms: Sequence[Term], number: str | None, temporary: str):
-        self.graph, self.terms, self.number, self.temporary = graph, terms, number, temporary
+    def __init__(self, graph: OperationGraph, terms: Sequence[Term], temporary: str):
+        self.graph, self.terms, self.temporary = graph, terms, temporary
         self.lines: list[str] = []
         self.texts: dict[int, tuple[str, int]] = {}
         nodes = reachable(graph, [node for _, node in terms])
@@ -226,9 +221,9 @@ class _Printer:
     def quotient(self, coefficient: Coefficient, above: list[Any], below: list[Any]) -> tuple[str, int]:
         """The text of a positive number times a quotient; x/3 is rounded once, x·(1/3) twice."""
         if above and coefficient != 1 and self.divides(coefficient):
-            below = [(self.constant(1 / coefficient), ATOM), *below]
+            below = [(literal(1 / coefficient), ATOM), *below]
         elif coefficient != 1 or not above:
-            above = [(self.constant(coefficient), ATOM), *above]
+            above = [(literal(coefficient), ATOM), *above]
         text = "*".join(within(factor, PRODUCT) for factor in above)
         if not below:
             return text, above[0][1] if len(above) == 1 else PRODUCT
@@ -236,15 +231,11 @@ class _Printer:
         return f"{text}/{divisor if len(below) == 1 and below[0][1] != PRODUCT else f'({divisor})'}", PRODUCT
 
     def divides(self, coefficient: Coefficient) -> bool:
-        """Whether 1/n is written as a division: always in exact mode, otherwise if n is a double and 1/n is not."""
+        """Whether 1/n is written as a division, because n is a double and 1/n is not."""
         if not isinstance(coefficient, Fraction) or coefficient.numerator != 1 or coefficient.denominator == 1:
             return False
         n = coefficient.denominator
-        return self.number is not None or (n & (n - 1) != 0 and n < 2**53)
-
-    def constant(self, value: Coefficient) -> str:
-        """The text of a positive number."""
-        return literal(value) if self.number is None else within(bound_text(value, self.number), PRODUCT)
+        return n & (n - 1) != 0 and n < 2**53
 
 
 MAX_KEPT_DATA = 100_000
@@ -252,7 +243,7 @@ MAX_KEPT_DATA = 100_000
 KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
 
-DOUBLE = '''\
+SCENE_FUNCTIONS = '''\
 """The field f of y' = f(y) and its observables in double precision.
 
 {state}
@@ -264,40 +255,23 @@ compiled = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 {constants}
 '''
 
-EXACT = '''\
-"""The field f of y' = f(y) and its observables for numbers of mpmath, in its current precision.
-
-{state}
-"""
-
-{imports}
-
-
-def number(p, q):
-    """The fraction p/q."""
-    return mpf(p) / q
-'''
-
 
 class ModuleText:
     """Functions of a module, and their constant arrays.
 
     Args:
-        precise: Whether the text is for mpmath instead of numba.
         lanes: Whether sums over many particles are written for SIMD instructions, with work arrays on the stack.
         plain: Whether functions are lowered with their callers instead of being compiled one by one.
     """
 
-    def __init__(self, precise: bool, *, lanes: bool = False, plain: bool = False):
-        self.number, self.zero = ("number", "0") if precise else (None, "0.0")
-        self.lanes, self.decorator = lanes, "" if plain or precise else "@compiled\n"
+    def __init__(self, *, lanes: bool = False, plain: bool = False):
+        self.lanes, self.decorator = lanes, "" if plain else "@compiled"
         self._functions: list[str] = []
         self._arrays: dict[tuple[str, ...], str] = {}
 
-    def numbers(self, values: Sequence[sympy.Expr]) -> str:
+    def numbers(self, values: Sequence[Any]) -> str:
         """Define a constant array of exact numbers and return its name."""
-        exact = map(simplest, values)
-        return self._array(literal(x) if self.number is None else exact_text(x, self.number) for x in exact)
+        return self._array(map(literal, map(simplest, values)))
 
     def integers(self, values: Sequence[int]) -> str:
         """Define a constant array of integers and return its name."""
@@ -306,20 +280,17 @@ class ModuleText:
     def _array(self, texts: Iterable[str]) -> str:
         return self._arrays.setdefault(tuple(texts), f"D{len(self._arrays)}")
 
-    def _definitions(self, opening: str, closing: str) -> list[str]:
+    def _definitions(self) -> list[str]:
         """The constant arrays, a few numbers on each line."""
         lines = []
         for texts, name in self._arrays.items():
-            lines += [f"{name} = {opening}", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), closing]
+            lines += [f"{name} = np.array([", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), "])"]
         return lines
 
     def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
-        """Add a function; exact numbers are created in its body, since their precision may change between calls."""
-        decorator = self.decorator if decorator is None else f"{decorator}\n"
-        if self.number is not None:
-            body = [*self._definitions("(", ")"), *body]
-            self._arrays.clear()
-        lines = [f"{decorator}def {signature}:", f'    """{summary}"""', *indented(body)]
+        """Add a function."""
+        decorators = [self.decorator if decorator is None else decorator]
+        lines = [*filter(None, decorators), f"def {signature}:", f'    """{summary}"""', *indented(body)]
         self._functions.append("\n".join(lines))
 
     @property
@@ -331,16 +302,13 @@ class ModuleText:
         """The text of the module; the template of its head is by default that of a scene's functions."""
         bodies = self.bodies
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
-        if self.number is None:
-            imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-            if template is None:
-                imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
-        else:
-            imports = [f"from mpmath import mpf, pi{called and ', '}{called}"]
-        head = (template or (DOUBLE if self.number is None else EXACT)).format(
+        imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
+        if template is None:
+            imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
+        head = (template or SCENE_FUNCTIONS).format(
             state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
             imports="\n".join(imports),
-            constants="\n".join(self._definitions("np.array([", "])")),
+            constants="\n".join(self._definitions()),
         )
         return f"{head.rstrip()}\n\n\n{bodies}\n"
 

@@ -1,4 +1,4 @@
-"""Functions of a scene: its field, Hamiltonian and first integrals, compiled or for numbers of mpmath.
+"""Functions of a scene: its field, Hamiltonian and first integrals.
 
 Terms over single variables become scalar code, and terms over particles loops around local formulas. Nothing is
 allocated. The text depends on formulas, blocks and numbers only, not on names or on effects that are off.
@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Any
 from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
 from integrators.compile.printer import KEPT, ModuleText
-from integrators.scenes.model.local_terms import output_formula
-from integrators.scenes.particles.expansion import filled, flat_hamiltonian, written_out
-from integrators.scenes.particles.local_form import independent_pieces
+from integrators.scenes.model.system import output_formula
+from integrators.scenes.particles.expansion import filled, flat_hamiltonian
+from integrators.scenes.particles.local_form import constant_terms
 
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.scenes.model.local_terms import LocalTerm, Output
-    from integrators.scenes.model.system import System
+    from integrators.scenes.model.system import LocalTerm, Output, System
 
 
 def compiled_scene(scene: System) -> ModuleType:
@@ -51,31 +50,8 @@ def compiled_scene(scene: System) -> ModuleType:
     return load_module(source, keep=KEPT in source)
 
 
-def precise_scene(scene: System) -> ModuleType:
-    """The same functions for lists of mpmath numbers, in mpmath's precision at the time of the call.
-
-    Example:
-        >>> import mpmath
-        >>> from integrators.scenes.scene import Scene
-        >>> riccati = precise_scene(Scene({"y": 1}, field={"y": "y^2/3"}))
-        >>> out = [None]
-        >>> with mpmath.workdps(30):
-        ...     riccati.field([mpmath.mpf(1)], out)
-        >>> mpmath.nstr(out[0], 30)
-        '0.333333333333333333333333333333'
-    """
-    return load_module(scene_source(scene, precise=True), keep=False)
-
-
-def scene_source(scene: System, *, precise: bool = False) -> str:
+def scene_source(scene: System) -> str:
     """Write the source of the functions of a scene.
-
-    Args:
-        scene: The scene; its parameters must be numbers.
-        precise: Whether the text is for mpmath instead of numba.
-
-    Returns:
-        The text of a module; see `compiled_scene`.
 
     Example:
         >>> from integrators.scenes.scene import Scene
@@ -90,7 +66,7 @@ def scene_source(scene: System, *, precise: bool = False) -> str:
             out[1] = y0
         ...
     """
-    writer = ModuleText(precise)
+    writer = ModuleText()
     field = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
     writer.function("field(y, out)", "Put f(y) in out.", field)
     if scene.is_hamiltonian:
@@ -108,14 +84,7 @@ def field_lines(
     entries: Iterable[int],
     writer: ModuleText,
 ) -> list[str]:
-    """Statements for a field, or a piece of it: first contributions are assigned, others added.
-
-    Args:
-        terms: The terms of the field.
-        outputs: Maps a term to its outputs in the piece.
-        entries: The entries of ``out`` in the piece.
-        writer: The module under construction.
-    """
+    """Statements for the outputs and entries of a piece of a field: first contributions are assigned, others added."""
     lines: list[str] = []
     assigned: set[int] = set()
     touched: set[int] = set()
@@ -128,7 +97,7 @@ def field_lines(
             touched |= covered
             assigned |= covered if assigns else set()
         lines += total.lines(targets, writer)
-    return [*zeros(set(entries) - assigned, writer.zero), *lines]
+    return [*zeros(set(entries) - assigned), *lines]
 
 
 def energy_lines(scene: System, writer: ModuleText) -> list[str]:
@@ -147,15 +116,9 @@ def _constant(scene: System) -> sympy.Expr:
     """The constant part of the Hamiltonian, which local terms omit because the field does not need it."""
     import sympy
 
-    of_sites = {name for name, value in scene.parameters.items() if isinstance(value, tuple)}
-    constants: list[sympy.Expr] = []
-    for summand in scene.summands:
-        formula: Any = filled(summand.formula, scene)
-        data = {x for x in formula.free_symbols if summand.sites.kind != "single" and x.name[:-2] in of_sites}
-        variables = sorted(formula.free_symbols - data, key=str)
-        for piece in independent_pieces(formula, variables):
-            if piece.free_symbols.isdisjoint(variables):
-                constants += [value for _, value in written_out(summand._replace(formula=piece), scene)]
+    constants: list[Any] = []
+    for term in constant_terms(scene):
+        constants += [term.formula.xreplace(term.data_at(row)) for row in term.sites.rows()]
     return sympy.Add(*constants)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from integrators.core.errors import IntegratorError, shown
 
@@ -15,25 +15,6 @@ if TYPE_CHECKING:
 MOST_STEPS = 2**53
 """The largest number of steps; a double does not represent every larger integer."""
 MOST_DIGITS = 1000
-
-
-def read_number(value: Any, argument: str) -> float:
-    """A finite number as a double."""
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise IntegratorError(f"{argument} must be a finite number, but was {shown(value)}")
-    return number
-
-
-def read_positive(value: Any, argument: str) -> float:
-    """A finite positive number as a double."""
-    number = read_number(value, argument)
-    if number <= 0:
-        raise IntegratorError(f"{argument} must be positive, but was {number:g}")
-    return number
 
 
 def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
@@ -78,19 +59,19 @@ def read_array(values: Any) -> np.ndarray:
         return np.array(np.nan)
 
 
-def read_vector(values: Any, argument: str, dimension: int) -> np.ndarray:
-    """A vector of finite doubles."""
-    import numpy as np
+def as_lists(value: Any) -> Any:
+    """An array as nested lists, a NumPy number as a Python number; other values unchanged."""
+    return value.tolist() if hasattr(value, "tolist") else value
 
-    vector = read_array(values)
-    if vector.shape != (dimension,) or not np.isfinite(vector).all():
-        raise IntegratorError(f"{argument} must hold {dimension} finite numbers, but was {shown(values)}")
-    return vector
+
+def is_listed(value: Any) -> TypeGuard[Sequence[Any]]:
+    """Whether a value is a list, a tuple or another sequence, but not text."""
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
 def items(value: Any, argument: str) -> list[Any]:
     """The entries of a sequence or array."""
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = as_lists(value)
     if isinstance(value, str | bytes | Mapping | set | frozenset) or not isinstance(value, Iterable):
         raise IntegratorError(f"{argument} must be a sequence, but was {shown(value)}")
     return list(value)

@@ -1,8 +1,9 @@
-"""Catalogues: entries declared by the files of a folder, and their index by name."""
+"""Catalogues: entries declared by the files of a folder and by other distributions, and their index by name."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Collection, Iterable
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
@@ -14,6 +15,45 @@ def declared_entries(package: str, name: str) -> list[Any]:
     """The entries that the modules of a package declare under a name, such as ``METHODS``, in alphabetical order."""
     modules = [import_module(f"{package}.{module.name}") for module in iter_modules(import_module(package).__path__)]
     return [entry for module in modules for entry in getattr(module, name, ())]
+
+
+def plug_in_entries(group: str, kind: type, taken: Collection[str], check: Callable[[Any], object]) -> list[Any]:
+    """The entries that other distributions add as entry points of a group.
+
+    An entry point is a sequence of entries. If one of them cannot be used, all of its entries are left out with a
+    warning that says why.
+
+    Args:
+        group: The group, such as ``bseries.methods``.
+        kind: The class of the entries.
+        taken: Names in use, in their normalised spelling.
+        check: Raises an error if an entry cannot be used.
+    """
+    from importlib.metadata import entry_points
+
+    found: list[Any] = []
+    for point in sorted(entry_points(group=group)):
+        try:
+            entries = _checked(point.load(), kind, {*taken, *index_by_name(found)}, check)
+        except Exception as error:  # the code of others may raise anything
+            origin = point.dist.name if point.dist else point.value
+            message = f"entry point {point.name!r} of {group} in {origin} must be usable, but was left out: {error}"
+            warnings.warn(message, RuntimeWarning, stacklevel=2)
+        else:
+            found += entries
+    return found
+
+
+def _checked(entries: Any, kind: type, taken: Collection[str], check: Callable[[Any], object]) -> list[Any]:
+    """The entries of one entry point."""
+    if not isinstance(entries, tuple | list) or not all(isinstance(entry, kind) for entry in entries):
+        raise TypeError(f"it must be a tuple or list of {kind.__name__}, but was {entries!r:.60}")
+    for name, (entry, _) in index_by_name(entries).items():
+        if name in taken:
+            raise ValueError(f"its names must be new, but {entry.name!r:.60} was there already")
+    for entry in entries:
+        check(entry)
+    return list(entries)
 
 
 def spelling(name: str) -> str:

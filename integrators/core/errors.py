@@ -1,5 +1,6 @@
 """The error that every misuse of this package raises."""
 
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -21,3 +22,16 @@ def shown(value: Any) -> str:
         return shorten(repr(value))
     except ValueError:
         return "too long to be printed"
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """The end of a message on an unknown name: known names of a similar spelling, if any.
+
+    Example:
+        >>> suggestion("runge-kuta", ["runge-kutta", "splitting"]), suggestion("x", ["splitting"])
+        ('; did you mean runge-kutta?', '')
+    """
+    from difflib import get_close_matches
+
+    near = dict.fromkeys(get_close_matches(name, list(known), n=3, cutoff=0.6))
+    return f"; did you mean {' or '.join(near)}?" if near else ""

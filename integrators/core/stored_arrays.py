@@ -1,4 +1,4 @@
-"""Arrays in NPZ archives and folders of NPY files: headers are checked before data is read.
+"""Arrays in NPZ archives: aligned for mapping into memory, and checked by their headers before data is read.
 
 A reader specifies the arrays by `Form`s. Headers give kinds, shapes and sizes, so a wrong file is refused at once.
 Compressed arrays can be much larger than their file: beyond `LARGE` bytes they are unpacked to disk.
@@ -9,18 +9,16 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import shutil
-import stat
 import struct
-import sys
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.core.text_files import replacing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,19 +28,16 @@ LARGE = 2**26
 MOST_TEXT = 2**30
 """Bytes of an array of text."""
 MOST_HEADER = 10_000
-MOST_DIMENSIONS = 32
-LOCAL_HEADER = 30
-CHUNK = 2**20
-DESCRIPTION = re.compile(
-    r"(?=.*'descr': *'([<>|=]?[biufU]\d{1,9})')(?=.*'fortran_order': *(True|False))(?=.*'shape': *\(([\d, ]*)\))"
-)
-"""The three entries of a header, in any order."""
-KINDS = {"f": "doubles", "i": "whole numbers", "iu": "whole numbers", "fiu": "real numbers", "b": "flags", "U": "text"}
+ALIGNMENT = 64
+LOCAL_HEADER, ZIP64_FIELD = 30, 20
+"""Bytes before the name of a ZIP member, and of the field with its sizes."""
+PADDING = 0xD935
+"""Identifier of a padding field in a ZIP archive."""
+KINDS = {"f": "doubles", "i": "whole numbers", "fiu": "real numbers", "U": "text"}
 JSON_NAMES = {
     dict: "a table", list: "a list", str: "text", int: "a whole number", float: "a number", bool: "true or false",
     type(None): "null",
 }  # fmt: skip
-FINITE = -sys.float_info.max, sys.float_info.max
 DAMAGE = (
     OSError, ValueError, EOFError, OverflowError, MemoryError, RecursionError, NotImplementedError,
     zipfile.BadZipFile, zlib.error, struct.error,
@@ -51,31 +46,17 @@ DAMAGE = (
 
 
 class Form(NamedTuple):
-    """Specification of a stored array.
-
-    Attributes:
-        kinds: The allowed kinds of numbers, as NumPy's letters.
-        shape: The lengths; equal names mean equal lengths.
-        limits: The least and the largest number; None if unchecked, as for arrays too large to be scanned.
-    """
+    """Specification of a stored array: kinds of numbers, as NumPy's letters, and lengths or names of equal lengths."""
 
     kinds: str
     shape: tuple[int | str, ...] = ()
-    limits: tuple[float, float] | None = FINITE
 
 
-TEXT = Form("U", limits=None)
+TEXT = Form("U")
 
 
 class Header(NamedTuple):
-    """The header of a stored array.
-
-    Attributes:
-        dtype: The type of its numbers.
-        shape: Its lengths.
-        order: The memory layout, C or F.
-        start: The offset of the numbers in bytes.
-    """
+    """The header of a stored array: type, shape, order (C or F), and where its numbers start, in bytes."""
 
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
@@ -84,8 +65,29 @@ class Header(NamedTuple):
 
     @property
     def size(self) -> int:
-        """The size of the numbers in bytes."""
+        """Bytes of its numbers."""
         return math.prod(self.shape) * self.dtype.itemsize
+
+    def mapped(self, file: Any, start: int = 0) -> np.ndarray:
+        """The array, mapped into memory from a file in which the header starts at `start`."""
+        import numpy as np
+
+        return np.memmap(file, self.dtype, "r", start + self.start, self.shape, self.order)
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
+    """Write an NPZ file, piece by piece, in constant memory; it replaces an old one when it is complete."""
+    import numpy as np
+
+    with replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            member = zipfile.ZipInfo(f"{name}.npy")  # dated 1980: equal content gives equal files
+            member.external_attr = 0o600 << 16
+            before = file.tell() + LOCAL_HEADER + len(member.filename.encode()) + ZIP64_FIELD + 4
+            fill = -before % ALIGNMENT
+            member.extra = struct.pack(f"<HH{fill}x", PADDING, fill)
+            with archive.open(member, "w", force_zip64=True) as target:
+                np.lib.format.write_array(target, np.asarray(array), allow_pickle=False)
 
 
 @contextmanager
@@ -100,60 +102,70 @@ def reading(sentence: str) -> Iterator[None]:
         raise IntegratorError(f"{sentence}: {shorten(reason, 200)}") from None
 
 
+def read_rows(path: str, *width: int) -> np.ndarray:
+    """The complete rows in a file of plain doubles, (rows, *width); mapped into memory if large."""
+    import numpy as np
+
+    shape = os.path.getsize(path) // (8 * max(math.prod(width), 1)), *width
+    size = math.prod(shape)
+    return (
+        np.memmap(path, float, "r", shape=shape) if 8 * size >= LARGE else np.fromfile(path, count=size).reshape(shape)
+    )
+
+
 class StoredArrays(Mapping[str, "np.ndarray"]):
-    """The arrays of an NPZ file, or of the NPY files in a folder, by name, each read on access.
+    """The arrays of an NPZ file by name, each read on access.
 
-    Args:
-        path: The file or folder.
-        sentence: The beginning of error messages, which says what it must be.
-
-    Raises:
-        IntegratorError: It cannot be read; all methods raise it, too.
+    All methods raise an `IntegratorError` if the file cannot be read; it begins with `sentence`, which says what the
+    file must be.
     """
 
     def __init__(self, path: str, sentence: str):
         self._path, self._sentence, self._unpack_limit = path, sentence, LARGE
-        self._archive: zipfile.ZipFile | None = None
         self._headers: dict[str, Header] = {}
         with reading(sentence):
-            if os.path.isdir(path):
-                files = [name for name in sorted(os.listdir(path)) if name.endswith(".npy")]
-            elif stat.S_ISREG(os.stat(path).st_mode):
-                self._archive = zipfile.ZipFile(path)
-                members = self._archive.infolist()
-                files = [member.filename for member in members]
-                if sum(member.compress_size for member in members) > os.path.getsize(path):
-                    raise ValueError("its arrays overlap")
-            else:
-                raise ValueError("it is a pipe or a device")
-        self._files = {name.removesuffix(".npy"): name for name in files}
+            if os.path.exists(path) and not os.path.isfile(path):
+                raise ValueError("it is a folder" if os.path.isdir(path) else "it is a pipe or a device")
+            self._archive = zipfile.ZipFile(path)
+            members = self._archive.infolist()
+            if sum(member.compress_size for member in members) > os.path.getsize(path):
+                raise ValueError("its arrays overlap")
+        self._members = {member.filename.removesuffix(".npy"): member for member in members}
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._files)
+        return iter(self._members)
 
     def __len__(self) -> int:
-        return len(self._files)
+        return len(self._members)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._files
+        return name in self._members
 
     def __getitem__(self, name: str) -> np.ndarray:
-        file = self._files[name]
+        import numpy as np
+
+        member = self._members[name]
+        is_packed = member.compress_type != zipfile.ZIP_STORED
         with reading(self._sentence):
-            return self._load(name, file)
+            header = self._header(name)
+            limit = min(LARGE - 1, self._unpack_limit) if is_packed else LARGE - 1
+            if header.size > limit and header.dtype.kind != "U":
+                return self._unpacked(name) if is_packed else header.mapped(self._path, self._start(member))
+            self._unpack_limit -= header.size if is_packed else 0
+            with self._open(name) as file:
+                return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
 
     def read(self, forms: Mapping[str, Form], sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
         """Arrays by name; arrays of text as text or lists of text.
 
-        Args:
-            forms: Their specifications. All headers are checked, in this order, before the first array is read.
-            sizes: Known values of named lengths.
+        All headers are checked, in the order of `forms`, before the first array is read; `sizes` are the named lengths
+        that are known.
         """
         known = dict(sizes or {})
         with reading(self._sentence):
             for name, form in forms.items():
                 self._check(name, form, known)
-        return {name: self._value(name, form) for name, form in forms.items()}
+            return {name: _text(self[name], name) if form.kinds == "U" else self[name] for name, form in forms.items()}
 
     def _check(self, name: str, form: Form, sizes: dict[str, int]) -> None:
         """Refuse an array whose header does not match a form; new named lengths are added to `sizes`."""
@@ -169,136 +181,64 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
                 f"{name} must be {KINDS[form.kinds]} in the shape ({needed}), but was {header.dtype} in {header.shape}"
             )
 
-    def _value(self, name: str, form: Form) -> Any:
-        """An array, its numbers checked against the limits of a form."""
-        array = self[name]
-        with reading(self._sentence):
-            if form.kinds == "U":
-                code = "utf-32-be" if array.dtype.str.startswith(">") else "utf-32-le"
-                try:
-                    array.tobytes().decode(code)
-                except UnicodeDecodeError:
-                    raise ValueError(f"{name} must be text, but has numbers that are no letters") from None
-                return array.tolist()
-            if form.limits is not None:
-                least, most = form.limits
-                if not ((array >= least) & (array <= most)).all():
-                    raise ValueError(f"{name} must be from {least:g} to {most:g}, but was not")
-        return array
-
-    @contextmanager
-    def _open(self, name: str) -> Iterator[tuple[IO[bytes], int, bool]]:
-        """The file of an array, its size in bytes, and whether it is compressed."""
-        file = self._files[name]
-        if self._archive is None:
-            with open(os.path.join(self._path, file), "rb") as plain:
-                yield plain, os.fstat(plain.fileno()).st_size, False
-            return
-        member = self._archive.getinfo(file)
+    def _open(self, name: str) -> IO[bytes]:
+        member = self._members[name]
         if member.flag_bits & 1 or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"{name} must be stored or deflated, but was encrypted or compressed in another way")
-        with self._archive.open(member) as packed:
-            yield packed, member.file_size, member.compress_type != zipfile.ZIP_STORED
+        return self._archive.open(member)
 
     def _header(self, name: str) -> Header:
-        """The header of an array."""
-        if name not in self._headers:
-            with self._open(name) as (file, size, is_packed):
-                header = read_header(file, name)
-            there = size - header.start  # in a folder, files may grow
-            if there < header.size or (there > header.size and self._archive is not None):
-                raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
-            if header.dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
-                raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
-            self._headers[name] = header
-        return self._headers[name]
+        """The header of an array, which must declare numbers or text that the file has."""
+        from numpy.lib import format as npy
 
-    def _load(self, name: str, file_name: str) -> np.ndarray:
-        """An array: read, or memory-mapped if large, after unpacking to disk if compressed."""
-        import numpy as np
+        if name in self._headers:
+            return self._headers[name]
+        member = self._members[name]
+        with self._open(name) as file:
+            try:
+                readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+                shape, is_fortran, dtype = readers[npy.read_magic(file)](file, max_header_size=MOST_HEADER)
+            except Exception as error:  # Python's parser may raise anything
+                raise ValueError(f"{name} must be an array of numbers or text, but was not: {error!s:.100}") from None
+            header = Header(dtype, shape, "F" if is_fortran else "C", file.tell())
+        if dtype.kind not in "biufU" or min(shape, default=0) < 0:
+            raise ValueError(f"{name} must be an array of numbers or text, but was {dtype} in {shape}")
+        there = member.file_size - header.start
+        if there != header.size:
+            raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
+        is_packed = member.compress_type != zipfile.ZIP_STORED
+        if dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
+            raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
+        self._headers[name] = header
+        return header
 
-        header = self._header(name)
-        dtype, shape, order = header.dtype, header.shape, header.order
-        if not header.size:
-            return np.zeros(shape, dtype, order)
-        with self._open(name) as (file, _, is_packed):
-            if (header.size < LARGE and (not is_packed or header.size <= self._unpack_limit)) or dtype.kind == "U":
-                self._unpack_limit -= header.size if is_packed else 0
-                file.read(header.start)
-                return np.frombuffer(_exactly(file, header.size, name), dtype).reshape(shape, order=order)
-            if is_packed:
-                return _unpacked(file, header, name)
-        path, offset = self._path, header.start
-        if self._archive is None:
-            path = os.path.join(path, file_name)
-        else:
-            offset += _offset(path, self._archive.getinfo(file_name))
-        return np.memmap(path, dtype=dtype, mode="r", offset=offset, shape=shape, order=order)
+    def _start(self, member: zipfile.ZipInfo) -> int:
+        """The place of a member's data in the archive."""
+        with open(self._path, "rb") as file:
+            file.seek(member.header_offset + LOCAL_HEADER - 4)
+            lengths = struct.unpack("<HH", file.read(4))
+        return member.header_offset + LOCAL_HEADER + sum(lengths)
+
+    def _unpacked(self, name: str) -> np.ndarray:
+        """A compressed array, unpacked to an unnamed file and memory-mapped."""
+        from tempfile import TemporaryFile, gettempdir
+
+        size, free = self._members[name].file_size, shutil.disk_usage(gettempdir()).free
+        if size > free:
+            raise ValueError(f"{name} would take {size / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free")
+        with self._open(name) as packed, TemporaryFile() as file:
+            shutil.copyfileobj(packed, file)
+            file.flush()
+            return self._header(name).mapped(file)
 
 
-def read_header(file: IO[bytes], name: str) -> Header:
-    """The header of an NPY file, which is read from its beginning.
-
-    Raises:
-        ValueError: The file does not declare an array of numbers or text; the message calls it `name`.
-    """
-    import numpy as np
-
-    magic = file.read(8)
-    width = 2 if magic[6:7] == b"\x01" else 4
-    length = int.from_bytes(file.read(width), "little")
-    if magic[:6] != b"\x93NUMPY" or length > MOST_HEADER:
-        raise ValueError(f"{name} must be an array of NumPy, but was not")
-    text = file.read(length).decode("latin-1")
-    found = DESCRIPTION.match(text)
-    if found is None:
-        raise ValueError(f"{name} must be an array of numbers or text, but was {text.strip()!r:.60}")
-    kind, is_fortran, lengths = found.groups()
-    shape = tuple(map(int, re.findall(r"\d+", lengths)))
+def _text(array: np.ndarray, name: str) -> Any:
+    """An array of text as text or lists of text."""
     try:
-        dtype = np.dtype(kind)
-    except TypeError:
-        raise ValueError(f"{name} must be an array of numbers or text, but was of the kind {kind}") from None
-    if len(shape) > MOST_DIMENSIONS or math.prod(max(n, 1) for n in shape) * dtype.itemsize >= 2**62:
-        raise ValueError(f"{name} must be an array that fits an address space, but has the shape ({lengths:.60})")
-    return Header(dtype, shape, "F" if is_fortran == "True" else "C", 8 + width + length)
-
-
-def _exactly(file: IO[bytes], size: int, name: str) -> bytearray:
-    """The next `size` bytes of a file."""
-    data = bytearray(size)
-    rest = memoryview(data)
-    while rest:
-        count = file.readinto(rest[:CHUNK])  # type: ignore[attr-defined]
-        if not count:
-            raise ValueError(f"{name} must have {size} bytes of numbers, but has fewer")
-        rest = rest[count:]
-    return data
-
-
-def _unpacked(packed: IO[bytes], header: Header, name: str) -> np.ndarray:
-    """A compressed array, unpacked to an unnamed file and memory-mapped."""
-    from tempfile import TemporaryFile, gettempdir
-
-    import numpy as np
-
-    free = shutil.disk_usage(gettempdir()).free
-    if header.start + header.size > free:
-        raise ValueError(f"{name} would take {header.size / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free")
-    with TemporaryFile() as file:
-        shutil.copyfileobj(packed, file)
-        file.flush()
-        return np.memmap(
-            file, dtype=header.dtype, mode="r", offset=header.start, shape=header.shape, order=header.order
-        )
-
-
-def _offset(path: str, member: zipfile.ZipInfo) -> int:
-    """The offset of a member's data in an archive."""
-    with open(path, "rb") as file:
-        file.seek(member.header_offset + LOCAL_HEADER - 4)
-        lengths = struct.unpack("<HH", file.read(4))
-    return member.header_offset + LOCAL_HEADER + sum(lengths)
+        array.tobytes().decode("utf-32-be" if array.dtype.str.startswith(">") else "utf-32-le")
+    except UnicodeDecodeError:
+        raise ValueError(f"{name} must be text, but has numbers that are no letters") from None
+    return array.tolist()
 
 
 def read_json(text: str, form: Any, name: str) -> Any:
@@ -307,7 +247,7 @@ def read_json(text: str, form: Any, name: str) -> Any:
     Args:
         text: The text.
         form: A type; None; a dictionary of forms for the keys that matter, where a missing one is None; a list of one
-            form for all entries; or a tuple of forms of which one must fit.
+            form for all entries; or a tuple of forms of which one must match.
         name: Its name in messages.
 
     Raises:
@@ -321,25 +261,26 @@ def read_json(text: str, form: Any, name: str) -> Any:
         value = json.loads(text)
     except (ValueError, RecursionError):
         raise ValueError(f"{name} must hold JSON, not too deeply nested, but did not") from None
-    reason = _misfit(value, form, name)
-    if reason is not None:
-        raise ValueError(reason)
+    _check_json(value, form, name)
     return value
 
 
-def _misfit(value: Any, form: Any, name: str) -> str | None:
-    """Why a value does not match a form; None if it does."""
-    found: Iterator[str | None]
+def _check_json(value: Any, form: Any, name: str) -> None:
+    """Refuse a value that does not match a form."""
     if isinstance(form, tuple):
-        reasons = [_misfit(value, choice, name) for choice in form]
-        return None if None in reasons else reasons[-1]
-    if isinstance(form, dict) and isinstance(value, dict):
-        found = (_misfit(value.get(key), inner, f"{name}.{key}") for key, inner in form.items())
-        return next(filter(None, found), None)
-    if isinstance(form, list) and isinstance(value, list):
-        found = (_misfit(entry, form[0], f"an entry of {name}") for entry in value)
-        return next(filter(None, found), None)
-    kind = form if isinstance(form, type) else type(form)
-    if isinstance(value, kind) and (kind is bool) == isinstance(value, bool):
-        return None
-    return f"{name} must be {JSON_NAMES[kind]}, but was {shorten(json.dumps(value, ensure_ascii=False))}"
+        for choice in form[:-1]:
+            with suppress(ValueError):
+                _check_json(value, choice, name)
+                return
+        _check_json(value, form[-1], name)
+    elif isinstance(form, dict) and isinstance(value, dict):
+        for key, inner in form.items():
+            _check_json(value.get(key), inner, f"{name}.{key}")
+    elif isinstance(form, list) and isinstance(value, list):
+        for entry in value:
+            _check_json(entry, form[0], f"an entry of {name}")
+    else:
+        kind = form if isinstance(form, type) else type(form)
+        if not isinstance(value, kind) or (kind is bool) != isinstance(value, bool):
+            was = shorten(json.dumps(value, ensure_ascii=False))
+            raise ValueError(f"{name} must be {JSON_NAMES[kind]}, but was {was}")

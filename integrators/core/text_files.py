@@ -10,10 +10,12 @@ from contextlib import contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError, shorten, shown, suggestion
 
 MAX_BYTES = 10_000_000
 FORMATS = ("json", "toml")
+LARGEST_NUMBER = 2**53
+"""Larger integers are written as text, since other readers may convert numbers to doubles."""
 MOST_DIGITS = 4300
 """Of an integer; Python's conversion takes quadratic time."""
 MOST_PARTS = 100
@@ -46,6 +48,17 @@ def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -
     if "\0" in text:
         raise IntegratorError(f"{shorten(label, 200)} must be text, but was binary")
     return text, label
+
+
+@contextmanager
+def errors_from(source: str) -> Iterator[None]:
+    """Prefix the message of every error with its source: a file, or a place in it."""
+    try:
+        yield
+    except RecursionError:
+        raise IntegratorError(f"{shorten(source, 200)}: nesting must be flat, but was too deep") from None
+    except IntegratorError as error:
+        raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
 
 
 def read_lines(file: IO[Any], label: str) -> Iterator[str]:
@@ -236,12 +249,9 @@ def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
         raise IntegratorError(f"{argument} must be a table of keys and values, but was {shown(data)}")
     for key in data:
         if key not in known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f" (did you mean {near[0]}?)" if near else ""
+            near = suggestion(key, known)
             raise IntegratorError(
-                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{hint}"
+                f"{argument} must have the keys {', '.join(known)} only, but had {shorten(key)!r}{near}"
             )
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from math import isqrt
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -168,16 +167,10 @@ def _rational_root(value: Fraction, degree: int) -> Fraction | None:
 
 
 def _integer_root(value: int, degree: int) -> int | None:
-    """The root of a natural number by Newton's iteration from above; None if it is irrational."""
-    if degree == 2:
-        found = isqrt(value)
-    else:
-        if value < 2 or degree >= value.bit_length():
-            return value if value < 2 else None
-        found, step = 1 << -(-value.bit_length() // degree), -1
-        while step < 0:
-            step = (value // found ** (degree - 1) - found) // degree
-            found += min(step, 0)
+    """The root of a natural number; None if it is irrational."""
+    import flint
+
+    found = int(flint.fmpz(value).root(degree))
     return found if found**degree == value else None
 
 

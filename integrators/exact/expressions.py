@@ -71,6 +71,26 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
     return value
 
 
+def parse_constant(text: str, *, argument: str = "number") -> Exact:
+    """Read a number: a formula of numbers, roots, pi and elementary functions.
+
+    Args:
+        text: the formula.
+        argument: its name in messages.
+
+    Returns:
+        A `Fraction` if it is rational, else a SymPy expression.
+
+    Raises:
+        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
+
+    Example:
+        >>> parse_constant("1/10"), parse_constant("pi/4")
+        (Fraction(1, 10), pi/4)
+    """
+    return _Parser(text, (), ELEMENTARY, argument).parse()
+
+
 def parse_expression(
     text: str, *, names: Iterable[str], functions: Iterable[str] = ELEMENTARY, argument: str = "expression"
 ) -> sympy.Expr:

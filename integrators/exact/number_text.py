@@ -1,4 +1,4 @@
-"""Exact numbers as Python text: the nearest double, or an expression of any precision."""
+"""Exact numbers as Python text: the nearest double."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.expressions import ELEMENTARY
 
 if TYPE_CHECKING:
     import sympy
@@ -57,43 +56,6 @@ def nearest_double(value: Any) -> float:
 
     digits: Any = sympy.Rational(value if value.is_Rational else value.evalf(40, strict=True))
     return int(digits.p) / int(digits.q)
-
-
-def exact_text(value: Coefficient, number: str) -> str:
-    """An exact number as an expression of integers, roots and functions.
-
-    Example:
-        >>> import sympy
-        >>> exact_text(sympy.sqrt(3) / 6 + sympy.pi, "ratio")
-        'sqrt(3)*ratio(1, 6) + pi'
-    """
-    return bound_text(value, number)[0]
-
-
-def bound_text(value: Any, number: str) -> tuple[str, int]:
-    """The text of an exact number, and its precedence."""
-    if isinstance(value, Fraction) or value.is_Rational:
-        p, q = (value.numerator, value.denominator) if isinstance(value, Fraction) else (value.p, value.q)
-        return (str(p), ATOM if p >= 0 else SUM) if q == 1 else (f"{number}({p}, {q})", ATOM)
-    name, parts = type(value).__name__, [bound_text(part, number) for part in value.args]
-    if name == "Pi":
-        return "pi", ATOM
-    if name == "Exp1":
-        return "exp(1)", ATOM
-    if value.is_Add:
-        return " + ".join(within(part, SUM) for part in reversed(parts)), SUM
-    if value.is_Mul:
-        return "*".join(within(part, PRODUCT) for part in reversed(parts)), PRODUCT
-    if value.is_Pow and value.exp == Fraction(1, 2):
-        return f"sqrt({parts[0][0]})", ATOM
-    if value.is_Pow:
-        base = (f"{number}({value.base}, 1)", ATOM) if value.base.is_Integer else parts[0]
-        return f"{within(base, ATOM)}**{within(parts[1], ATOM)}", PRODUCT
-    if name in ELEMENTARY:
-        return f"{name}({parts[0][0]})", ATOM
-    raise IntegratorError(
-        f"formula must have numbers made of integers, roots, pi and functions, but has {shorten(str(value))!r}"
-    )
 
 
 def within(part: tuple[str, int], precedence: int) -> str:

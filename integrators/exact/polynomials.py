@@ -6,10 +6,9 @@ A polynomial is a tuple of `Fraction`s, with the coefficient of x^k at index k a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from decimal import Decimal, localcontext
 from fractions import Fraction
-from itertools import pairwise
 from math import lcm
+from typing import Any
 
 from integrators.core.errors import IntegratorError
 
@@ -78,17 +77,14 @@ def remainder(p: Polynomial, modulus: Polynomial) -> Polynomial:
 
 
 def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
-    """The inverse of p modulo a coprime polynomial, by Euclid's algorithm.
+    """The inverse of p modulo a coprime polynomial.
 
     Example:
         >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
         ['-1', '1']
     """
-    (last, rest), (left, right) = (modulus, p), ((), ONE)
-    while len(rest) != 1:
-        quotient, remaining = divide(last, rest)
-        (last, rest), (left, right) = (rest, remaining), (right, add(left, scale(multiply(quotient, right), -1)))
-    return scale(right, 1 / rest[-1])
+    inverse = _by_flint(p).xgcd(_by_flint(modulus))[1]
+    return tuple(Fraction(int(a.p), int(a.q)) for a in inverse.coeffs())
 
 
 def derivative(p: Polynomial) -> Polynomial:
@@ -113,7 +109,7 @@ def compose(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> Matrix:
-    """The matrix X with matrix · X = right, by Gaussian elimination in `Fraction`s.
+    """The matrix X with matrix · X = right.
 
     Args:
         matrix: a square matrix, by rows.
@@ -129,19 +125,16 @@ def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fractio
         >>> solve([[Fraction(2), Fraction(1)], [Fraction(1), Fraction(1)]], [[Fraction(1)], [Fraction(0)]])
         ((Fraction(1, 1),), (Fraction(-1, 1),))
     """
-    size = len(matrix)
-    rows = [[*left, *values] for left, values in zip(matrix, right, strict=True)]
-    for column in range(size):
-        pivot = next((i for i in range(column, size) if rows[i][column]), None)
-        if pivot is None:
-            raise IntegratorError(f"matrix must be invertible, but column {column + 1} depends on those before it")
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        inverse = 1 / Fraction(rows[column][column])
-        rows[column] = [inverse * value for value in rows[column]]
-        for i, row in enumerate(rows):
-            if i != column and (factor := row[column]):
-                rows[i] = [a - factor * b for a, b in zip(row, rows[column], strict=True)]
-    return tuple(tuple(row[size:]) for row in rows)
+    import flint
+
+    left, values = (flint.fmpq_mat([list(map(_number, row)) for row in rows]) for rows in (matrix, right))
+    try:
+        solution = left.solve(values).tolist()
+    except ZeroDivisionError:
+        raise IntegratorError(
+            f"matrix must be invertible, but its rank is {left.rank()}, below {len(matrix)}"
+        ) from None
+    return tuple(tuple(Fraction(int(x.p), int(x.q)) for x in row) for row in solution)
 
 
 def primitive(p: Polynomial) -> tuple[int, ...]:
@@ -151,27 +144,15 @@ def primitive(p: Polynomial) -> tuple[int, ...]:
 
 
 def count_real_roots(p: Polynomial) -> tuple[int, bool]:
-    """The number of distinct real roots of p, and whether all roots, including complex ones, are simple.
-
-    Both follow from the Sturm chain p, p', −(p mod p'), …, whose last member is the greatest common divisor of p
-    and p'.
-    """
-    chain = [p, derivative(p)]
-    while chain[-1]:
-        rest = remainder(chain[-2], chain[-1])
-        # Scaling by a positive factor changes no sign and keeps the numbers short.
-        chain.append(scale(rest, -1 / abs(rest[-1])) if rest else ())
-    chain.pop()
-    at_plus = [q[-1] > 0 for q in chain]
-    at_minus = [(q[-1] > 0) == (len(q) % 2 == 1) for q in chain]
-    changes = [sum(a != b for a, b in pairwise(signs)) for signs in (at_minus, at_plus)]
-    return changes[0] - changes[1], len(chain[-1]) == 1
+    """The number of distinct real roots of p, and whether all roots, including complex ones, are simple."""
+    found = _by_flint(p).complex_roots()  # isolated; imaginary parts of real roots are exactly 0
+    return sum(root.imag == 0 for root, _ in found), all(multiplicity == 1 for _, multiplicity in found)
 
 
 def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     """The roots of a polynomial with simple real roots only, ascending.
 
-    Rational roots are exact; the others are within 10^-digits, verified by a change of sign.
+    Rational roots are exact; the others are within 10^-digits, as proved by python-flint's ball arithmetic.
 
     Args:
         p: a polynomial of degree 1 or more whose roots are all real and simple.
@@ -184,64 +165,31 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
         >>> [str(root) for root in real_roots((Fraction(0), Fraction(-1, 3), Fraction(1)))]
         ['0', '1/3']
     """
-    whole = primitive(p)
-    # The denominator of a rational root divides `leading`; two such numbers differ by at least 1/leading².
-    leading = abs(whole[-1])
-    digits = max(digits, 2 * len(str(leading)) + 2)
-    precision = digits + 2 * len(p) + 10
-    error = Fraction(1, 10**digits)
+    import flint
+
+    rest = _by_flint(p)
+    exact = [Fraction(int(root.p), int(root.q)) for root, _ in rest.roots()]
+    for root in exact:
+        rest //= _by_flint((-root, Fraction(1)))
+    unit, precision = 10 ** (digits + 5), 4 * digits + 64
     while True:
-        unit = 10 ** (digits + 5)
-        roots = [Fraction(round(Fraction(root) * unit), unit) for root in _laguerre(p, precision)]
-        bounds = [bound for root in roots for bound in (root - error, root + error)]
-        signs = [_sign(whole, bound) for bound in bounds]
-        disjoint = all(a < b for a, b in pairwise(bounds))
-        if disjoint and all(a * b < 0 for a, b in zip(signs[::2], signs[1::2], strict=True)):
+        with flint.ctx.workprec(precision):
+            balls = [root.real for root, _ in rest.complex_roots()]
+        if all(ball.rad() * unit < 1 for ball in balls):
             break
         precision *= 2
-    rationals = [root.limit_denominator(leading) for root in roots]
-    return tuple(q if _sign(whole, q) == 0 else root for q, root in zip(rationals, roots, strict=True))
+    centres = (ball.mid().man_exp() for ball in balls)
+    approximate = (Fraction(round(int(m) * unit * Fraction(2) ** int(e)), unit) for m, e in centres)
+    return tuple(sorted([*exact, *approximate]))
 
 
-def _sign(p: Sequence[int], x: Fraction) -> int:
-    """The sign of p(x), in integers."""
-    value, power = 0, 1
-    for a in reversed(p):
-        value = value * x.numerator + a * power
-        power *= x.denominator
-    return (value > 0) - (value < 0)
+def _by_flint(p: Polynomial) -> Any:
+    import flint
+
+    return flint.fmpq_poly(list(map(_number, p)))
 
 
-def _laguerre(p: Polynomial, precision: int) -> list[Decimal]:
-    """The real roots, ascending, by Laguerre's method with deflation.
+def _number(value: Fraction) -> Any:
+    import flint
 
-    If all roots are real, the iteration from the left converges monotonically to the leftmost one, with order three.
-    """
-    with localcontext(prec=precision, Emax=10**9, Emin=-(10**9)):
-        coefficients = [Decimal(a.numerator) / Decimal(a.denominator) for a in p]
-        x = -1 - max(abs(a / coefficients[-1]) for a in coefficients)
-        roots: list[Decimal] = []
-        while len(coefficients) > 1:
-            degree = len(coefficients) - 1
-            for _ in range(50 * precision):
-                value, first, half_second = Decimal(0), Decimal(0), Decimal(0)
-                for a in reversed(coefficients):
-                    half_second = half_second * x + first
-                    first = first * x + value
-                    value = value * x + a
-                if not value:
-                    break
-                g = first / value
-                if g >= 0:  # by rounding, x has passed the root
-                    break
-                h = g * g - 2 * half_second / value
-                spread = max(Decimal(0), (degree - 1) * (degree * h - g * g))
-                step = degree / (g - spread.sqrt())
-                if not x - step > x:
-                    break
-                x -= step
-            roots.append(x)
-            for k in range(degree - 1, -1, -1):
-                coefficients[k] += x * coefficients[k + 1]
-            del coefficients[0]
-    return roots
+    return flint.fmpq(value.numerator, value.denominator)

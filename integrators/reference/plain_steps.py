@@ -5,20 +5,34 @@ Slow; the oracle that compiled steppers are compared with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shown
-from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Average, Derivative, Evaluation, Field, Flow, Method, Program, operands
-from integrators.reference.plain_arithmetic import Arithmetic, size
-from integrators.reference.plain_fields import Fields
-from integrators.reference.plain_fields import block_parts as block_parts
-from integrators.reference.plain_flows import average, fixed_point, flow_increment, newton
+from integrators.core.arguments import MOST_STEPS, items, read_whole
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.exact.quadrature import gauss_legendre
+from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, operands
+from integrators.methods.programs.program import Method
+from integrators.reference.arbitrary_precision import Arithmetic
 
 if TYPE_CHECKING:
-    from integrators.reference.plain_arithmetic import Vector
-    from integrators.reference.plain_fields import ByPart
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import Program
+    from integrators.reference.arbitrary_precision import Vector
+
+    Function = Callable[..., Any]
+    Right = Callable[[Any, Vector], Vector]
+    ByPart = Function | Mapping[str, Function] | Sequence[Function]
+
+COMPLEX_STEP = 1e-50
+MOST_HALVINGS = 12
+NODES = (3, 6, 12, 24, 48, 96)
+"""Numbers of nodes for averages of the field."""
+MOST_ITERATIONS = 200
+PATIENCE = 3
+"""Iterations without a smaller increment after which the iteration has stagnated or diverges."""
 
 
 def plain_step(
@@ -63,9 +77,8 @@ def plain_step(
         >>> print(plain_step(verlet, block_parts(field, {"p": [0], "q": [1]}), [1, 0], "1/10", digits=30))
         [mpf('0.995') mpf('0.1')]
     """
-    stepper = Stepper(method, field, y, h, derivative, flows, digits)
-    with stepper.arithmetic.working():
-        return stepper.step(stepper.start)
+    stepper = _Stepper(method, field, y, h, derivative, flows, digits)
+    return stepper.step(stepper.start)
 
 
 def plain_steps(
@@ -79,45 +92,86 @@ def plain_steps(
     flows: ByPart | None = None,
     digits: int | None = None,
 ) -> Vector:
-    """Several steps of a method, each computed as by `plain_step`.
-
-    Args:
-        method: A method of any kind, without symbols.
-        field: The field, or its parts.
-        y: The start.
-        h: The step size.
-        steps: The number of steps.
-        derivative: The derivative of the field, or of its parts.
-        flows: The exact flows of parts.
-        digits: None for doubles; else the number of digits.
+    """Several steps of a method; the arguments and errors are those of `plain_step`.
 
     Returns:
         An array with one row for each component of y, and one column for the start and each step.
-
-    Raises:
-        IntegratorError: As for `plain_step`; the message names the step.
 
     Example:
         >>> from integrators import method
         >>> print(plain_steps(method("explicit-euler"), lambda y: -y, [1], 0.5, 3))
         [[1.    0.5   0.25  0.125]]
     """
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 0:
-        raise IntegratorError(f"steps must be 0, 1, 2, …, but was {shown(steps)}")
     import numpy as np
 
-    stepper = Stepper(method, field, y, h, derivative, flows, digits)
+    read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
+    stepper = _Stepper(method, field, y, h, derivative, flows, digits)
     columns = [stepper.start]
-    with stepper.arithmetic.working():
-        for n in range(1, steps + 1):
-            try:
-                columns.append(stepper.step(columns[-1]))
-            except IntegratorError as error:
-                raise IntegratorError(f"{error}, in step {n}") from None
+    for n in range(1, steps + 1):
+        try:
+            columns.append(stepper.step(columns[-1]))
+        except IntegratorError as error:
+            raise IntegratorError(f"{error}, in step {n}") from None
     return np.array(columns).T
 
 
-class Stepper:
+def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict[str, Function]:
+    """Split a field, or its derivative, into parts by blocks of variables.
+
+    Args:
+        function: The whole field y ↦ f(y), or its derivative (y, v) ↦ f′(y)v.
+        blocks: The indices of the components of each part, from 0, by name of part.
+
+    Returns:
+        For each part the function that is zero outside its block.
+
+    Raises:
+        IntegratorError: The blocks do not hold the indices 0, 1, … once each.
+
+    Example:
+        >>> parts = block_parts(lambda y: [-y[1], y[0]], {"p": [0], "q": [1]})
+        >>> parts["p"]([3, 4]), parts["q"]([3, 4])
+        ([-4, 0], [0, 3])
+    """
+    if not callable(function) or not isinstance(blocks, Mapping):
+        raise IntegratorError(f"blocks must map parts to components, but was {shown(blocks)}")
+    numbers = {name: items(block, f"blocks[{name}]") for name, block in blocks.items()}
+    together = [i for block in numbers.values() for i in block]
+    if not all(isinstance(i, int) for i in together) or sorted(together) != list(range(len(together))):
+        raise IntegratorError(f"blocks must hold 0, 1, … once each, but were {shown(numbers)}")
+
+    def part(block: list[int]) -> Function:
+        def restricted(*arguments: Any) -> list[Any]:
+            values = items(function(*arguments), "field")
+            if len(values) != len(together):
+                raise IntegratorError(f"blocks must hold {len(values)} components, but held {len(together)}")
+            return [x if i in block else 0 for i, x in enumerate(values)]
+
+        return restricted
+
+    return {name: part(block) for name, block in numbers.items()}
+
+
+def _by_part(given: Any, names: Sequence[str], argument: str, *, optional: bool = False) -> list[Any]:
+    """A function for each part, in their order, from a mapping, a sequence, or a single function."""
+    if given is None and optional:
+        return [None] * len(names)
+    wanted = f"a function for each of the parts {', '.join(names)}" if len(names) > 1 else "a function"
+    functions = [given] if callable(given) and len(names) == 1 else given
+    if isinstance(given, Mapping):
+        for name in given.keys() - set(names):
+            raise IntegratorError(f"{argument} must be {wanted}, but has one for {shown(name)}")
+        functions = [given.get(name) for name in names]
+    if not isinstance(functions, Sequence) or len(functions) != len(names):
+        hint = "; block_parts makes them from one" if callable(given) else ""
+        raise IntegratorError(f"{argument} must be {wanted}, but was {shown(given)}{hint}")
+    for name, function in zip(names, functions, strict=True):
+        if not callable(function) and not (optional and function is None):
+            raise IntegratorError(f"{argument} must be {wanted}, but for {name} was {shown(function)}")
+    return list(functions)
+
+
+class _Stepper:
     """A method, a field, and a step size."""
 
     def __init__(
@@ -133,148 +187,177 @@ class Stepper:
         self.arithmetic = arithmetic = Arithmetic(digits)
         if not isinstance(method, Method):
             raise IntegratorError(f"method must be a method, but was {shown(method)}")
-        program = method.rational_program(arithmetic.decimals)
+        self.program = program = method.rational_program(arithmetic.decimals)
         if program.parameters:
             raise IntegratorError(f"parameters must have values before a step, but {program.parameters[0]} had none")
-        self.name = program.name
         self.components = _components(program)
+        self.coefficient = cache(partial(arithmetic.number, argument="coefficient"))
         with arithmetic.working():
             self.start = arithmetic.rounded(arithmetic.read(y, "y"))
             self.h = arithmetic.number(h, "h")
-            self.evaluations: list[Evaluation] = [self._in_numbers(evaluation) for evaluation in program.evaluations]
-            self.result = self._form_in_numbers(program.result)
-        self.fields = Fields(arithmetic, program.names, field, derivative, flows, len(self.start))
-
-    def _form_in_numbers(self, form: LinearForm) -> LinearForm:
-        return form.map(lambda x: self.arithmetic.number(x, "coefficient"))
-
-    def _in_numbers(self, evaluation: Evaluation) -> Evaluation:
-        """The evaluation with converted coefficients."""
-        form = self._form_in_numbers
-        match evaluation:
-            case Field(part, at):
-                return Field(part, form(at))
-            case Derivative(part, at, along):
-                return Derivative(part, form(at), form(along))
-            case Flow(part, at, time, forcing):
-                return Flow(part, form(at), self.arithmetic.number(time, "time"), tuple(map(form, forcing)))
-            case Average(part, path, power):
-                return Average(part, tuple(map(form, path)), power)
+        self.functions = _by_part(field, program.names, "field")
+        self.derivatives = _by_part(derivative, program.names, "derivative", optional=True)
+        self.flows = _by_part(flows, program.names, "flows", optional=True)
 
     def step(self, y: Vector) -> Vector:
         """y₁ = y₀ + Σ b_e k_e, with the k_e of one strongly connected component at a time."""
         k: dict[int, Vector] = {}
-        for members in self.components:
-            if len(members) == 1 and members[0] not in _registers(self.evaluations[members[0]]):
-                found = [self._evaluate(members[0], y, k)]
-            elif self._is_linear(members):
-                found = self._solve_linear(members, y, k)
-            else:
-                found = self._solve(members, y, k)
-            k.update(zip(members, found, strict=True))
-            for e in members:
-                self._check_finite(f"k{e + 1}", k[e])
-        end = self._point(self.result, y, k)
-        self._check_finite("the end of the step", end)
-        return self.arithmetic.rounded(end)
+        with self.arithmetic.working():
+            for members, is_implicit in self.components:
+                k.update(self._solve(members, y, k) if is_implicit else {e: self._evaluate(e, y, k) for e in members})
+                for e in members:
+                    self._check_finite(f"k{e + 1}", k[e])
+            end = self._point(self.program.result, y, k)
+            self._check_finite("the end of the step", end)
+            return self.arithmetic.rounded(end)
 
     def _check_finite(self, what: str, vector: Vector) -> None:
         if not self.arithmetic.is_finite(vector):
-            shown = ", ".join(map(self.arithmetic.text, vector[:3])) + ", …" * (len(vector) > 3)
-            raise IntegratorError(f"{what} of {self.name} must be finite, but was {shown} with h = {self._h}")
-
-    def _point(self, form: LinearForm, y: Vector, k: dict[int, Vector]) -> Vector:
-        """start · y + Σ x_e k_e."""
-        total = y * form.start
-        for e, x in form.terms.items():
-            total = total + k[e] * x
-        return total
-
-    def _evaluate(self, e: int, y: Vector, k: dict[int, Vector]) -> Vector:
-        """k_e by the definitions in `integrators.methods.program.evaluations`."""
-        h, fields = self.h, self.fields
-        match self.evaluations[e]:
-            case Field(part, at):
-                return fields.value(part, self._point(at, y, k)) * h
-            case Derivative(part, at, along):
-                return fields.derivative(part, self._point(at, y, k), self._point(along, y, k)) * h
-            case Flow(part, at, time, forcing):
-                return self._flow(part, self._point(at, y, k), time, [self._point(form, y, k) for form in forcing])
-            case Average(part, path, power):
-                points = [self._point(form, y, k) for form in path]
-                scale = max(map(size, points))
-                return average(
-                    lambda θ: fields.value(part, _polynomial(points, θ)) * (h * θ**power), scale, self.arithmetic
-                )
-
-    def _flow(self, part: int | None, start: Vector, time: Any, forcing: list[Vector]) -> Vector:
-        """z(1) − z(0) for z′ = time · h f^[part](z) + Σ_j θ^j forcing[j]."""
-        end = None if forcing else self.fields.exact_flow(part, start, time * self.h)
-        if end is not None:
-            return end - start
-
-        def right(θ: Any, z: Vector) -> Vector:
-            derivative = self.fields.value(part, z) * (time * self.h)
-            return derivative + _polynomial(forcing, θ) if forcing else derivative
-
-        return flow_increment(right, start, self.arithmetic)
-
-    def _is_linear(self, members: Sequence[int]) -> bool:
-        """Whether the members are derivatives at known points: their equations are linear."""
-        evaluations = [self.evaluations[e] for e in members]
-        return all(isinstance(e, Derivative) and not e.at.terms.keys() & set(members) for e in evaluations)
-
-    def _solve_linear(self, members: Sequence[int], y: Vector, k: dict[int, Vector]) -> list[Vector]:
-        """Solve k_e = h J_e along_e with J_e = f′(at_e), that is (I − M) k = r with the blocks h x J_e in M."""
-        n, arithmetic = len(y), self.arithmetic
-        right, matrix = arithmetic.zeros(n * len(members)), _identity(arithmetic, n * len(members))
-        for i, e in enumerate(members):
-            evaluation: Any = self.evaluations[e]
-            part, at, along = evaluation
-            point = self._point(at, y, k)
-            columns = [self.fields.derivative(part, point, unit) * self.h for unit in _identity(arithmetic, n)]
-            known = LinearForm.of_entries(along.start, {m: x for m, x in along.terms.items() if m not in members})
-            rows = slice(n * i, n * (i + 1))
-            right[rows] = sum(column * x for column, x in zip(columns, self._point(known, y, k), strict=True))
-            for j, member in enumerate(members):
-                for c, column in enumerate(columns):
-                    matrix[rows, n * j + c] -= column * along.terms.get(member, 0)
-        found = arithmetic.solve(matrix, right)
-        if found is None:
-            raise IntegratorError(f"h must leave the system of {self._named(members)} regular, but was {self._h}")
-        return list(found.reshape(-1, n))
-
-    def _solve(self, members: Sequence[int], y: Vector, k: dict[int, Vector]) -> list[Vector]:
-        """Solve for evaluations that depend on one another."""
-
-        def update(x: Vector) -> Vector:
-            import numpy as np
-
-            known = {**k, **dict(zip(members, x.reshape(-1, len(y)), strict=True))}
-            return np.concatenate([self._evaluate(e, y, known) for e in members])
-
-        zeros = self.arithmetic.zeros(len(members) * len(y))
-        first = update(zeros)
-        for e, vector in zip(members, first.reshape(-1, len(y)), strict=True):
-            self._check_finite(f"k{e + 1}", vector)
-        reason = "neither fixed-point iteration nor Newton's method converged"
-        for solver, start in ((fixed_point, first), (newton, zeros)):
-            try:
-                found = solver(update, start, size(y), self.arithmetic)
-            except IntegratorError as error:  # in a flow or an average at some iterate
-                found, reason = None, str(error)
-            if found is not None:
-                return list(found.reshape(-1, len(y)))
-        raise IntegratorError(
-            f"h must be small enough to solve for {self._named(members)}, but was {self._h}: {reason}"
-        )
+            values = ", ".join(f"{float(x):g}" for x in vector[:3]) + ", …" * (len(vector) > 3)
+            raise IntegratorError(f"{what} of {self.program.name} must be finite, but was {values} with h = {self._h}")
 
     @property
     def _h(self) -> str:
-        return self.arithmetic.text(self.h)
+        return f"{float(self.h):g}"
 
-    def _named(self, members: Sequence[int]) -> str:
-        return f"{', '.join(f'k{e + 1}' for e in members[:3])}{', …' * (len(members) > 3)} of {self.name}"
+    def _point(self, form: LinearForm, y: Vector, k: Mapping[int, Vector]) -> Vector:
+        """start · y + Σ x_e k_e."""
+        total = y * self.coefficient(form.start)
+        for e, x in form.terms.items():
+            total = total + k[e] * self.coefficient(x)
+        return total
+
+    def _evaluate(self, e: int, y: Vector, k: Mapping[int, Vector]) -> Vector:
+        """k_e by the definitions in `integrators.methods.programs.evaluations`."""
+        h, evaluation = self.h, self.program.evaluations[e]
+        points = [self._point(form, y, k) for form in operands(evaluation)]
+        parts = range(len(self.functions)) if evaluation.part is None else [evaluation.part]
+
+        def field(z: Vector) -> Vector:
+            return sum(self._call("field", self.functions[part], z) for part in parts) * h
+
+        match evaluation:
+            case Field():
+                return field(*points)
+            case Derivative():
+                return sum(self._derivative(part, *points) for part in parts) * h
+            case Flow():
+                return self._flow(evaluation, field, *points)
+            case Average():
+                return self._average(evaluation.power, points, field)
+
+    def _flow(self, flow: Flow, field: Function, start: Vector, *forcing: Vector) -> Vector:
+        """z(1) − z(0) for z′ = time · h f^[part](z) + Σ_j θ^j forcing[j]."""
+        time = self.coefficient(flow.time)
+        exact = None if flow.part is None or forcing else self.flows[flow.part]
+        if exact is not None:
+            return self._call("flows", lambda z: exact(z, time * self.h), start) - start
+
+        def right(θ: Any, z: Vector) -> Vector:
+            return field(z) * time + (_polynomial(forcing, θ) if forcing else 0)
+
+        return _flow_increment(right, start, self.arithmetic)
+
+    def _average(self, power: int, path: Sequence[Vector], field: Function) -> Vector:
+        """∫₀¹ θ^power h f^[part](Σ_j θ^j path[j]) dθ by Gauss quadrature, with nodes added until it stays the same."""
+        arithmetic, found = self.arithmetic, math.inf
+        for count in NODES:
+            rule = [map(self.coefficient, pair) for pair in gauss_legendre(count, arithmetic.decimals)]
+            new: Any = sum(field(_polynomial(path, θ)) * (weight * θ**power) for θ, weight in rule)
+            tolerance = 4 * arithmetic.context.eps * _size(*path, new)
+            if not arithmetic.is_finite(new) or _size(new - found) <= tolerance:
+                return new
+            found = new
+        raise IntegratorError(f"average of field must converge to {arithmetic.decimals} digits, but did not")
+
+    def _derivative(self, part: int, y: Vector, v: Vector) -> Vector:
+        """(f^[part])′(y) v, as given or computed numerically."""
+        given, length = self.derivatives[part], _size(v)
+        if given is not None:
+            return self._call("derivative", given, y, v)
+        if length == 0:
+            return v * 0
+        return self._numerical_derivative(self.functions[part], y, v / length) * length
+
+    def _numerical_derivative(self, field: Any, y: Vector, v: Vector) -> Vector:
+        """A complex step in doubles, a difference with twice the digits otherwise.
+
+        The first is wrong for fields that are not analytic or drop imaginary parts, the second for fields that round to
+        fewer digits: a difference with a large step must agree.
+        """
+        import mpmath
+
+        if self.arithmetic.digits is None:
+            try:
+                values = [complex(x).imag / COMPLEX_STEP for x in field(y + 1j * COMPLEX_STEP * v)]
+            except Exception as error:  # a field not made for complex numbers may raise anything
+                raise IntegratorError(
+                    f"derivative must be given, as field does not take complex numbers: {shorten(str(error))}"
+                ) from None
+            found = self.arithmetic.received(values, len(y), "field")
+        else:
+            found = mpmath.diff(lambda t: self._call("field", field, y + v * t), 0)
+        rounding: Any = self.arithmetic.context.eps
+        width = rounding ** (1 / 3) * max(1, _size(y))
+        here, ahead, behind = (self._call("field", field, y + v * (x * width)) for x in (0, 1, -1))
+        gap = _size(found - (ahead - behind) / (2 * width))
+        if gap > rounding**0.25 * _size(found) + rounding**0.75 * _size(here) / width:
+            raise IntegratorError(
+                "derivative must be given for this field: two ways of computing it numerically do not agree"
+            )
+        return found
+
+    def _call(self, argument: str, function: Any, *vectors: Vector) -> Vector:
+        """The value of a function of the user; arithmetic errors give NaN."""
+        dimension = len(self.start)
+        try:
+            return self.arithmetic.received(function(*(v.copy() for v in vectors)), dimension, argument)
+        except ArithmeticError:
+            return self.arithmetic.vector([math.nan] * dimension)
+
+    def _solve(self, members: Sequence[int], y: Vector, k: Mapping[int, Vector]) -> dict[int, Vector]:
+        """Solve for evaluations that depend on one another."""
+        import numpy as np
+
+        def split(x: Vector) -> dict[int, Vector]:
+            return dict(zip(members, x.reshape(-1, len(y)), strict=True))
+
+        def update(x: Vector) -> Vector:
+            known = {**k, **split(x)}
+            return np.concatenate([self._evaluate(e, y, known) for e in members])
+
+        zeros = np.concatenate([y * 0 for _ in members])
+        first = update(zeros)
+        for e, vector in split(first).items():
+            self._check_finite(f"k{e + 1}", vector)
+        reason = "neither fixed-point iteration nor Newton's method converged"
+        for solver, start in ((_fixed_point, first), (_newton, zeros)):
+            try:
+                found = solver(update, start, _size(y), self.arithmetic)
+            except IntegratorError as error:  # in a flow or an average at some iterate
+                found, reason = None, str(error)
+            if found is not None:
+                return split(found)
+        names = f"{', '.join(f'k{e + 1}' for e in members[:3])}{', …' * (len(members) > 3)} of {self.program.name}"
+        raise IntegratorError(f"h must be small enough to solve for {names}, but was {self._h}: {reason}")
+
+
+def _components(program: Program) -> list[tuple[list[int], bool]]:
+    """The strongly connected components of the evaluations in the order of dependence, and whether each is implicit."""
+    import networkx as nx
+
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(len(program.evaluations)))
+    for e, evaluation in enumerate(program.evaluations):
+        graph.add_edges_from((read, e) for form in operands(evaluation) for read in form.terms)
+    condensed = nx.condensation(graph)
+    found = [sorted(condensed.nodes[component]["members"]) for component in nx.topological_sort(condensed)]
+    return [(members, len(members) > 1 or graph.has_edge(members[0], members[0])) for members in found]
+
+
+def _size(*vectors: Vector) -> Any:
+    """The largest absolute value of a component."""
+    return max(abs(x) for vector in vectors for x in vector)
 
 
 def _polynomial(coefficients: Sequence[Vector], θ: Any) -> Vector:
@@ -285,24 +368,84 @@ def _polynomial(coefficients: Sequence[Vector], θ: Any) -> Vector:
     return total
 
 
-def _identity(arithmetic: Arithmetic, n: int) -> Vector:
-    matrix = arithmetic.zeros(n, n)
-    for i in range(n):
-        matrix[i, i] += 1
-    return matrix
+def _flow_increment(right: Right, start: Vector, arithmetic: Arithmetic) -> Vector:
+    """z(1) − z(0) for z′(θ) = right(θ, z) and z(0) = start, by extrapolation of the explicit midpoint rule.
+
+    An interval without convergence is halved. Increments, unlike end values, have rounding errors that are small
+    against z.
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.9 (the method of Gragg, Bulirsch and
+        Stoer).
+    """
+    total, waiting = start * 0, [(0, 0)]
+    while waiting:
+        position, halvings = waiting.pop()
+        width = arithmetic.context.ldexp(1, -halvings)
+        found = _extrapolated(right, position * width, width, start + total, arithmetic)
+        if found is not None:
+            total = total + found
+        elif halvings == MOST_HALVINGS:
+            raise IntegratorError(f"flow must converge to {arithmetic.decimals} digits, but did not, or does not exist")
+        else:
+            waiting += [(2 * position + 1, halvings + 1), (2 * position, halvings + 1)]
+    return total
 
 
-def _registers(evaluation: Evaluation) -> set[int]:
-    """The evaluations that an evaluation depends on."""
-    return {e for form in operands(evaluation) for e in form.terms}
+def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: Arithmetic) -> Vector | None:
+    """The increment of z in an interval, extrapolated from n = 2, 4, 6, … steps; None without convergence.
+
+    The error of n steps has an expansion in 1/n², whose terms the Aitken–Neville tableau eliminates one by one. With
+    more columns its factors would amplify rounding errors.
+    """
+    columns = 7 if arithmetic.digits is None else 6 + arithmetic.decimals // 5
+    row: list[Vector] = []
+    for k in range(1, columns + 1):
+        step = width / (2 * k)
+        before, now = z * 0, right(begin, z) * step  # Euler's method makes the first step
+        for i in range(1, 2 * k):
+            before, now = now, before + right(begin + i * step, z + now) * (2 * step)
+        if not arithmetic.is_finite(now):
+            return None
+        new = [now]
+        for j, old in enumerate(row, 1):
+            new.append(new[-1] + (new[-1] - old) * (k - j) ** 2 / (k**2 - (k - j) ** 2))
+        row = new
+        if k > 1 and _size(row[-1] - row[-2]) <= 4 * arithmetic.context.eps * _size(z, row[-1]):
+            return row[-1]
+    return None
 
 
-def _components(program: Program) -> list[list[int]]:
-    """The strongly connected components of the evaluations, in the order of their dependence."""
-    import networkx as nx
+def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
+    """The solution of x = g(x) by iteration until the increments stagnate; None without convergence.
 
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(len(program.evaluations)))
-    graph.add_edges_from((other, e) for e, form in enumerate(program.evaluations) for other in _registers(form))
-    condensed = nx.condensation(graph)
-    return [sorted(condensed.nodes[c]["members"]) for c in nx.topological_sort(condensed)]
+    References:
+        Hairer, Lubich, Wanner, *Geometric Numerical Integration*, VIII.6.
+    """
+    least, failures = math.inf, 0
+    for _ in range(MOST_ITERATIONS):
+        before, x = x, g(x)
+        if not arithmetic.is_finite(x):
+            return None
+        increment = _size(x - before)
+        failures = 0 if increment < least else failures + 1
+        least = min(least, increment)
+        if increment == 0 or failures == PATIENCE:
+            return x if increment <= arithmetic.context.eps**0.75 * max(scale, _size(x)) else None
+    return None
+
+
+def _newton(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
+    """The solution of x = g(x) by Newton's method with difference Jacobians; None without convergence."""
+    import numpy as np
+
+    one = arithmetic.vector(np.eye(len(x)))
+
+    def improved(x: Vector) -> Vector:
+        value = g(x)
+        width = arithmetic.context.eps**0.5 * (max(scale, _size(x)) or 1)
+        columns = [unit - (g(x + unit * width) - value) / width for unit in one]
+        correction = arithmetic.solve(np.transpose(columns), value - x)
+        return value * math.nan if correction is None else x + correction
+
+    return _fixed_point(improved, x, scale, arithmetic)

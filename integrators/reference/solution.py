@@ -8,9 +8,10 @@ from itertools import pairwise
 from math import ceil, copysign, frexp, ldexp, log
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
-from integrators.core.arguments import items
+from integrators.core.arguments import items, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.model.formulas import read_formula
 
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 MAX_DIGITS = 31
 LARGEST = 10**300
 CERTAIN = 2.0**-50
-"""Relative errors that need not be visible in doubles."""
+"""Relative error allowed in solutions returned as doubles."""
 NOISE = 2.0**-84
-"""Allowed error of a variable relative to the largest of its block: one that vanishes by symmetry is all rounding."""
+"""Allowed error of a variable relative to the largest of its block, for variables that vanish by symmetry."""
 FIRST_UNITS = 2.0**-10, 2.0**-16
 """First trial steps of the two solutions, as fractions of the time."""
 CHECKS = 16
@@ -60,6 +61,10 @@ class ReferenceSolution(NamedTuple):
     low: np.ndarray
     error: np.ndarray
 
+    def __repr__(self) -> str:
+        variables, times = self.high.shape
+        return f"<ReferenceSolution: {variables} variables, {times} times, error at most {self.error.max():.1e}>"
+
     def numbers(self) -> np.ndarray:
         """The exact sums high + low as mpmath numbers.
 
@@ -76,21 +81,19 @@ class ReferenceSolution(NamedTuple):
         with mpmath.workprec(2200):  # the sum of two doubles has fewer bits
             pairs = zip(self.high.flat, self.low.flat, strict=True)
             sums = [mpmath.mpf(float(high)) + mpmath.mpf(float(low)) for high, low in pairs]
-        found = np.empty(len(sums), dtype=object)
-        found[:] = sums
-        return found.reshape(self.high.shape)
+        return np.array(sums, dtype=object).reshape(self.high.shape)
 
 
 @overload
 def reference_solution(
-    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[False] = False
+    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[False] = False
 ) -> np.ndarray: ...
 @overload
 def reference_solution(
-    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[True]
+    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[True]
 ) -> ReferenceSolution: ...
 def reference_solution(
-    scene: Scene, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: bool = False
+    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: bool = False
 ) -> np.ndarray | ReferenceSolution:
     """The solution of a scene to full double precision, by Taylor series in double-double arithmetic.
 
@@ -116,7 +119,7 @@ def reference_solution(
 
     Raises:
         IntegratorError: An argument is invalid, the solution ends before the last time, or (unless `full`) its error
-            has grown until doubles are no longer certain.
+            exceeds the precision of doubles.
 
     Example:
         >>> from integrators import scene
@@ -133,8 +136,8 @@ def reference_solution(
         À. Jorba, M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
         methods, Experimental Mathematics 14 (2005) 99–117, doi:10.1080/10586458.2005.10128904.
     """
-    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
-        raise IntegratorError(f"digits must be a whole number from 1 to {MAX_DIGITS}, but was {shorten(repr(digits))}")
+    scene = as_scene(scene)
+    digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
     import numpy as np
 
     from integrators.reference.double_double import split
@@ -157,8 +160,8 @@ def reference_solution(
     except TooManySteps as refused:
         needed, most = refused.args
         raise IntegratorError(
-            f"t must end sooner, as the steps of {scene.name} are so short that some {needed:.1e} would lead to "
-            f"{float(times[-1]):.10g}, and at most {most:.1e} are made"
+            f"t must end sooner, as the steps of {scene.name} are so short that {float(times[-1]):.10g} would take "
+            f"about {needed:.1e} of them, and at most {most:.1e} are allowed"
         ) from None
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
@@ -210,24 +213,16 @@ class TooManySteps(Exception):
 def _solve(
     program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float
 ) -> np.ndarray:
-    """The solution at some times.
+    """The solution at times since the start, which have one sign and increase in size, and the size of each variable.
 
-    Args:
-        program: The operations of a scene.
-        y: The start (variables, 2), double-double numbers.
-        times: Times since the start (n, 2), double-double numbers of one sign and increasing in size.
-        digits: The error of a step is below 10^−digits of each variable, apart from rounding.
-        first_unit: The first trial step, as a fraction of the last time.
-        perturbation: Relative change of each variable after each step, of random sign, and relative extension of steps:
-            they show the growth of random and of systematic errors.
-
-    Returns:
-        An array (variables, n, 3): double-double numbers, and the size of the variable in the step around each time,
-        the sum of the absolute terms of its series.
+    Numbers are double-double; the size is the sum of the absolute terms of the series around each time. The error of a
+    step is below 10^−digits of each variable, apart from rounding. `perturbation` is a relative change of each variable
+    after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
+    errors.
 
     Raises:
         Stuck: The solution could not be continued.
-        TooManySteps: At the pace so far, the work would exceed `MOST_WORK`.
+        TooManySteps: Extrapolated from the steps so far, the work would exceed `MOST_WORK`.
     """
     import numpy as np
 
@@ -271,7 +266,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
     from integrators.reference.taylor_program import fraction_of
 
-    if isinstance(value, str) or is_sympy(value):  # as scenes have them: pi/2, cos(11/10)
+    if isinstance(value, str) or is_sympy(value):  # as in scenes: pi/2, cos(11/10)
         names = () if isinstance(value, str) else symbol_names([value])
         entry: Any = read_formula(value, names, argument)
     else:

@@ -17,12 +17,12 @@ from integrators.compile.operation_graph import OperationGraph, Reader, reachabl
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import ELEMENTARY
 from integrators.reference.double_double import split
-from integrators.scenes.model.local_terms import VALUE
+from integrators.scenes.model.system import VALUE
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.scenes.model.local_terms import LocalTerm
+    from integrators.scenes.model.system import LocalTerm
     from integrators.scenes.scene import Scene
 
 WORKING_DIGITS = 60

@@ -1,1 +1,5 @@
-"""Runs: many steps, what is observed and stored on the way, and ensembles of runs."""
+"""Runs of many steps, their observation and storage, and ensembles."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

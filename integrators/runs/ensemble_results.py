@@ -1,55 +1,190 @@
-"""Results of ensembles, in memory and in files, and the folder of finished blocks."""
+"""Results of ensembles: statistics of blocks of members, results in memory and in files, the folder of finished blocks.
+
+Floating-point sums depend on their order, so the order is fixed: members are the leaves of a binary tree, in the order
+of their numbers, and the statistics of two neighbours are merged into their parent. Members 2^k·j … 2^k·(j + 1) − 1
+form one subtree, so blocks of 2^k members can be computed anywhere.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
-import sys
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from foundation.extras import optional_module
+from foundation.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.optional_modules import optional_module
-from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading
+from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, check_path, read_text
-from integrators.runs.ensemble_members import Block, Failure
-from integrators.runs.ensemble_statistics import Statistics
-from integrators.runs.trajectory import write_arrays
+from integrators.runs.storage import check_identity
 
 if TYPE_CHECKING:
     import numpy as np
+
+
+class Statistics(NamedTuple):
+    """Statistics over some members: their number, (times,), and for each quantity, (times, quantities), the mean, the
+    sum of squared deviations from it, and the extremes."""
+
+    count: np.ndarray  # type: ignore[assignment]  # not the method of tuples
+    mean: np.ndarray
+    squares: np.ndarray
+    minimum: np.ndarray
+    maximum: np.ndarray
+
+
+def member_statistics(values: np.ndarray, rows: int) -> Statistics:
+    """The statistics of one member with quantities `values`, of which the first `rows` times were reached."""
+    import numpy as np
+
+    there = np.arange(len(values)) < rows
+    known = there[:, None]
+    mean = np.where(known, values, 0.0)
+    least, largest = np.where(known, values, np.inf), np.where(known, values, -np.inf)
+    return Statistics(there.astype(np.int64), mean, np.zeros_like(mean), least, largest)
+
+
+def merged(a: Statistics, b: Statistics) -> Statistics:
+    """The statistics over both sets of members.
+
+    References:
+        T. F. Chan, G. H. Golub, R. J. LeVeque, Amer. Statist. 37 (1983) 242–247, doi:10.1080/00031305.1983.10483115.
+    """
+    import numpy as np
+
+    count = a.count + b.count
+    weight = (b.count / np.maximum(count, 1))[:, None]
+    with np.errstate(invalid="ignore", over="ignore"):  # quantities may be infinite
+        gap = b.mean - a.mean
+        mean = a.mean + gap * weight
+        squares = a.squares + b.squares + gap * (a.count[:, None] * weight) * gap
+    return Statistics(count, mean, squares, np.minimum(a.minimum, b.minimum), np.maximum(a.maximum, b.maximum))
+
+
+def merged_pairwise(leaves: Iterable[Statistics]) -> Statistics:
+    """The statistics of all leaves, members or blocks, merged along the tree; few are kept at any time.
+
+    Example:
+        >>> import numpy as np
+        >>> whole = merged_pairwise(member_statistics(np.array([[value]]), rows=1) for value in (1.0, 2.0, 3.0))
+        >>> whole.mean.item(), whole.squares.item()
+        (2.0, 2.0)
+    """
+    subtrees: list[Statistics] = []
+    for number, leaf in enumerate(leaves, 1):
+        subtrees.append(leaf)
+        while number % 2 == 0:  # both halves of a subtree are there
+            right = subtrees.pop()
+            subtrees[-1] = merged(subtrees[-1], right)
+            number //= 2
+    whole = subtrees.pop()
+    while subtrees:
+        whole = merged(subtrees.pop(), whole)
+    return whole
+
+
+class Failure(NamedTuple):
+    """A member that did not reach the end.
+
+    Attributes:
+        member: Its number, from 0.
+        step: The step that failed, from 1; 0 if there was no start.
+        t: The time before that step.
+        y: The state before that step, if there was one.
+        reason: The cause.
+    """
+
+    member: int
+    step: int
+    t: float
+    y: tuple[float, ...] | None
+    reason: str
+
+
+class Block(NamedTuple):
+    """The results of a block of members.
+
+    `series` are observations of the members to be kept, (members, times, quantities); `ends` the last states, (members,
+    variables), nan for failed members, without rows if they are not saved.
+    """
+
+    statistics: Statistics
+    series: np.ndarray
+    ends: np.ndarray
+    failures: tuple[Failure, ...]
+
+
+def merged_blocks(blocks: Iterable[Block]) -> Block:
+    """The results of all blocks, which come in the order of their members; their statistics are merged pairwise."""
+    import numpy as np
+
+    rests: list[tuple[Any, ...]] = []
+
+    def leaves() -> Iterator[Statistics]:
+        for block in blocks:
+            rests.append(block[1:])
+            yield block.statistics
+
+    statistics = merged_pairwise(leaves())
+    series, ends, failures = zip(*rests, strict=True)
+    return Block(statistics, np.concatenate(series), np.concatenate(ends), tuple(chain.from_iterable(failures)))
+
 
 KIND = "ensemble"
 NAMED = {"name": (None, str)}
 HEAD = {"kind": str, "names": [str], "meta": {"method": NAMED, "scene": NAMED, "members": int}}
 BLOCK = {
-    "count": Form("i", ("times",), (0, sys.maxsize)),
-    **dict.fromkeys(Statistics._fields[1:], Form("f", ("times", "quantities"), None)),
-    "series": Form("f", ("kept", "times", "quantities"), None),
-    "ends": Form("f", ("ends", "variables"), None),
+    "count": Form("i", ("times",)),
+    **dict.fromkeys(Statistics._fields[1:], Form("f", ("times", "quantities"))),
+    "series": Form("f", ("kept", "times", "quantities")),
+    "ends": Form("f", ("ends", "variables")),
     "failures": TEXT,
 }
 NUMBER = int, float
-FAILURE = {"member": int, "step": (None, int), "t": (None, *NUMBER), "y": (None, [NUMBER]), "reason": str}
+FAILURE = {"member": int, "step": int, "t": NUMBER, "y": (None, [NUMBER]), "reason": str}
 """The content of the files."""
 
+STATISTICS = ("mean", "std", "minimum", "maximum")
+MOST_FAILURES = 5
+"""The most failures that are listed."""
 
-class EnsembleResult:
+
+MEANS = (
+    Column("what", get=lambda record: record["what"]),
+    number_column("mean_at_start", ".6g", "mean at start"), number_column("mean_at_end", ".6g", "mean at end"),
+    number_column("std_at_end", ".6g", "std at end"), number_column("minimum", ".6g"),
+    number_column("maximum", ".6g"),
+)  # fmt: skip
+
+
+class EnsembleResult(Tabular):
     """Statistics of an ensemble; made by `ensemble`, and by `load_ensemble`.
 
-    A member that failed counts up to its failure. All mappings are from the names of quantities.
+    A member that failed counts up to its failure. Mappings are from the names of quantities to arrays (times,), with
+    nan where there are too few members.
 
     Attributes:
         t: The times, (times,).
         names: The quantities.
         meta: The scene, the method and the options.
         failures: The members that did not reach the end.
+        count: The number of members that reached each time, (times,).
+        mean: Means.
+        variance: Unbiased variances.
+        std: Standard deviations.
+        minimum: Smallest values.
+        maximum: Largest values.
+        series: The quantities of the first `keep` members, (members, times); nan after a failure.
+        final: The last states, (members, variables), nan for failed members; no rows if they were not saved.
 
     Example:
         >>> from integrators import scene
         >>> from integrators.runs.ensembles import ensemble
-        >>> result = ensemble(scene("riccati"), "rk4", h=0.1, steps=20, y0=[[-1], [-2], [9]], observe=None, final=True)
+        >>> result = ensemble("rk4", scene("riccati"), h=0.1, steps=20, y0=[[-1], [-2], [9]], observe=None, final=True)
         >>> result
         <EnsembleResult rk4 on riccati: 3 members, 1 failed, 21 times>
         >>> [(failure.member, failure.step) for failure in result.failures]
@@ -59,67 +194,44 @@ class EnsembleResult:
     """
 
     def __init__(self, t: np.ndarray, names: Sequence[str], whole: Block, meta: Mapping[str, Any]):
-        self.t, self.names, self.meta = t, tuple(names), dict(meta)
+        import numpy as np
+
+        def tables(array: np.ndarray, least: int) -> dict[str, np.ndarray]:
+            """By name, where there are at least this many members."""
+            return dict(zip(self.names, np.where(self.count[:, None] >= least, array, np.nan).T, strict=True))
+
+        self.t, self.names, self.meta, self._whole = t, tuple(names), dict(meta), whole
         self.failures: tuple[Failure, ...] = whole.failures
-        self._whole = whole
+        statistics = whole.statistics
+        self.count: np.ndarray = statistics.count
+        self.mean = tables(statistics.mean, 1)
+        self.variance = tables(statistics.squares / np.maximum(self.count - 1.0, 1.0)[:, None], 2)
+        self.std = {name: np.sqrt(variance) for name, variance in self.variance.items()}
+        self.minimum, self.maximum = tables(statistics.minimum, 1), tables(statistics.maximum, 1)
+        self.series = {name: whole.series[:, :, k] for k, name in enumerate(self.names)}
+        self.final: np.ndarray = whole.ends
 
     def __repr__(self) -> str:
         about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}"
         failed = f", {len(self.failures)} failed" if self.failures else ""
         return f"<EnsembleResult {about}: {self.meta['members']} members{failed}, {len(self.t)} times>"
 
-    @property
-    def count(self) -> np.ndarray:
-        """The number of members that reached each time, (times,)."""
-        return self._whole.statistics.count
-
-    @property
-    def mean(self) -> dict[str, np.ndarray]:
-        """Means at each time; nan where there is no member."""
-        return self._where(self._whole.statistics.mean)
-
-    @property
-    def variance(self) -> dict[str, np.ndarray]:
-        """Unbiased variances at each time; nan where there are fewer than two members."""
-        return self._columns(self._whole.statistics.variance)
-
-    @property
-    def std(self) -> dict[str, np.ndarray]:
-        """Standard deviations at each time."""
-        import numpy as np
-
-        return self._columns(np.sqrt(self._whole.statistics.variance))
-
-    @property
-    def minimum(self) -> dict[str, np.ndarray]:
-        """Smallest values at each time; nan where there is no member."""
-        return self._where(self._whole.statistics.minimum)
-
-    @property
-    def maximum(self) -> dict[str, np.ndarray]:
-        """Largest values at each time; nan where there is no member."""
-        return self._where(self._whole.statistics.maximum)
-
-    @cached_property
-    def series(self) -> dict[str, np.ndarray]:
-        """The quantities of the first `keep` members, (members, times); nan after a failure."""
-        return {name: self._whole.series[:, :, k] for k, name in enumerate(self.names)}
-
-    @property
-    def final(self) -> np.ndarray:
-        """The last states, (members, variables), nan for failed members; no rows if they were not saved."""
-        return self._whole.ends
-
-    def _columns(self, array: np.ndarray) -> dict[str, np.ndarray]:
-        return {name: array[:, k] for k, name in enumerate(self.names)}
-
-    def _where(self, array: np.ndarray) -> dict[str, np.ndarray]:
-        import numpy as np
-
-        return self._columns(np.where(self.count[:, None] > 0, array, np.nan))
-
-    def _tables(self) -> dict[str, dict[str, np.ndarray]]:
-        return {key: getattr(self, key) for key in ("mean", "std", "minimum", "maximum")}
+    def to_table(self) -> Table:
+        """Statistics of each quantity; CSV has them at all times."""
+        h, steps, times = self.meta["h"], self.meta["steps"], [float(self.t[0]), float(self.t[-1])]
+        records = list(_records(self))
+        facts = {"schema": 1, "kind": "ensemble", "h": h, "steps": steps, "t": times, "members": self.meta["members"]}
+        facts["failures"] = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in self.failures]
+        about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}"
+        return Table(
+            f"{about}: {self.meta['members']:,} runs of {steps:,} steps of {h:g}, to t = {times[1]:g}",
+            MEANS,
+            records,
+            list(_notes(self)),
+            data=lambda: {**facts, "rows": records},
+            items="rows",
+            records=_statistics(self),
+        )
 
     def to_pandas(self) -> Any:
         """A ``pandas.DataFrame`` by time, with columns (quantity, statistic).
@@ -128,7 +240,7 @@ class EnsembleResult:
             IntegratorError: pandas is not installed.
         """
         pandas = optional_module("pandas", "to_pandas")
-        columns = {(name, key): table[name] for name in self.names for key, table in self._tables().items()}
+        columns = {(name, key): getattr(self, key)[name] for name in self.names for key in STATISTICS}
         columns[("count", "")] = self.count
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
@@ -139,9 +251,7 @@ class EnsembleResult:
             IntegratorError: xarray is not installed.
         """
         xarray = optional_module("xarray", "to_xarray")
-        data: dict[str, Any] = {
-            key: (("quantity", "time"), [table[name] for name in self.names]) for key, table in self._tables().items()
-        }
+        data: dict[str, Any] = {key: (("quantity", "time"), list(getattr(self, key).values())) for key in STATISTICS}
         data["count"] = ("time", self.count)
         attributes = {"meta": json.dumps(self.meta, ensure_ascii=False)}
         return xarray.Dataset(data, coords={"time": self.t, "quantity": list(self.names)}, attrs=attributes)
@@ -170,19 +280,65 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         >>> from integrators import scene
         >>> from integrators.runs.ensembles import ensemble
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     ensemble(scene("pendulum"), "rk4", h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
+        ...     ensemble("rk4", scene("pendulum"), h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
         ...     load_ensemble(f"{folder}/out.npz")
         <EnsembleResult rk4 on pendulum: 2 members, 11 times>
     """
+    import numpy as np
+
     sentence = f"{shorten(check_path(path, 'path'), 200)} must be the file of an ensemble, but was not"
     with reading(sentence):
         arrays = StoredArrays(os.fspath(path), sentence)
         head = read_json(arrays.read({"head": TEXT})["head"], HEAD, "head")
         if head["kind"] != KIND:
             raise ValueError("it holds something else")
-        names = head["names"]
-        t = arrays.read({"t": Form("f", ("times",))})["t"]
+        names, t = head["names"], arrays.read({"t": Form("f", ("times",))})["t"]
+        if not np.isfinite(t).all():
+            raise ValueError("t must be finite, but was not")
         return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
+    """Statistics of each quantity; None for numbers that are not finite."""
+    import numpy as np
+
+    for name in result.names:
+        mean, std = result.mean[name], result.std[name]
+        known = result.count > 0
+        yield {
+            "what": name,
+            "mean_at_start": _finite(mean[0]),
+            "mean_at_end": _finite(mean[-1]),
+            "std_at_end": _finite(std[-1]),
+            "minimum": _finite(result.minimum[name][known].min(initial=np.inf)),
+            "maximum": _finite(result.maximum[name][known].max(initial=-np.inf)),
+        }
+
+
+def _notes(result: EnsembleResult) -> Iterator[str]:
+    kinds = dict.fromkeys(kind for kind in result.meta["change"] if kind)
+    what = f" of {' or '.join(kinds)} changes from each start" if kinds else ""
+    yield f"Statistics{what} at {len(result.t):,} times; minimum and maximum are over all of these."
+    for failure in result.failures[:MOST_FAILURES]:
+        yield f"Run {failure.member} failed: {failure.reason}."
+    if len(result.failures) > MOST_FAILURES:
+        yield f"{len(result.failures) - MOST_FAILURES:,} more runs failed."
+
+
+def _statistics(result: EnsembleResult) -> Table:
+    """A row for each time."""
+    names = [f"{name}_{key}" for name in result.names for key in STATISTICS]
+    columns = [getattr(result, key)[name] for name in result.names for key in STATISTICS]
+
+    def rows() -> Iterator[list[float]]:
+        for k, (t, count) in enumerate(zip(result.t, result.count, strict=True)):
+            yield [float(t), int(count), *(float(column[k]) for column in columns)]
+
+    return Table("", list(map(Column, ["t", "count", *names])), LazyRows(rows, len(result.t)))
 
 
 def _arrays(block: Block) -> dict[str, Any]:
@@ -193,57 +349,45 @@ def _arrays(block: Block) -> dict[str, Any]:
 def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
     """Read a block whose arrays have the given lengths."""
     found = arrays.read(BLOCK, sizes)
+    if (found["count"] < 0).any():
+        raise ValueError("count must be 0 or more, but was not")
     records = read_json(found["failures"], [FAILURE], "failures")
     failures = (
-        Failure(r["member"], r.get("step"), r.get("t"), None if r.get("y") is None else tuple(r["y"]), r["reason"])
+        Failure(r["member"], r["step"], r["t"], None if r.get("y") is None else tuple(r["y"]), r["reason"])
         for r in records
     )
     statistics = Statistics(*(found[name] for name in Statistics._fields))
     return Block(statistics, found["series"], found["ends"], tuple(failures))
 
 
-class BlockFolder:
-    """The folder of finished blocks, from which an ensemble resumes.
+def block_folder(path: str | os.PathLike[str], identity: Mapping[str, Any]) -> str:
+    """The folder of finished blocks, created if missing, from which an ensemble with this identity resumes."""
+    folder = check_path(path, "checkpoint")
+    label = os.path.join(folder, "ensemble.json")
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        what = f"checkpoint must be a folder that can be made, but was {shorten(folder, 200)!r}"
+        raise IntegratorError(f"{what}: {error.strerror}") from None
+    if not os.path.exists(label):
+        atomic_write(label, json.dumps(identity, indent=1) + "\n")
+    with reading(f"checkpoint must be the folder of an ensemble, but {shorten(label, 200)} is damaged"):
+        found = read_json(read_text(label)[0], dict, "content")
+    check_identity(found, identity, "the folder of the same ensemble")
+    return folder
 
-    Args:
-        path: The folder; created if missing.
-        identity: Everything that must be the same when the ensemble resumes.
 
-    Raises:
-        IntegratorError: The folder belongs to another ensemble, or is not writable.
-    """
+def load_block(folder: str | None, number: int, sizes: Mapping[str, int]) -> Block | None:
+    """A block whose arrays have these lengths; None if it is missing or damaged."""
+    with suppress(IntegratorError), reading("a block must be whole"):
+        return None if folder is None else _block(StoredArrays(_file(folder, number), ""), sizes)
 
-    def __init__(self, path: str | os.PathLike[str], identity: Mapping[str, Any]):
-        self._path = os.fspath(path)
-        mine, label = json.loads(json.dumps(identity)), os.path.join(self._path, "ensemble.json")
-        try:
-            os.makedirs(self._path, exist_ok=True)
-        except OSError as error:
-            raise IntegratorError(
-                f"checkpoint must be a folder that can be made, but was {shorten(self._path, 200)!r}: {error.strerror}"
-            ) from None
-        if not os.path.exists(label):
-            atomic_write(label, json.dumps(mine, indent=1) + "\n")
-        with reading(f"checkpoint must be the folder of an ensemble, but {shorten(label, 200)} is damaged"):
-            found = read_json(read_text(label)[0], dict, "content")
-        for key in (*mine, *found):
-            if found.get(key) != mine.get(key):
-                was, is_ = (shorten(json.dumps(x.get(key), ensure_ascii=False)) for x in (found, mine))
-                raise IntegratorError(
-                    f"checkpoint must be the folder of the same ensemble, but there {key} was {was}, here it is {is_}"
-                )
 
-    def load(self, number: int, sizes: Mapping[str, int]) -> Block | None:
-        """A block whose arrays have these lengths; None if it is missing or damaged."""
-        try:
-            with reading("a block must be whole"):
-                return _block(StoredArrays(self._file(number), ""), sizes)
-        except IntegratorError:
-            return None
+def save_block(folder: str | None, number: int, block: Block) -> None:
+    """Write a block, if there is a folder."""
+    if folder is not None:
+        write_arrays(_file(folder, number), _arrays(block))
 
-    def save(self, number: int, block: Block) -> None:
-        """Write a block."""
-        write_arrays(self._file(number), _arrays(block))
 
-    def _file(self, number: int) -> str:
-        return os.path.join(self._path, f"block-{number:06d}.npz")
+def _file(folder: str, number: int) -> str:
+    return os.path.join(folder, f"block-{number:06d}.npz")

@@ -3,50 +3,60 @@
 from __future__ import annotations
 
 import hashlib
-import operator
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import suppress
-from itertools import chain
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import closing, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
-from integrators.runs.checkpoints import description, identity
-from integrators.runs.ensemble_members import Block, Members, Settings, block_sizes, lost_block, run_block
-from integrators.runs.ensemble_results import BlockFolder, EnsembleResult
-from integrators.runs.ensemble_statistics import Gathering, Statistics
-from integrators.runs.executors import Workers
+from integrators.exact.arguments import step_count
+from integrators.methods.catalogue.registry import as_method
+from integrators.runs.ensemble_results import (
+    Block,
+    EnsembleResult,
+    Statistics,
+    block_folder,
+    load_block,
+    merged_blocks,
+    save_block,
+)
+from integrators.runs.executors import check_executor, results_in_order
 from integrators.runs.integration import OutputSteps
+from integrators.runs.members import Members, run_block
 from integrators.runs.observers import observers
+from integrators.runs.storage import description, identity
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
+BOOKKEEPING = 2
+"""List entries for each member of an ensemble."""
 BLOCKS = 64
 """Approximate number of blocks: enough to balance the load, few enough that their statistics take little memory."""
-BOOKKEEPING = 2
-"""List entries for each member: its start in the tasks, and in a worker."""
 TIMES = 1000
 """Approximate number of observations by default."""
 CHANGES = (None, "absolute", "relative")
 
 
 def ensemble(
-    scene: Scene,
     method: Method | str,
+    scene: Scene | str,
     *,
-    h: float,
-    steps: int,
+    h: float | str,
+    steps: int | None = None,
+    span: float | str | None = None,
     y0: Any = None,
     sample: Callable[[np.random.Generator], Any] | None = None,
     members: int | None = None,
@@ -74,10 +84,11 @@ def ensemble(
     `integrate` from its start. (Different processors may round differently.)
 
     Args:
-        scene: The scene.
         method: The method, or its name.
+        scene: The scene.
         h: The step size.
         steps: The number of steps of each member.
+        span: The length of time instead of `steps`; the last step may end later.
         y0: The starts, (members, variables), unless `sample` is given.
         sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
             `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
@@ -102,11 +113,12 @@ def ensemble(
         progress: Called with the number of finished members and the total.
 
     Returns:
-        The statistics. Failed members are listed, and count up to their failure; a member whose worker was lost is run
-        again.
+        The statistics. Failed members are listed, and count up to their failure. Members whose worker was lost are run
+        again, by process pools created here and by Dask.
 
     Raises:
-        IntegratorError: An argument is invalid, or the folder belongs to another ensemble.
+        IntegratorError: An argument is invalid, the folder belongs to another ensemble, or workers are lost again and
+            again.
 
     Warns:
         RuntimeWarning: A quantity, or its relative change, was not finite.
@@ -116,7 +128,7 @@ def ensemble(
         >>> from integrators.runs.random_starts import perturbed_start
         >>> pendulum = scene("pendulum")
         >>> result = ensemble(
-        ...     pendulum, "stormer-verlet", h=0.1, steps=100, sample=perturbed_start(pendulum, 0.1), members=20,
+        ...     "stormer-verlet", pendulum, h=0.1, steps=100, sample=perturbed_start(pendulum, 0.1), members=20,
         ...     change="absolute", observe_every=50,
         ... )
         >>> result.t, result.count
@@ -127,10 +139,13 @@ def ensemble(
     References:
         E. Hairer, lecture on long-time behaviour, figure 8 (statistics of energy errors over 400 trajectories).
     """
+    method = as_method(method)
+    scene = as_scene(scene)
+    check_executor(executor, workers)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
-    compiled, observer = stepper(scene, method, parts=parts, **numerics), observers(scene, observe)
+    compiled, observer = stepper(method, scene, parts=parts, **numerics), observers(scene, observe)
     origin = compiled.start([0.0] * scene.dimension, h=h, t0=t0)
-    steps = _whole(steps, "steps", 0)
+    steps = step_count(h, steps, span)
     check_end(origin.t0, origin.h, steps)
     every = max(1, steps // TIMES) if observe_every is None else _whole(observe_every, "observe_every", 1)
     starts, count = _starts(y0, sample, members, scene.dimension)
@@ -138,21 +153,19 @@ def ensemble(
         scene, compiled.method, origin.h, steps, origin.t0, {"parts": parts, **numerics}, observer, every,
         _changes(change, observer.names), sample, _whole(seed, "seed", 0), _whole(keep, "keep", 0), bool(final),
     )  # fmt: skip
-    s = work.settings
-    _check_memory(s, count)
-    options = {"h": s.h, "t0": s.t0, "steps": steps, "observe_every": every, **numerics, "members": count}
-    options |= {"seed": s.seed if starts is None else None, "change": list(s.change), "keep": s.keep, "final": s.final}
-    same = {**identity(compiled, observer, options, origin), "steps": steps, "start": _fingerprint(work, starts, count)}
-    folder = None if checkpoint is None else BlockFolder(checkpoint, same)
-    spans = _spans(count)
-    with Workers(executor, workers) as pool:
-        try:
-            whole = _merged_blocks(_blocks(pool, work, starts, spans, folder), spans, progress)
-        finally:
-            work.is_stopped = True
-    result = EnsembleResult(
-        s.t0 + s.h * work.step_numbers, observer.names, whole, description(compiled, observer, options)
-    )
+    _check_memory(work, count)
+    options = {"h": work.h, "t0": work.t0, "steps": steps, "observe_every": every, **numerics, "members": count}
+    options |= {"seed": None if sample is None else work.seed, "change": work.change}
+    options |= {"keep": work.keep, "final": work.final}
+    same = identity(compiled, observer, options, _fingerprint(work, starts, count))
+    if executor != "threads" and not isinstance(executor, ThreadPoolExecutor):
+        _ = work.packed  # refused here if it cannot be pickled
+    folder = None if checkpoint is None else block_folder(checkpoint, same)
+    compute = partial(results_in_order, executor, workers, run_block)
+    with closing(_blocks(work, starts, count, folder, compute, progress)) as blocks:
+        whole = merged_blocks(blocks)
+    t = work.t0 + work.h * work.step_numbers
+    result = EnsembleResult(t, observer.names, whole, description(compiled, observer, options))
     _warn_of_nonfinite_means(result)
     return result
 
@@ -162,9 +175,8 @@ def _warn_of_nonfinite_means(result: EnsembleResult) -> None:
     import numpy as np
 
     for name, mean in result.mean.items():
-        gaps = np.flatnonzero((result.count > 0) & ~np.isfinite(mean))
-        if gaps.size:
-            at = f"the mean over members was {mean[gaps[0]]} at t = {result.t[gaps[0]]:g}"
+        for k in np.flatnonzero((result.count > 0) & ~np.isfinite(mean))[:1]:
+            at = f"the mean over members was {mean[k]} at t = {result.t[k]:g}"
             message = f"{name} must be finite at the states that are observed, but {at}"
             warnings.warn(message, RuntimeWarning, stacklevel=3)
 
@@ -192,7 +204,7 @@ def _whole(value: Any, argument: str, least: int) -> int:
     return read_whole(value, argument, f"an integer from {least} on", least, sys.maxsize)
 
 
-def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:
+def _changes(change: Any, names: Sequence[str]) -> list[str | None]:
     """The kind of change for each quantity."""
     given = change if isinstance(change, Mapping) else dict.fromkeys(names, change)
     for name, kind in given.items():
@@ -200,14 +212,14 @@ def _changes(change: Any, names: Sequence[str]) -> tuple[str | None, ...]:
             raise IntegratorError(f"change must be of {shorten(', '.join(names))}, but was of {shorten(repr(name))}")
         if kind not in CHANGES:
             raise IntegratorError(f"change must be None, 'absolute' or 'relative', but was {shorten(repr(kind))}")
-    return tuple(given.get(name) for name in names)
+    return [given.get(name) for name in names]
 
 
-def _check_memory(s: Settings, count: int) -> None:
-    """Refuse ensembles that would not fit in memory: series, last states, unmerged statistics, lists of starts."""
-    values = OutputSteps(s.observe_every).count(s.steps) * len(s.observers)
-    waiting = len(Statistics._fields) * min(count, 2 * BLOCKS.bit_length())
-    rows = 2 * (values * min(s.keep, count) + s.final * count * s.scene.dimension)  # in blocks, and merged
+def _check_memory(work: Members, count: int) -> None:
+    """Refuse ensembles that would not fit in memory: statistics of finished blocks, series, and last states."""
+    values = OutputSteps(work.observe_every).count(work.steps) * len(work.observers)
+    waiting = len(Statistics._fields) * min(count, 2 * BLOCKS)
+    rows = 2 * (values * min(work.keep, count) + work.final * count * work.scene.dimension)  # in blocks, and merged
     refuse_beyond_memory(
         8 * (values * waiting + rows + BOOKKEEPING * count), IntegratorError,
         "observe_every must be larger, or members, keep and final less: an ensemble",
@@ -224,7 +236,7 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
     """
     import numpy as np
 
-    s, digest = work.settings, hashlib.sha256(b"" if starts is None else starts.tobytes())
+    observer, digest = work.observers, hashlib.sha256(b"" if starts is None else starts.tobytes())
     reasons: list[str] = []
     for member in (0, count - 1):
         try:
@@ -232,59 +244,37 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
         except Exception as error:  # a function of the user may raise anything
             reasons.append(f"{type(error).__name__}: {error}")
             continue
-        s.observers.check(state.t, state.y)
-        row = np.zeros((1, len(s.observers)))
-        digest.update(state.y.tobytes() + s.observers(state.t, state.y).tobytes())
+        observer.check(state.t, state.y)
+        row = np.zeros((1, len(observer)))
+        digest.update(state.y.tobytes() + observer(state.t, state.y).tobytes())
         with suppress(StepError):
-            work.stepper.record(state, 1, o_every=1 if s.observers else 0, observer=s.observers.address, o_rows=row)
+            work.stepper.record(state, 1, o_every=1 if observer else 0, observer=observer.address, o_rows=row)
         digest.update(state.y.tobytes() + row.tobytes())
     if len(reasons) == 2:
-        what = "y0" if s.sample is None else "sample"
+        what = "y0" if work.sample is None else "sample"
         raise IntegratorError(f"{what} must give starts, but the first member has none: {shorten(reasons[0], 200)}")
     return digest.hexdigest()
 
 
-def _spans(count: int) -> list[range]:
-    """Blocks of members, whose size depends on `count` alone: a power of two, so that each is a subtree."""
-    size = 1 << (-(-count // BLOCKS) - 1).bit_length()
-    return [range(first, min(first + size, count)) for first in range(0, count, size)]
-
-
 def _blocks(
-    pool: Workers, work: Members, starts: np.ndarray | None, spans: Sequence[range], folder: BlockFolder | None
-) -> Iterator[tuple[int, Block]]:
-    """All blocks and their numbers, in the order in which they finish."""
-    tasks = []
-    for number, span in enumerate(spans):
-        block = None if folder is None else folder.load(number, block_sizes(work, span))
-        if block is not None:
-            yield number, block
-        else:
-            own = [None] * len(span) if starts is None else starts[span.start : span.stop]
-            tasks.append((number, work, span.start, own))
-    if tasks and not pool.share_memory:
-        _ = work.packed  # refused here if it cannot be pickled
-    for number, block in pool.run(run_block, tasks):
-        if block is None:
-            block = lost_block(work, spans[number].start, len(spans[number]))
-        elif folder is not None:
-            folder.save(number, block)
-        yield number, block
-
-
-def _merged_blocks(
-    blocks: Iterator[tuple[int, Block]], spans: Sequence[range], progress: Callable[[int, int], None] | None
-) -> Block:
-    """Merge all blocks into one."""
-    import numpy as np
-
-    gathering, done, found = Gathering(len(spans)), 0, list[tuple[Any, ...]]()
-    for number, block in blocks:
-        gathering.add(number, block.statistics)
-        found.append((number, block.series, block.ends, block.failures))
-        done += len(spans[number])
-        if progress is not None:
-            progress(done, spans[-1].stop)
-    _, series, ends, failures = zip(*sorted(found, key=operator.itemgetter(0)), strict=True)
-    assert gathering.total is not None
-    return Block(gathering.total, np.concatenate(series), np.concatenate(ends), tuple(chain.from_iterable(failures)))
+    work: Members, starts: np.ndarray | None, count: int, folder: str | None,
+    compute: Callable[[Sequence[Any]], Generator[Block, None, None]], progress: Callable[[int, int], None] | None,
+) -> Generator[Block, None, None]:  # fmt: skip
+    """All blocks in order; their size, a power of two, depends on `count` alone."""
+    size = 1 << (-(-count // BLOCKS) - 1).bit_length()
+    spans = [range(first, min(first + size, count)) for first in range(0, count, size)]
+    stored = [load_block(folder, number, work.sizes(span)) for number, span in enumerate(spans)]
+    missing = [span for span, block in zip(spans, stored, strict=True) if block is None]
+    tasks = [(work, span, None if starts is None else starts[span.start : span.stop]) for span in missing]
+    with closing(compute(tasks)) as results:
+        try:
+            for number, span in enumerate(spans):
+                block, stored[number] = stored[number], None
+                if block is None:
+                    block = next(results)
+                    save_block(folder, number, block)
+                if progress is not None:
+                    progress(span.stop, count)
+                yield block
+        finally:
+            work.is_stopped = True

@@ -5,22 +5,25 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.arguments import check_end, check_progress, read_steps
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import check_path
-from integrators.runs.checkpoints import Checkpoint, description, identity
+from integrators.exact.arguments import step_count
+from integrators.methods.catalogue.registry import as_method
 from integrators.runs.observers import observers
-from integrators.runs.storage import Contents, Counts, FolderRecording, Recording
+from integrators.runs.storage import Checkpoint, Counts, FolderRecording, Recording, description, identity
 from integrators.runs.trajectory import PART
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.runs.observers import Observers
     from integrators.runs.storage import Rows
     from integrators.runs.trajectory import Trajectory
@@ -50,97 +53,62 @@ class OutputSteps(NamedTuple):
 
     def count(self, steps: int) -> int:
         """The number of outputs in a run of `steps` steps."""
-        return self.so_far(steps) + (not self.includes(steps))
-
-    def so_far(self, n: int) -> int:
-        """The number of outputs up to step n of a run that goes on."""
-        return 1 + self.between(0, n)
+        return 1 + self.between(0, steps) + (not self.includes(steps))
 
 
 class Run:
     """A run and its recording, which agree after every call that succeeds.
 
-    Args:
-        stepper: The compiled steps.
-        state: The present state.
-        observer: The observed quantities.
-        stored: The steps whose states are stored.
-        observed: The steps whose states are observed.
-        recording: Storage of states and observations.
-
-    Attributes:
-        restart: A copy of the state and the number of rows, to return to after an interrupted call.
-        warning: A sentence on the first observation that was not finite.
+    `grids` are the steps whose states are stored, and those whose states are observed. From `restart`, a copy of the
+    state, an interrupted call can be repeated; `warning` is a sentence on the first observation that was not finite.
     """
 
     def __init__(
-        self,
-        stepper: Stepper,
-        state: State,
-        observer: Observers,
-        stored: OutputSteps,
-        observed: OutputSteps,
-        recording: Recording,
+        self, stepper: Stepper, state: State, observer: Observers, grids: tuple[OutputSteps, ...], recording: Recording
     ):
         self.stepper, self.state, self.observer, self.recording = stepper, state, observer, recording
-        self._stored, self._observed = stored, observed
-        self.restart = state.copy(), recording.counts
+        self._grids, self.restart = grids, state.copy()
         self.warning: str | None = None
 
-    def begin(self) -> None:
-        """Record the start."""
-        self._keep_state(True, True)
-
-    def end(self) -> None:
-        """Record the last state, unless it has been."""
-        self._keep_state(not self._stored.includes(self.state.n), not self._observed.includes(self.state.n))
-
-    def _keep_state(self, store: bool, observe: bool) -> None:
-        state, counts = self.state, Counts(int(store), int(observe))
+    def keep_state(self, *, is_end: bool) -> None:
+        """Record the present state: the start, or the last one unless it has been recorded."""
+        state = self.state
+        counts = Counts(*(int(not is_end or not grid.includes(state.n)) for grid in self._grids))
         rows = self.recording.room(counts)
         rows.y[:], rows.t[:] = state.y, state.t
-        if observe and rows.observed is not None and rows.observed_t is not None:
+        if counts.observed and rows.observed is not None and rows.observed_t is not None:
             rows.observed[:], rows.observed_t[:] = self.observer(state.t, state.y), state.t
-        self._keep(rows, counts)
-
-    def _keep(self, rows: Rows, counts: Counts) -> None:
-        if self.warning is None:
-            self.warning = _nonfinite_observation(rows, counts.observed, self.observer.names)
-        self.recording.add(counts)
-        self.restart = self.state.copy(), self.recording.counts
+        self._add(rows, counts)
 
     def advance(self, steps: int) -> int:
-        """Make and record at most `steps` steps, as many as fit in one chunk; return their number.
-
-        Raises:
-            StepError: A step failed; everything before it is recorded.
-        """
+        """Make and record at most `steps` steps, as many as fit in a chunk, or until one fails; return their number."""
         state, before = self.state, self.state.n
-        for grid, width in ((self._stored, len(state.y)), (self._observed, len(self.observer))):
+        stored, observed = self._grids
+        for grid, width in ((stored, len(state.y)), (observed, len(self.observer))):
             if grid.every is not None:
                 steps = min(steps, grid.every * max(1, CHUNK_NUMBERS // max(1, width)))
         rows = self.recording.room(self._between(before, before + steps))
         try:
             self.stepper.record(
-                state,
-                steps,
-                y_every=self._stored.every or 0,
-                y_rows=rows.y,
-                y_times=rows.t,
-                o_every=(self._observed.every or 0) if len(self.observer) else 0,
-                observer=self.observer.address,
-                o_rows=rows.observed,
-                o_times=rows.observed_t,
-            )
-        except StepError:
-            self._keep(rows, self._between(before, state.n))
+                state, steps, y_every=stored.every or 0, y_rows=rows.y, y_times=rows.t,
+                o_every=(observed.every or 0) if len(self.observer) else 0,
+                observer=self.observer.address, o_rows=rows.observed, o_times=rows.observed_t,
+            )  # fmt: skip
+        except StepError:  # after Ctrl-C, the state need not belong to its number
+            self._add(rows, self._between(before, state.n))
             raise
-        self._keep(rows, self._between(before, state.n))
+        self._add(rows, self._between(before, state.n))
         return steps
 
     def _between(self, before: int, n: int) -> Counts:
         """The number of rows from the steps after `before`, up to step `n`."""
-        return Counts(self._stored.between(before, n), self._observed.between(before, n))
+        return Counts(*(grid.between(before, n) for grid in self._grids))
+
+    def _add(self, rows: Rows, counts: Counts) -> None:
+        if self.warning is None:
+            self.warning = _nonfinite_observation(rows, counts.observed, self.observer.names)
+        self.recording.add(counts)
+        self.restart = self.state.copy()
 
 
 def _nonfinite_observation(rows: Rows, count: int, names: Sequence[str]) -> str | None:
@@ -155,11 +123,12 @@ def _nonfinite_observation(rows: Rows, count: int, names: Sequence[str]) -> str 
 
 
 def integrate(
-    scene: Scene,
     method: Method | str,
+    scene: Scene | str,
     *,
-    h: float,
-    steps: int,
+    h: float | str,
+    steps: int | None = None,
+    span: float | str | None = None,
     y0: Any = None,
     t0: float = 0.0,
     parts: Mapping[str, Any] | None = None,
@@ -182,10 +151,11 @@ def integrate(
     ends bit for bit like an uninterrupted one. Times are t0 + n h, never sums.
 
     Args:
-        scene: The scene.
         method: The method, or its name.
-        h: The step size; negative backwards in time.
+        scene: The scene.
+        h: The step size, a number or text such as ``"1/10"``; negative backwards in time.
         steps: The number of steps.
+        span: The length of time instead of `steps`; the last step may end later.
         y0: The start, (variables,); by default that of the scene (at time `t0` if the time is among its variables).
         t0: The time at the start.
         parts: The parts of the scene that the parts of the method stand for; see `stepper`.
@@ -218,7 +188,7 @@ def integrate(
 
     Example:
         >>> from integrators import scene
-        >>> run = integrate(scene("pendulum"), "stormer-verlet", h=0.1, steps=1000, save_every=500, observe="energy")
+        >>> run = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=1000, save_every=500, observe="energy")
         >>> print(run.t, run.y.shape)
         [  0.  50. 100.] (2, 3)
         >>> print(run.observed["energy"].round(3))
@@ -227,17 +197,19 @@ def integrate(
     References:
         HLW, section VIII.5 (compensated summation).
     """
-    steps = read_steps(steps, "steps", 0)
+    method = as_method(method)
+    scene = as_scene(scene)
+    if control is not None and span is not None:
+        raise IntegratorError(f"span must be left out with control, whose steps vary, but was {shown(span)}")
+    steps = step_count(h, steps, span)
     save_every = None if save_every is None else read_steps(save_every, "save_every", 1)
     observe_every = save_every if observe_every is None else read_steps(observe_every, "observe_every", 1)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
-    compiled, observer = stepper(scene, method, parts=parts, control=control, **numerics), observers(scene, observe)
+    compiled, observer = stepper(method, scene, parts=parts, control=control, **numerics), observers(scene, observe)
     state = compiled.start(_start(scene, t0) if y0 is None else y0, h=h, t0=t0)
     if not len(state.control):  # variable steps have times of their own
         check_end(state.t0, state.h, steps)
     observer.check(state.t, state.y)
-    options = {"h": state.h, "t0": state.t0, "steps": steps, "save_every": save_every, "observe_every": observe_every}
-    options |= {**numerics, "control": None if control is None else str(control)}
     if not isinstance(checkpoint_every, int | float) or not checkpoint_every >= 0:
         raise IntegratorError(f"checkpoint_every must be seconds, 0 or more, but was {shorten(repr(checkpoint_every))}")
     check_progress(progress)
@@ -245,68 +217,60 @@ def integrate(
     path = None if checkpoint is None else check_path(checkpoint, "checkpoint")
     if path is not None and path == target:
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
-    saved = None if path is None else Checkpoint(path, identity(compiled, observer, options, state), checkpoint_every)
-    stored, observed = OutputSteps(save_every), OutputSteps(observe_every)
-    counts = None
-    if saved is not None:
-        counts = saved.restore(
-            state, steps, lambda n: Counts(stored.so_far(n), observed.so_far(n) if observer.names else 0)
-        )
-    contents = Contents(
-        variables=scene.variables,
-        names=observer.names,
-        h=state.h,
-        same_times=save_every == observe_every,
-        meta=description(compiled, observer, options),
-        total=Counts(stored.count(steps), observed.count(steps)),
-    )
+    options = {"h": state.h, "t0": state.t0, "save_every": save_every, "observe_every": observe_every}
+    options |= {**numerics, "control": None if control is None else str(control)}
+    saved, is_resumed = None, False
+    if path is not None:
+        start = sha256(state.y.tobytes()).hexdigest()
+        saved = Checkpoint(path, identity(compiled, observer, options, start), checkpoint_every)
+        is_resumed = saved.restore(state, steps)
+    grids = OutputSteps(save_every), OutputSteps(observe_every)
+    total = Counts(*(grid.count(steps) for grid in grids))
+    about = {"variables": scene.variables, "observed": observer.names, "h": state.h}
+    about["same_times"] = save_every == observe_every
+    about["meta"] = description(compiled, observer, {"h": state.h, "t0": state.t0, "steps": steps} | options)
+    counts = Counts(*(1 + grid.between(0, state.n) for grid in grids)) if is_resumed else None
     folder = path if target is None else target
-    recording = Recording(contents) if folder is None else FolderRecording(contents, folder + PART, target, counts)
-    run = Run(compiled, state, observer, stored, observed, recording)
-    if counts is None:
-        run.begin()
+    if folder is None:
+        recording = Recording(about, total)
+    else:
+        recording = FolderRecording(about, total, folder + PART, target, counts)
+    run = Run(compiled, state, observer, grids, recording)
+    if not is_resumed:
+        run.keep_state(is_end=False)
     return _completed(run, steps, saved, progress)
 
 
 def _completed(
     run: Run, steps: int, checkpoint: Checkpoint | None, progress: Callable[[int, int], object] | None
 ) -> Trajectory:
-    """Make all steps, and return the trajectory."""
+    """Make all steps, in chunks of about `CHUNK_SECONDS`, and return the trajectory."""
+    size = FIRST_CHUNK
     try:
-        _make_steps(run, steps, checkpoint, progress)
+        while run.state.n < steps:
+            began = monotonic()
+            made = run.advance(min(size, steps - run.state.n))
+            size = max(1, int(made * min(MOST_GROWTH, CHUNK_SECONDS / max(monotonic() - began, 1e-9))))
+            if progress is not None:
+                progress(run.state.n, steps)
+            if checkpoint is not None and checkpoint.is_due:
+                run.recording.sync()
+                checkpoint.write(run.state)
     except StepError as error:
-        run.end()
+        run.keep_state(is_end=True)
         error.trajectory = _closed(run, checkpoint)
         raise
-    except BaseException:  # Ctrl-C, or an error in `progress`: the rows of this chunk may be incomplete
-        state, counts = run.restart
-        run.recording.cut(counts)
+    except BaseException:  # Ctrl-C, an error in `progress`, or a full disk
         if checkpoint is None:
             _closed(run, checkpoint)
         else:
-            checkpoint.write(state, counts)
+            checkpoint.write(run.restart)
             run.recording.close()
         raise
-    run.end()
+    run.keep_state(is_end=True)
     if run.warning is not None:
         warnings.warn(run.warning, RuntimeWarning, stacklevel=3)
     return _closed(run, checkpoint)
-
-
-def _make_steps(
-    run: Run, steps: int, checkpoint: Checkpoint | None, progress: Callable[[int, int], object] | None
-) -> None:
-    """Make all steps, in chunks of about `CHUNK_SECONDS`; results do not depend on the chunks."""
-    size = FIRST_CHUNK
-    while run.state.n < steps:
-        began = monotonic()
-        made = run.advance(min(size, steps - run.state.n))
-        size = max(1, int(made * min(MOST_GROWTH, CHUNK_SECONDS / max(monotonic() - began, 1e-9))))
-        if progress is not None:
-            progress(run.state.n, steps)
-        if checkpoint is not None and checkpoint.is_due:
-            run.recording.sync()
-            checkpoint.write(run.state, run.recording.counts)
 
 
 def _closed(run: Run, checkpoint: Checkpoint | None) -> Trajectory:

@@ -190,9 +190,9 @@ def _check_name(name: Any, scene: Scene, taken: Mapping[str, Any]) -> None:
 def _check_quantity(quantity: str, scene: Scene) -> None:
     if quantity not in _base(scene).invariants and (quantity != ENERGY or _with_energy(scene) is None):
         known = [ENERGY] * (_with_energy(scene) is not None) + list(_base(scene).invariants)
+        those = shorten(", ".join(known) or "it has none")
         raise IntegratorError(
-            f"observe must be of functions and {scene.name}'s {shorten(', '.join(known) or 'no quantities')}, "
-            f"but one was {shorten(quantity)!r}"
+            f"observe must hold functions, or quantities of {scene.name} ({those}), but one was {shorten(quantity)!r}"
         )
 
 
@@ -228,7 +228,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
     """The module with the functions ``formulas`` and ``observe``, which write the quantities to an array."""
     from integrators.compile import machine
 
-    writer, lines, base = ModuleText(precise=False, lanes=True, plain=True), [], _base(scene)
+    writer, lines, base = ModuleText(lanes=True, plain=True), [], _base(scene)
     integrals = {}
     for k, quantity in quantities.items():
         system = _with_energy(scene) if quantity == ENERGY else None

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.particles.expansion import filled, written_out
@@ -40,7 +42,7 @@ class NormalStart(NamedTuple):
         return self.mean + (deviation if self.root.ndim == 1 else deviation.sum(axis=1))
 
 
-def perturbed_start(scene: Scene, spread: float) -> NormalStart:
+def perturbed_start(scene: Scene | str, spread: float) -> NormalStart:
     """The start of a scene with a normal number added to each value.
 
     Args:
@@ -57,6 +59,7 @@ def perturbed_start(scene: Scene, spread: float) -> NormalStart:
         >>> print(draw.mean, draw(np.random.default_rng(1)))
         [0. 1. 0.] [3.45584192e-04 1.00082162e+00 3.30437076e-04]
     """
+    scene = as_scene(scene)
     import numpy as np
 
     deviation = _not_negative(spread, "spread")
@@ -64,7 +67,7 @@ def perturbed_start(scene: Scene, spread: float) -> NormalStart:
     return NormalStart(start, np.full(len(start), deviation))
 
 
-def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
+def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
     """Momenta from the Maxwell–Boltzmann distribution, at the positions of the scene's start.
 
     Their density is proportional to exp(−H/T), on condition that first integrals linear in the momenta alone, such as
@@ -86,17 +89,20 @@ def thermal_momenta(scene: Scene, temperature: float) -> NormalStart:
         >>> print(y0[:4], abs(y0[:4].sum()) < 1e-15, (y0[4:] == atoms.y0[4:]).all())
         [ 0.09390815 0.2444433 0.08911821 -0.42746967] True True
     """
+    scene = as_scene(scene)
     import numpy as np
+    import sympy
 
     scale = math.sqrt(_not_negative(temperature, "temperature"))
     mean = _checked(scene).y0
     momenta = _momenta(scene)
     p = slice(momenta.offset, momenta.end)
-    inverse_masses, drift = _kinetic_energy(scene, momenta)
+    places = {sympy.Symbol(name): k for k, name in enumerate(momenta.variables)}
+    inverse_masses, drift = _kinetic_energy(scene, momenta, places)
     masses = np.linalg.inv(inverse_masses)
     free_mean, free_root = -masses @ drift, scale * np.linalg.cholesky(masses)
     # The normal distribution with covariance T M under the condition C p = c: subtract M Cᵀ (C M Cᵀ)⁻¹ (C p − c).
-    conditions = _linear_integrals(scene, momenta)
+    conditions = _linear_integrals(scene, places)
     correction = masses @ conditions.T @ np.linalg.pinv(conditions @ masses @ conditions.T)
     root = np.zeros((len(mean), momenta.dimension))
     root[p] = free_root - correction @ (conditions @ free_root)
@@ -128,7 +134,7 @@ def _momenta(scene: Scene) -> Block:
     return pair[0]
 
 
-def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarray]:
+def _kinetic_energy(scene: Scene, momenta: Block, places: Mapping[sympy.Symbol, int]) -> tuple[np.ndarray, np.ndarray]:
     """The matrix A and the vector b of H = ½ pᵀA p + bᵀp + …, where b may depend on q, taken at the start.
 
     Only the summands with momenta are expanded.
@@ -136,7 +142,6 @@ def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarra
     import numpy as np
     import sympy
 
-    places = _places(momenta)
     names = {*momenta.variables, *(f"{component}_" for component in momenta.components)}
     kinetic = [
         formula
@@ -158,11 +163,11 @@ def _kinetic_energy(scene: Scene, momenta: Block) -> tuple[np.ndarray, np.ndarra
     return matrix, drift
 
 
-def _linear_integrals(scene: Scene, momenta: Block) -> np.ndarray:
+def _linear_integrals(scene: Scene, places: Mapping[sympy.Symbol, int]) -> np.ndarray:
     """The coefficients of first integrals linear in the momenta alone, a row for each."""
     import numpy as np
 
-    places, rows = _places(momenta), []
+    rows = []
     for declared in scene.invariants.values():
         formula = filled(declared, scene)
         gradient = {x: formula.diff(x) for x in _symbols(formula)} if _symbols(formula) <= places.keys() else {}
@@ -176,12 +181,6 @@ def _linear_integrals(scene: Scene, momenta: Block) -> np.ndarray:
 
 def _symbols(formula: sympy.Expr) -> set[sympy.Symbol]:
     return cast("set[sympy.Symbol]", formula.free_symbols)
-
-
-def _places(momenta: Block) -> dict[sympy.Symbol, int]:
-    import sympy
-
-    return {sympy.Symbol(name): k for k, name in enumerate(momenta.variables)}
 
 
 def _number(value: Any, scene: Scene) -> float:

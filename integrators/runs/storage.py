@@ -1,118 +1,35 @@
-"""Trajectory storage: memory or disk."""
+"""Storage of a run: its rows, in memory or appended to the files of a folder, its identity, and its checkpoint."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
-import struct
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from time import monotonic
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from foundation.machine_code import PACKAGE, package_version
 from foundation.memory import refuse_beyond_memory
+from integrators.core.arguments import MOST_STEPS
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.stored_arrays import reading
-from integrators.core.text_files import atomic_write, lock
-from integrators.runs.trajectory import RUN, Trajectory, load_trajectory, read_run
+from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
+from integrators.core.text_files import atomic_write, lock, remove_unfinished
+from integrators.methods.programs.program import program_text
+from integrators.methods.tableaux.files import dumps_method
+from integrators.runs.trajectory import ROWS, RUN, Trajectory, load_trajectory, read_run, row_widths, trajectory_of
 
 if TYPE_CHECKING:
     import numpy as np
 
-HEADER = 128
-"""Bytes before the numbers of an NPY file, enough for any number of rows."""
-
-
-class MemoryTable:
-    """Rows in memory, allocated at once.
-
-    Args:
-        width: Length of a row; None if a row is one number.
-        capacity: The largest number of rows.
-
-    Attributes:
-        count: The number of rows.
-    """
-
-    def __init__(self, width: int | None, capacity: int):
-        import numpy as np
-
-        self.count, self._rows = 0, np.empty(_shape(capacity, width))
-
-    def room(self, rows: int) -> np.ndarray:
-        """An array for the next rows."""
-        return self._rows[self.count : self.count + rows]
-
-    def add(self, rows: int) -> None:
-        """Add rows that were written to the array from `room`."""
-        self.count += rows
-
-    def array(self) -> np.ndarray:
-        """The rows, as columns of an array."""
-        return self._rows[: self.count].T
-
-
-class FileTable:
-    """Rows in an NPY file, as columns of an array in Fortran order; the header is valid at any time.
-
-    Args:
-        path: The file.
-        width: Length of a row; None if a row is one number.
-        count: The number of rows to resume from; later rows are cut off.
-
-    Attributes:
-        count: The number of rows.
-
-    Raises:
-        IntegratorError: The file has fewer rows.
-    """
-
-    def __init__(self, path: str, width: int | None, count: int = 0):
-        self.count, self._width = count, width
-        self._file: IO[bytes] = open(path, "r+b" if count else "w+b", buffering=0)  # noqa: SIM115
-        end = HEADER + 8 * count * (width or 1)
-        if count and os.fstat(self._file.fileno()).st_size < end:
-            self._file.close()
-            raise IntegratorError(f"{shorten(path, 200)} must have {count} rows to resume from, but has fewer")
-        self._file.truncate(end)
-        self._write_header()
-
-    def room(self, rows: int) -> np.ndarray:
-        """An array that `add` writes to the file."""
-        import numpy as np
-
-        self._next = np.empty(_shape(rows, self._width))
-        return self._next
-
-    def add(self, rows: int) -> None:
-        """Write rows, then the header that counts them."""
-        if rows:
-            view = self._next[:rows].data.cast("B")
-            while len(view):
-                view = view[self._file.write(view) :]
-            self.count += rows
-            self._write_header()
-
-    def _write_header(self) -> None:
-        """Write the header, and move to the end of the file."""
-        shape = (self.count,) if self._width is None else (self._width, self.count)
-        text = f"{{'descr': '<f8', 'fortran_order': True, 'shape': {shape}, }}"
-        self._file.seek(0)
-        self._file.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", HEADER - 10) + f"{text:<{HEADER - 11}}\n".encode())
-        self._file.seek(0, os.SEEK_END)
-
-    def sync(self) -> None:
-        """Flush to disk, so that rows survive a power failure."""
-        os.fsync(self._file.fileno())
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-def _shape(rows: int, width: int | None) -> tuple[int, ...]:
-    return (rows,) if width is None else (rows, width)
-
+    from integrators.methods.programs.program import Method
+    from integrators.runs.observers import Observers
+    from integrators.scenes.scene import Scene
+    from integrators.steppers.states import State
+    from integrators.steppers.stepping import Stepper
 
 LOCK = "lock"
 """The file that a run keeps locked in its folder."""
@@ -134,85 +51,50 @@ class Rows(NamedTuple):
     observed_t: np.ndarray | None = None
 
 
-class Contents(NamedTuple):
-    """The contents of a recording.
+def _shapes(run: Mapping[str, Any], rows: Counts) -> dict[str, tuple[int, ...]]:
+    """The shape of each array with this many rows."""
+    counts = {"y": rows.stored, "t": rows.stored, "observed": rows.observed, "observed_t": rows.observed}
+    return {key: (counts[key], *width) for key, width in row_widths(run).items()}
 
-    Attributes:
-        variables: The names of the variables.
-        names: The names of the observed quantities.
-        h: The step size.
-        same_times: Whether exactly the stored states are observed.
-        meta: The scene, the method and the options of the run.
-        total: The final numbers of rows.
-    """
 
-    variables: Sequence[str]
-    names: Sequence[str]
-    h: float
-    same_times: bool
-    meta: Mapping[str, Any]
-    total: Counts
+def _size(run: Mapping[str, Any], rows: Counts) -> int:
+    """Bytes of all rows."""
+    return 8 * sum(map(math.prod, _shapes(run, rows).values()))
 
-    @property
-    def size(self) -> int:
-        """Bytes of all rows."""
-        return 8 * sum((width or 1) * rows for width, rows in self.tables(self.total).values())
 
-    def tables(self, counts: Counts) -> dict[str, tuple[int | None, int]]:
-        """The width and the number of rows of each table; times are written last."""
-        tables: dict[str, tuple[int | None, int]] = {"y": (len(self.variables), counts.stored)}
-        if self.names:
-            tables |= {"observed": (len(self.names), counts.observed), "observed_t": (None, counts.observed)}
-        return {**tables, "t": (None, counts.stored)}
+def _check_memory(size: int) -> None:
+    """Refuse before the first step a trajectory that would not fit in memory."""
+    refuse_beyond_memory(size, IntegratorError, "save_every must be larger, or `to` a file, since the stored run")
 
 
 class Recording:
-    """The rows of a run, in memory.
+    """The rows of a run, in memory; refused if they would not fit.
 
-    Raises:
-        IntegratorError: They would not fit in memory.
+    Args:
+        run: The content of `RUN`: variables, observed quantities, step size and description.
+        total: The final numbers of rows.
     """
 
-    _tables: Mapping[str, Any]
+    def __init__(self, run: Mapping[str, Any], total: Counts):
+        import numpy as np
 
-    def __init__(self, contents: Contents):
-        _check_memory(contents)
-        self.contents = contents
-        self._tables = {key: MemoryTable(*size) for key, size in contents.tables(contents.total).items()}
-
-    @property
-    def counts(self) -> Counts:
-        """The numbers of rows."""
-        observed = self._tables.get("observed_t")
-        return Counts(self._tables["t"].count, 0 if observed is None else observed.count)
+        _check_memory(_size(run, total))
+        self.counts, self._run = Counts(), run
+        self._rows = {key: np.empty(shape) for key, shape in _shapes(run, total).items()}
 
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
-        sizes = self.contents.tables(rows)
-        return Rows(**{key: self._tables[key].room(size) for key, (_, size) in sizes.items()})
+        before, shapes = _shapes(self._run, self.counts), _shapes(self._run, rows)
+        return Rows(**{key: array[before[key][0] :][: shapes[key][0]] for key, array in self._rows.items()})
 
     def add(self, rows: Counts) -> None:
-        """Add rows that were written to the arrays from `room`."""
-        for key, (_, size) in self.contents.tables(rows).items():
-            self._tables[key].add(size)
-
-    def cut(self, counts: Counts) -> None:
-        """Keep only the first rows."""
-        for key, (_, rows) in self.contents.tables(counts).items():
-            self._tables[key].count = rows
+        """Count rows that were written to the arrays from `room`."""
+        self.counts = Counts(self.counts.stored + rows.stored, self.counts.observed + rows.observed)
 
     def finish(self) -> Trajectory:
-        """The trajectory."""
-        contents, arrays = self.contents, {key: table.array() for key, table in self._tables.items()}
-        return Trajectory(
-            arrays["t"],
-            arrays["y"],
-            h=contents.h,
-            variables=contents.variables,
-            observed=dict(zip(contents.names, arrays.get("observed", ()), strict=True)),
-            observed_t=None if contents.same_times else arrays.get("observed_t"),
-            meta=contents.meta,
-        )
+        """The trajectory of all rows."""
+        shapes = _shapes(self._run, self.counts)
+        return trajectory_of(self._run, {key: rows[: shapes[key][0]] for key, rows in self._rows.items()})
 
     def sync(self) -> None:
         """Flush to disk, if there is one."""
@@ -225,52 +107,58 @@ class Recording:
 
 
 class FolderRecording(Recording):
-    """The rows of a run, in files in a folder.
+    """The rows of a run, appended to files in a folder, of which `load_trajectory` reads the complete rows.
+
+    On a full disk an error names the folder; a memory map of preallocated files would end the process by a signal.
 
     Args:
-        contents: Its contents.
+        run: The content of `RUN`.
+        total: The final numbers of rows.
         folder: The folder; files left by another run are replaced.
         target: The final trajectory file; None: the trajectory is returned in memory.
         counts: The numbers of rows to resume from; None starts a new recording.
-
-    Raises:
-        IntegratorError: The disk is full, or the folder is not writable, belongs to another run, or has too few rows.
     """
 
-    def __init__(self, contents: Contents, folder: str, target: str | None, counts: Counts | None = None):
-        self.contents, self._folder, self._target = contents, folder, target
+    def __init__(
+        self, run: Mapping[str, Any], total: Counts, folder: str, target: str | None, counts: Counts | None = None
+    ):
+        self.counts, self._run, self._folder, self._target = counts or Counts(), run, folder, target
+        self._files: dict[str, IO[bytes]] = {}
         if target is None:
-            _check_memory(contents)
-        run = {"variables": contents.variables, "observed": contents.names, "h": contents.h}
-        run |= {"same_times": contents.same_times, "meta": contents.meta}
-        path = os.path.join(folder, RUN)
-        if target is not None and os.path.exists(target) and not os.path.isfile(target):
+            _check_memory(_size(run, total))
+        elif os.path.exists(target) and not os.path.isfile(target):
             what = "a folder" if os.path.isdir(target) else "a pipe or a device"
             raise IntegratorError(f"to must be a file, but {shorten(target, 200)} was {what}")
-        try:
+        with self._writing():
             if counts is None:
-                self._check_room()
+                self._check_disk(_size(run, total))
                 if not os.path.isdir(folder):
                     os.mkdir(folder)
             else:
-                sentence = f"{shorten(folder, 200)} must have the rows of the run to resume from, but has not"
-                with reading(sentence):
+                with reading(f"{shorten(folder, 200)} must have the rows of the run to resume from, but has not"):
                     if _invariable(read_run(folder)) != _invariable(run):
                         raise ValueError(f"its {RUN} is of another run")
             self._lock = _locked(folder)
             try:
-                atomic_write(path, json.dumps(run, ensure_ascii=False))
-                self._open(counts or Counts())
+                atomic_write(os.path.join(folder, RUN), json.dumps(run, ensure_ascii=False))
+                for key, shape in _shapes(run, self.counts).items():
+                    self._open(key, 8 * math.prod(shape))
             except BaseException:
-                self._lock.close()
+                self.close()
                 raise
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Refuse a folder in which the system cannot write."""
+        try:
+            yield
         except OSError as error:
-            what = f"{shorten(folder, 200)} must be a folder that can be written"
+            what = f"{shorten(self._folder, 200)} must be a folder that can be written"
             raise IntegratorError(f"{what}, but was not: {error.strerror}") from None
 
-    def _check_room(self) -> None:
+    def _check_disk(self, size: int) -> None:
         """Refuse what does not fit on the disk; with a target, twice: the file is made from the folder."""
-        needed = self.contents.size * (1 if self._target is None else 2)
+        needed = size * (1 if self._target is None else 2)
         free = shutil.disk_usage(os.path.dirname(os.path.abspath(self._folder))).free
         if needed > free:
             raise IntegratorError(
@@ -278,29 +166,40 @@ class FolderRecording(Recording):
                 f"but {free / 1e9:.1f} GB are free"
             )
 
-    def _open(self, counts: Counts) -> None:
-        sizes = self.contents.tables(counts)
-        self._tables = {key: FileTable(self._path(key), *size) for key, size in sizes.items()}
+    def _open(self, key: str, size: int) -> None:
+        """Open the file of an array, and remove everything beyond the rows to resume from."""
+        path = os.path.join(self._folder, ROWS[key])
+        self._files[key] = open(path, "r+b" if size else "wb", buffering=0)  # noqa: SIM115  # `close` does it
+        if self._files[key].seek(0, os.SEEK_END) < size:
+            raise IntegratorError(f"{shorten(path, 200)} must have the rows to resume from, but has fewer")
+        self._files[key].truncate(size)
+        self._files[key].seek(size)
 
-    def _path(self, key: str) -> str:
-        return os.path.join(self._folder, f"{key}.npy")
+    def room(self, rows: Counts) -> Rows:
+        """Arrays for the next states and observations."""
+        import numpy as np
 
-    def cut(self, counts: Counts) -> None:
-        """Keep only the first rows, whatever was being written."""
-        self.close()
-        self._lock = _locked(self._folder)
-        self._open(counts)
+        self._rows = {key: np.empty(shape) for key, shape in _shapes(self._run, rows).items()}
+        return Rows(**self._rows)
+
+    def add(self, rows: Counts) -> None:
+        """Append rows that were written to the arrays from `room`; times come last, so rows with times are complete."""
+        with self._writing():
+            for key, shape in _shapes(self._run, rows).items():
+                left = self._rows[key][: shape[0]].data.cast("B") if shape[0] else b""
+                while left:
+                    left = left[self._files[key].write(left) :]
+        super().add(rows)
 
     def sync(self) -> None:
-        """Flush to disk."""
-        for table in self._tables.values():
-            table.sync()
+        """Flush to disk, so that rows survive a power failure."""
+        for file in self._files.values():
+            os.fsync(file.fileno())
 
     def close(self) -> None:
         """Close the files and the lock."""
-        for table in self._tables.values():
-            table.close()
-        self._lock.close()
+        for file in (*self._files.values(), self._lock):
+            file.close()
 
     def finish(self) -> Trajectory:
         """The trajectory, mapped from its file, or in memory."""
@@ -313,9 +212,9 @@ class FolderRecording(Recording):
 
     def clear(self) -> None:
         """Remove the folder."""
-        for path in (*map(self._path, Rows._fields), *(os.path.join(self._folder, name) for name in (RUN, LOCK))):
-            if os.path.exists(path):
-                os.unlink(path)
+        for name in (*ROWS.values(), RUN, LOCK):
+            with suppress(FileNotFoundError):
+                os.unlink(os.path.join(self._folder, name))
         with suppress(OSError):  # it holds other files
             os.rmdir(self._folder)
 
@@ -331,14 +230,115 @@ def _locked(folder: str) -> IO[bytes]:
     return file
 
 
-def _check_memory(contents: Contents) -> None:
-    """Refuse before the first step a trajectory that would not fit in memory."""
-    refuse_beyond_memory(
-        contents.size, IntegratorError, "save_every must be larger, or `to` a file, since what is kept"
-    )
-
-
 def _invariable(run: Mapping[str, Any]) -> Any:
     """The description of a run without the entries that may change when it is resumed."""
     meta = {key: value for key, value in run["meta"].items() if key not in ("steps", "version")}
     return json.loads(json.dumps({**run, "meta": meta}))
+
+
+DIGESTS = ("start", "compiled steps")
+"""Entries of an identity that messages do not show."""
+VECTORS = ("values", "carry", "memory", "control")
+"""Arrays of a `State`."""
+HEAD = {"n": int, "is_fresh": bool, "solver": str, "run": dict}
+
+
+def description(compiled: Stepper, observer: Observers, options: dict[str, Any]) -> dict[str, Any]:
+    """The scene, the method and the options, as JSON values; without a date, so that runs can be compared."""
+    return {
+        "scene": _scene(compiled.scene),
+        "method": _method(compiled.method),
+        "observe": list(observer.names),
+        **options,
+        "version": f"{PACKAGE} {package_version()}".rstrip(),
+    }
+
+
+def _scene(scene: Scene) -> dict[str, Any]:
+    try:
+        return {"name": scene.name} | scene.to_dict()
+    except IntegratorError:  # a formula too long for a file
+        return {"name": scene.name, "active": list(scene.active)}
+
+
+def _method(method: Method) -> dict[str, Any]:
+    """The content of a tableau file, or the program of a method without a tableau."""
+    try:
+        return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
+    except IntegratorError:
+        return {"name": method.name, "program": program_text(method.program).splitlines()}
+
+
+def identity(compiled: Stepper, observer: Observers, options: dict[str, Any], start: str) -> dict[str, Any]:
+    """Everything that must be the same when a run or an ensemble resumes, as JSON values; `start` is a hash."""
+    names = {"scene": compiled.scene.name, "method": compiled.method.name, "observe": list(observer.names)}
+    digests = {"start": start, "compiled steps": sha256(compiled.source.encode()).hexdigest()}
+    return json.loads(json.dumps(names | options | digests))
+
+
+def check_identity(found: Mapping[str, Any], wanted: Mapping[str, Any], what: str) -> None:
+    """Refuse to resume another run; the message contains the difference."""
+    for key in (*wanted, *found):
+        if found.get(key) != wanted.get(key):
+            was, wants = (shorten(json.dumps(run.get(key), ensure_ascii=False)) for run in (found, wanted))
+            was = "other ones" if key in DIGESTS else f"{was} and not {wants}"
+            raise IntegratorError(f"checkpoint must be {what}, but had as {key} {was}")
+
+
+class Checkpoint:
+    """The file from which a run with this identity resumes, due again `every` seconds after it was written."""
+
+    def __init__(self, path: str, run: Mapping[str, Any], every: float):
+        self.path, self._run, self._every = path, run, every
+        self._last = monotonic()
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the last checkpoint is old enough."""
+        return monotonic() - self._last >= self._every
+
+    def write(self, state: State) -> None:
+        """Write a state; the old file is replaced by a complete one."""
+        head = {"n": state.n, "is_fresh": bool(state.is_fresh), "solver": state.solver, "run": self._run}
+        arrays = {"head": json.dumps(head, ensure_ascii=False)} | {name: getattr(state, name) for name in VECTORS}
+        write_arrays(self.path, arrays | {"digest": checksum(arrays)})
+        self._last = monotonic()
+
+    def restore(self, state: State, steps: int) -> bool:
+        """Overwrite the start of a run by the state in the file, which must be of this run; False if there is none."""
+        import numpy as np
+
+        if not os.path.exists(self.path):
+            return False
+        sentence = f"checkpoint must be a file of a run, but {shorten(self.path, 200)} was not"
+        with reading(sentence):
+            arrays = StoredArrays(self.path, sentence)
+            text = arrays.read({"head": TEXT, "digest": TEXT})
+            head = read_json(text["head"], HEAD, "head")
+            check_identity(head["run"], self._run, "of the same run")
+            vectors = arrays.read(
+                {name: Form("f", (name,)) for name in VECTORS}, {name: len(getattr(state, name)) for name in VECTORS}
+            )
+            is_state = 0 <= head["n"] <= MOST_STEPS and head["solver"] in (state.solver, "newton")
+            is_finite = all(np.isfinite(vector).all() for vector in vectors.values())
+            if text["digest"] != checksum({"head": text["head"], **vectors}) or not is_state or not is_finite:
+                raise ValueError("its content was not written by a run")
+        for name, vector in vectors.items():
+            setattr(state, name, np.array(vector, dtype=float))
+        state.n, state.is_fresh, state.solver = head["n"], head["is_fresh"], head["solver"]
+        if state.n > steps:
+            raise IntegratorError(f"steps must be at least the {state.n} of the checkpoint, but was {steps}")
+        return True
+
+    def remove(self) -> None:
+        """Remove the file, if it exists."""
+        remove_unfinished(self.path)
+        if os.path.exists(self.path):
+            os.unlink(self.path)
+
+
+def checksum(arrays: Mapping[str, Any]) -> str:
+    """A hash that detects changes of a checkpoint."""
+    import numpy as np
+
+    return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()

@@ -3,22 +3,50 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-import struct
-import zipfile
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from foundation.extras import optional_module
+from foundation.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.optional_modules import optional_module
-from integrators.core.stored_arrays import FINITE, LOCAL_HEADER, MOST_TEXT, TEXT, Form, StoredArrays, read_json, reading
-from integrators.core.text_files import check_path, read_text, replacing
+from integrators.core.stored_arrays import (
+    MOST_TEXT,
+    TEXT,
+    Form,
+    StoredArrays,
+    read_json,
+    read_rows,
+    reading,
+    write_arrays,
+)
+from integrators.core.text_files import check_path, read_text
 
 if TYPE_CHECKING:
     import numpy as np
 
 
-class Trajectory:
+OBSERVED = "observed/"
+RUN = "run.json"
+"""The file that describes the other files in the folder of a run."""
+PART = ".part"
+"""Suffix of the folder that a run writes to."""
+ROWS = {key: f"{key}.f64" for key in ("y", "t", "observed", "observed_t")}
+"""The files of rows in it: doubles without a header."""
+REAL = "fiu"
+META = {key: (None, {"name": (None, str)}) for key in ("method", "scene")} | {"save_every": (None, int)}
+CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times": bool, "meta": META}
+"""The content of `RUN`."""
+
+START_AND_END = (
+    Column("what", get=lambda record: record["what"]), number_column("start", ".15g"), number_column("end", ".15g"),
+    number_column("change", ".3g"),
+)  # fmt: skip
+
+
+class Trajectory(Tabular):
     """The stored states and observations of a run, in float64; made by `integrate` and `load_trajectory`.
 
     Attributes:
@@ -33,7 +61,7 @@ class Trajectory:
     Example:
         >>> from integrators import scene
         >>> from integrators.runs.integration import integrate
-        >>> run = integrate(scene("pendulum"), "rk4", h=0.1, steps=200, save_every=100, observe="energy")
+        >>> run = integrate("rk4", scene("pendulum"), h=0.1, steps=200, save_every=100, observe="energy")
         >>> run
         <Trajectory of rk4 on pendulum: 3 states from t = 0 to 20, energy observed>
         >>> run.t, run.variables, run.y.shape, run.meta["method"]["b"]
@@ -41,34 +69,41 @@ class Trajectory:
     """
 
     def __init__(
-        self,
-        t: np.ndarray,
-        y: np.ndarray,
-        *,
-        h: float,
-        variables: Sequence[str],
-        observed: Mapping[str, np.ndarray] | None = None,
-        observed_t: np.ndarray | None = None,
+        self, t: np.ndarray, y: np.ndarray, *, h: float, variables: Sequence[str],
+        observed: Mapping[str, np.ndarray] | None = None, observed_t: np.ndarray | None = None,
         meta: Mapping[str, Any] | None = None,
-    ):
+    ):  # fmt: skip
         self.t, self.y, self.h, self.variables = t, y, h, tuple(variables)
-        self.observed = dict(observed or {})
+        self.observed, self.meta = dict(observed or {}), dict(meta or {})
         self.observed_t = t if observed_t is None else observed_t
-        self.meta = dict(meta or {})
 
     def __repr__(self) -> str:
-        names = ((self.meta.get(key) or {}).get("name") for key in ("method", "scene"))
-        of = " on ".join(name for name in names if name) or f"{len(self.variables)} variables"
         span = f"{len(self.t):,} states from t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "no states"
         observed = f", {', '.join(self.observed)} observed" if self.observed else ""
-        return f"<Trajectory of {of}: {span}{observed}>"
+        return f"<Trajectory of {_names(self)}: {span}{observed}>"
+
+    def to_table(self) -> Table:
+        """Quantities and variables at the start and at the end; CSV and pandas have a row for each time."""
+        records = list(_records(self))
+        times = [float(t) for t in self.t[[0, -1]]] if len(self.t) else []
+        return Table(
+            _title(self),
+            START_AND_END,
+            records,
+            [f"change: the largest distance from the start, at {len(self.observed_t):,} times."]
+            if self.observed
+            else [],
+            data=lambda: {"schema": 1, "kind": "trajectory", "h": self.h, "t": times, "rows": records},
+            items="rows",
+            records=_states(self),
+        )
 
     def copy(self) -> Trajectory:
         """A copy in memory."""
-        labels = {"h": self.h, "variables": self.variables, "meta": self.meta}
-        t, y, observed = self.t.copy(), self.y.copy(order="F"), {key: x.copy() for key, x in self.observed.items()}
+        observed = {name: values.copy() for name, values in self.observed.items()}
         times = None if self.observed_t is self.t else self.observed_t.copy()
-        return Trajectory(t, y, observed=observed, observed_t=times, **labels)
+        labels = {"h": self.h, "variables": self.variables, "meta": self.meta}
+        return Trajectory(self.t.copy(), self.y.copy(order="F"), observed=observed, observed_t=times, **labels)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a trajectory file, which `load_trajectory` and ``numpy.load`` read.
@@ -79,8 +114,11 @@ class Trajectory:
         Raises:
             IntegratorError: The file cannot be written.
         """
-
-        save_trajectory(self, path)
+        arrays: dict[str, Any] = {"t": self.t, "y": self.y, "h": self.h, "variables": self.variables}
+        if self.observed_t is not self.t:
+            arrays["observed_t"] = self.observed_t
+        arrays |= {OBSERVED + name: values for name, values in self.observed.items()}
+        write_arrays(path, arrays | {"meta": json.dumps(self.meta, ensure_ascii=False)})
 
     def to_pandas(self) -> Any:
         """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and quantity.
@@ -113,52 +151,6 @@ class Trajectory:
         return xarray.Dataset(values, coordinates, {"h": self.h, "meta": json.dumps(self.meta, ensure_ascii=False)})
 
 
-ALIGNMENT = 64
-PADDING = 0xD935
-"""Identifier of a padding field in a ZIP archive."""
-ZIP64_FIELD = 20
-OBSERVED = "observed/"
-RUN = "run.json"
-"""The file that describes the other files in the folder of a run."""
-PART = ".part"
-"""Suffix of the folder that a run writes to."""
-REAL = "fiu"
-SERIES = Form(REAL, ("n",), None)
-META = {key: (None, {"name": (None, str)}) for key in ("method", "scene")} | {"save_every": (None, int)}
-CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times": bool, "meta": META}
-"""The content of `RUN`."""
-
-
-def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a trajectory file."""
-    arrays: dict[str, Any] = {
-        "t": trajectory.t,
-        "y": trajectory.y,
-        "h": trajectory.h,
-        "variables": trajectory.variables,
-    }
-    if trajectory.observed_t is not trajectory.t:
-        arrays["observed_t"] = trajectory.observed_t
-    arrays |= {OBSERVED + name: values for name, values in trajectory.observed.items()}
-    arrays["meta"] = json.dumps(trajectory.meta, ensure_ascii=False)
-    write_arrays(path, arrays)
-
-
-def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
-    """Write an NPZ file, piece by piece, in constant memory; each array is aligned for mapping into memory."""
-    import numpy as np
-
-    with replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
-        for name, array in arrays.items():
-            member = zipfile.ZipInfo(f"{name}.npy")  # dated 1980: equal content gives equal files
-            member.external_attr = 0o600 << 16
-            before = file.tell() + LOCAL_HEADER + len(member.filename.encode()) + ZIP64_FIELD + 4
-            fill = -before % ALIGNMENT
-            member.extra = struct.pack(f"<HH{fill}x", PADDING, fill)
-            with archive.open(member, "w", force_zip64=True) as target:
-                np.lib.format.write_array(target, np.asarray(array), allow_pickle=False)
-
-
 def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     """Read a trajectory file.
 
@@ -185,67 +177,62 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     sentence = f"{shorten(name, 200)} must be a trajectory file, but was not"
     with reading(sentence):
         if os.path.isdir(name) or (not os.path.exists(name) and os.path.isdir(name + PART)):
-            return _of_folder(name if os.path.isdir(name) else name + PART, sentence)
+            return _of_folder(name if os.path.isdir(name) else name + PART)
         arrays = StoredArrays(name, sentence)
         times = "m" if "observed_t" in arrays else "n"
-        forms = {"variables": Form("U", ("variables",), None), "t": SERIES, "y": Form(REAL, ("variables", "n"), None)}
-        forms |= {"h": Form(REAL), "observed_t": Form(REAL, (times,), None)}
-        forms |= {name: Form(REAL, (times,), None) for name in arrays if name.startswith(OBSERVED)}
-        found = arrays.read({name: form for name, form in forms.items() if name != "observed_t" or name in arrays})
+        forms = {"variables": Form("U", ("variables",)), "t": Form(REAL, ("n",)), "y": Form(REAL, ("variables", "n"))}
+        forms["h"] = Form(REAL)
+        forms |= {name: Form(REAL, (times,)) for name in arrays if name == "observed_t" or name.startswith(OBSERVED)}
+        found = arrays.read(forms)
         meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in arrays else {}
         observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
-        labels = {"h": float(found["h"]), "variables": found["variables"], "meta": meta}
-        return _checked(
-            Trajectory(found["t"], found["y"], observed=observed, observed_t=found.get("observed_t"), **labels)
-        )
+        labels = {"h": float(found["h"]), "variables": found["variables"], "observed": observed, "meta": meta}
+        return _checked(Trajectory(found["t"], found["y"], observed_t=found.get("observed_t"), **labels))
 
 
 def read_run(folder: str) -> dict[str, Any]:
-    """The description of the rows in the folder of a run.
-
-    Raises:
-        ValueError: It is not the folder of a run.
-        IntegratorError: The description cannot be read.
-    """
+    """The description of the rows in the folder of a run."""
     path = os.path.join(folder, RUN)
     if not os.path.isfile(path):
         raise ValueError(f"it has no {RUN}")
     return read_json(read_text(path, MOST_TEXT)[0], CONTENT, RUN)
 
 
-def _of_folder(folder: str, sentence: str) -> Trajectory:
+def row_widths(run: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """The shapes of rows of states, observations and their times; `run` is the content of `RUN`. Times come last."""
+    observed = {"observed": (len(run["observed"]),), "observed_t": ()} if run["observed"] else {}
+    return {"y": (len(run["variables"]),), **observed, "t": ()}
+
+
+def trajectory_of(run: Mapping[str, Any], rows: Mapping[str, np.ndarray]) -> Trajectory:
+    """The trajectory of the rows that have times; `run` is the content of `RUN`."""
+    t = rows["t"]
+    times = t if run["same_times"] or not run["observed"] else rows["observed_t"]
+    y, observed = rows["y"][: len(t)].T, rows["observed"][: len(times)].T if run["observed"] else ()
+    if y.shape[1] < len(t) or any(len(row) < len(times) for row in observed):
+        raise ValueError(f"it has {len(t)} times, but fewer states or observations")
+    seen = dict(zip(run["observed"], observed, strict=True))
+    return Trajectory(t, y, h=run["h"], variables=run["variables"], observed=seen, observed_t=times, meta=run["meta"])
+
+
+def _of_folder(folder: str) -> Trajectory:
     """The complete rows in the folder of a run; large arrays are mapped into memory."""
     run = read_run(folder)
-    names, arrays = run["observed"], StoredArrays(folder, sentence)
-    forms = {"t": SERIES, "y": Form(REAL, (len(run["variables"]), "rows"), None)}
-    if names:
-        forms |= {"observed_t": Form(REAL, ("m",), None), "observed": Form(REAL, (len(names), "seen"), None)}
-    found = arrays.read(forms)  # times are read first but written last, so their rows are complete
-    t = times = found["t"]
-    if names:
-        times = found["observed_t"][: len(t)] if run["same_times"] else found["observed_t"]
-    observed = {name: row[: len(times)] for name, row in zip(names, found.get("observed", ()), strict=True)}
-    y = found["y"][:, : len(t)]
-    if y.shape[1] < len(t) or any(len(row) < len(times) for row in observed.values()):
-        raise ValueError(f"it has {len(t)} times, but fewer states or observations")
-    labels = {"h": run["h"], "variables": run["variables"], "meta": run["meta"]}
-    return _checked(Trajectory(t, y, observed=observed, observed_t=None if run["same_times"] else times, **labels))
+    # Times are read first but written last, so their rows are complete.
+    widths = reversed(row_widths(run).items())
+    return _checked(trajectory_of(run, {key: read_rows(os.path.join(folder, ROWS[key]), *n) for key, n in widths}))
 
 
 def _checked(run: Trajectory) -> Trajectory:
     """A trajectory as a run may have made it; arrays that are mapped into memory are too large to be scanned.
 
-    Runs store finite states only, also if they fail. Times may repeat only where steps may be
-    below the resolution of time.
-
-    Raises:
-        ValueError: It is not.
+    Runs store finite states only, also if they fail. Times repeat only where steps may be below their resolution.
     """
     import numpy as np
 
     if len(set(run.variables)) < len(run.variables):
         raise ValueError(f"variables must have different names, but were {shorten(', '.join(run.variables))}")
-    if not 0 < abs(run.h) <= FINITE[1]:
+    if not 0 < abs(run.h) <= sys.float_info.max:
         raise ValueError(f"h must be finite and not 0, but was {shorten(str(run.h))}")
     if not isinstance(run.y, np.memmap) and not np.isfinite(run.y).all():
         raise ValueError("y must be finite, but was not")
@@ -260,3 +247,41 @@ def _checked(run: Trajectory) -> Trajectory:
         if not (follows(t[1:], t[:-1]).all() or follows(t[:-1], t[1:]).all()):
             raise ValueError(f"{name} must be times in order, without repetition, but was not")
     return run
+
+
+def _names(run: Trajectory) -> str:
+    """The method and the scene of a run, or else the number of its variables."""
+    names = ((run.meta.get(key) or {}).get("name") for key in ("method", "scene"))
+    return " on ".join(name for name in names if name) or f"{len(run.variables)} variables"
+
+
+def _title(run: Trajectory) -> str:
+    if not len(run.t):
+        return f"{_names(run)}: no states"
+    return f"{_names(run)}: {len(run.t):,} states, t = {run.t[0]:g} to {run.t[-1]:g}, h = {run.h:g}"
+
+
+def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
+    """A record for each quantity and variable; None for numbers that are not finite."""
+    for name, values in run.observed.items():
+        first, last = (_finite(value) for value in values[[0, -1]]) if len(values) else (None, None)
+        change = None if first is None else _finite(abs(values - first).max())
+        yield {"what": name, "start": first, "end": last, "change": change}
+    for name, values in zip(run.variables, run.y, strict=True) if len(run.t) else ():
+        yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _states(run: Trajectory) -> Table:
+    """A row for each time, with the observations that are made there."""
+    same = run.observed_t is run.t
+    observed = run.observed if same else {}
+    columns = [run.t, *run.y, *observed.values()]
+
+    def rows() -> Iterator[list[float]]:
+        return ([float(column[k]) for column in columns] for k in range(len(run.t)))
+
+    return Table("", list(map(Column, ["t", *run.variables, *observed])), LazyRows(rows, len(run.t)))

@@ -12,16 +12,14 @@ The keys are the arguments of `Scene`, `Effect` and `Term`. Numbers are exact de
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import IO, Any
 
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
-from integrators.core.text_files import atomic_write, check_keys, parse_toml, read_text
-from integrators.scenes.first_integrals import can_be_checked, defects
-from integrators.scenes.model.effects import Effect
-from integrators.scenes.model.terms import Term
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import atomic_write, check_keys, errors_from, parse_toml, read_text
+from integrators.scenes.checks import can_be_checked, defects
+from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
 LABELS = ("name", "summary", "reference")
@@ -66,7 +64,7 @@ def loads_scene(text: str, *, source: str = "text") -> Scene:
         >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
         (y**2,)
     """
-    with _errors_from(source):
+    with errors_from(source):
         scene = _read_scene(parse_toml(text))
         check_invariants(scene)
     return scene
@@ -74,19 +72,8 @@ def loads_scene(text: str, *, source: str = "text") -> Scene:
 
 def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
     """The scene in the table of a scene file, without the check of first integrals."""
-    with _errors_from(source):
+    with errors_from(source):
         return _read_scene(table)
-
-
-@contextmanager
-def _errors_from(source: str) -> Iterator[None]:
-    """Prefix every error with its source."""
-    try:
-        yield
-    except RecursionError:
-        raise IntegratorError(f"{shorten(source, 200)}: nesting must be flat, but was too deep") from None
-    except IntegratorError as error:
-        raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
 
 
 def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
@@ -109,7 +96,7 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
         True
     """
     if not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
+        raise IntegratorError(f"scene must be a Scene, but was {shown(scene)}")
     atomic_write(path, scene.to_toml())
 
 
@@ -134,7 +121,7 @@ def _read_scene(data: Any) -> Scene:
         raise IntegratorError(f"content must have the key variables, but had {shorten(', '.join(data) or 'none')}")
     effects = data.get("effects", {})
     if not isinstance(effects, dict):
-        raise IntegratorError(f"effects must map names to tables, but was {shorten(repr(effects))}")
+        raise IntegratorError(f"effects must map names to tables, but was {shown(effects)}")
     read = {name: _read_effect(effect, f"effects.{name}") for name, effect in effects.items()}
     return Scene(**{**data, "terms": _read_terms(data.get("terms", ()), "terms"), "effects": read})
 
@@ -142,19 +129,14 @@ def _read_scene(data: Any) -> Scene:
 def _read_effect(data: Any, argument: str) -> Effect:
     check_keys(data, EFFECT_KEYS, argument)
     terms = _read_terms(data.get("terms", ()), f"{argument}.terms")
-    return _named(argument, Effect, {**data, "terms": terms})
+    with errors_from(argument):
+        return Effect(**{**data, "terms": terms})
 
 
 def _read_terms(data: Any, argument: str) -> list[Term]:
     terms = []
     for k, term in enumerate(items(data, argument), 1):
         check_keys(term, TERM_KEYS, f"{argument}[{k}]")
-        terms.append(_named(f"{argument}[{k}]", Term, term))
+        with errors_from(f"{argument}[{k}]"):
+            terms.append(Term(**term))
     return terms
-
-
-def _named(argument: str, make: Any, keywords: Mapping[str, Any]) -> Any:
-    try:
-        return make(**keywords)
-    except IntegratorError as error:
-        raise IntegratorError(f"{argument}: {error}") from None

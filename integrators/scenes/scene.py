@@ -2,32 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from foundation.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
-from integrators.scenes.domain import check_domain
-from integrators.scenes.first_integrals import defects
-from integrators.scenes.model.assembly import Declaration, assemble, read_declaration, with_start_values, with_values
+from integrators.core.errors import shorten
+from integrators.exact.expressions import decimal_text
+from integrators.scenes.checks import check_domain, defects
+from integrators.scenes.latex import latex_formula
+from integrators.scenes.model.assembly import (
+    Declaration,
+    assemble,
+    declaration_table,
+    read_declaration,
+    with_start_values,
+    with_values,
+)
 from integrators.scenes.model.declarations import join_start
-from integrators.scenes.model.effects import Effect, check_active, check_effects
-from integrators.scenes.model.local_terms import LocalTerm
-from integrators.scenes.model.system import System
-from integrators.scenes.model.tables import declaration_table
-from integrators.scenes.model.terms import Term, sorted_summands
+from integrators.scenes.model.formulas import formula_text
+from integrators.scenes.model.system import LocalTerm, System
+from integrators.scenes.model.terms import Effect, Summand, Term, check_active, check_effects, sorted_summands
 from integrators.scenes.particles import expansion
 from integrators.scenes.particles.local_form import local_terms_of
 
 if TYPE_CHECKING:
     import sympy
 
+    Fact = tuple[str, str | Sequence[sympy.Expr]]
+
 UNNAMED = "scene"
 TIME_NOTE = "the field depends on the time t: made autonomous by the variable t with t' = 1"
 
+MOST_CHARACTERS = 300
+"""Longer formulas and lists, those of many particles, are shortened for readers."""
+SUMS = {
+    "each": "each site",
+    "chain": "neighbours in a chain",
+    "ring": "neighbours in a ring",
+    "pairs": "pairs of sites",
+}
 
-class Scene(System):
+
+class Scene(System, Tabular):
     """An initial value problem y' = f(y), possibly Hamiltonian, with parameters, start values and effects.
 
     Formulas are text or SymPy expressions and are kept exact; a float denotes the decimal that it prints as. The same
@@ -74,23 +94,12 @@ class Scene(System):
     """
 
     def __init__(
-        self,
-        variables: Mapping[str, Any],
-        *,
-        hamiltonian: Any = None,
-        field: Mapping[str, Any] | None = None,
-        terms: Iterable[Term] = (),
-        poisson: Any = None,
-        parameters: Mapping[str, Any] | None = None,
-        invariants: Mapping[str, Any] | None = None,
-        start: Mapping[str, Any] | None = None,
-        effects: Mapping[str, Effect] | None = None,
-        positive: Iterable[Any] = (),
-        active: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        summary: str | None = None,
-    ):
+        self, variables: Mapping[str, Any], *, hamiltonian: Any = None, field: Mapping[str, Any] | None = None,
+        terms: Iterable[Term] = (), poisson: Any = None, parameters: Mapping[str, Any] | None = None,
+        invariants: Mapping[str, Any] | None = None, start: Mapping[str, Any] | None = None,
+        effects: Mapping[str, Effect] | None = None, positive: Iterable[Any] = (), active: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, summary: str | None = None,
+    ):  # fmt: skip
         labels = {"name": name, "reference": reference, "summary": summary}
         for argument, label in labels.items():
             check_label(label, argument)
@@ -226,6 +235,29 @@ class Scene(System):
         """The scene with other start values of some blocks."""
         return self._changed(with_start_values(self.declaration, self.active, blocks), self.active)
 
+    def to_table(self) -> Table:
+        """Variables, formulas, parameters, effects, first integrals and start; `print` and notebooks show it."""
+
+        def text(fact: Fact) -> str:
+            value = fact[1]
+            return value if isinstance(value, str) else ", ".join(_decimal(x) or formula_text(x) for x in value)
+
+        def latex(fact: Fact) -> str:
+            value = fact[1]
+            if isinstance(value, str):
+                return latex_text(value)
+            return ", ".join(f"${_decimal(x) or latex_formula(x, self)}$" for x in value)
+
+        what, facts = Column("what"), list(_facts(self))
+        return Table(
+            self.title + (f": {self.summary}" if self.summary else ""),
+            (what, Column("value", get=lambda fact: shorten(text(fact), MOST_CHARACTERS), latex=latex)),
+            facts,
+            [f"{note[0].upper()}{note[1:]}." for note in self.notes],
+            data=lambda: {"schema": 1, "kind": "scene", "dimension": self.dimension, **self.to_dict()},
+            records=Table("", (what, Column("value", get=text)), facts),
+        )
+
     def to_toml(self) -> str:
         """The scene as the text of a TOML file, from which `load_scene` reads an equal one.
 
@@ -246,18 +278,19 @@ class Scene(System):
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `to_toml` as dictionaries and lists of integers and text, valid in JSON."""
-        labels = {"name": self.name, "summary": self.summary, "reference": self.reference}
-        if self.name == UNNAMED:
-            del labels["name"]
+        labels = self._labels | ({"name": None} if self.name == UNNAMED else {})
         return declaration_table(self.declaration, labels, self.effects, self.active)
+
+    @property
+    def _labels(self) -> dict[str, str | None]:
+        return {"name": self.name, "summary": self.summary, "reference": self.reference}
 
     def _changed(self, declaration: Declaration, active: tuple[str, ...]) -> Scene:
         rebuild, (_, _, *rest) = self.__reduce__()
         return rebuild(declaration, active, *rest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        labels = {"name": self.name, "reference": self.reference, "summary": self.summary}
-        return _restored, (self.declaration, self.active, dict(self.effects), labels)
+        return _restored, (self.declaration, self.active, dict(self.effects), self._labels)
 
 
 def _restored(*content: Any) -> Scene:
@@ -273,3 +306,51 @@ def labelled(scene: Scene, *, name: str, summary: str, reference: str) -> Scene:
     labels = {"name": name, "summary": scene.summary or summary, "reference": scene.reference or reference}
     copy.__dict__.update(scene.__dict__ | labels)
     return copy
+
+
+def _decimal(number: Any) -> str | None:
+    """The decimal form of a rational number, if it is shorter than the fraction; else None."""
+    if not number.is_Rational:
+        return None
+    decimal = decimal_text(Fraction(int(number.p), int(number.q)))
+    return decimal if len(decimal) < len(str(number)) else None
+
+
+def _facts(scene: Scene) -> Iterator[Fact]:
+    """The rows of the table of a scene: text, or formulas."""
+    yield "variables", ", ".join(scene.variables)
+    yield "blocks", ", ".join(f"{block.name} of {block.dimension}" for block in scene.blocks)
+    for summand in scene.summands:
+        yield _summand_place(summand), [summand.formula]
+    for k, row in enumerate(scene.poisson or (), 1):
+        yield f"Poisson matrix, row {k}", row
+    for name, value in scene.parameters.items():
+        yield f"parameter {name}", value if isinstance(value, tuple) else [value]
+    for name, effect in scene.effects.items():
+        state, parameters = ("on", {}) if name in scene.active else ("off", effect.parameters)
+        values = (f"{key} = {typed_value(value)}" for key, value in parameters.items())
+        yield f"effect {name} ({state})", "; ".join(filter(None, [effect.summary, *values]))
+    for name, formula in scene.invariants.items():
+        yield f"invariant {name}", [formula]
+    if scene.positive:
+        yield "positive", scene.positive
+    if scene.start is not None:
+        yield from ((f"start {block.name}", scene.start[block.offset : block.end]) for block in scene.blocks)
+    if scene.reference:
+        yield "reference", scene.reference
+
+
+def _summand_place(summand: Summand) -> str:
+    """The place of a formula: H or a derivative, the sites of its sum, and its part of the field."""
+    target = "H" if summand.target is None else f"{summand.target}'"
+    sites = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
+    where = f"sites {shorten(sites)}" if sites else SUMS.get(summand.sites.kind)
+    part = summand.part and f"part {summand.part}"
+    return ", ".join(filter(None, [target, where, part]))
+
+
+def typed_value(value: Any) -> str:
+    """A value in the notation of --parameter NAME=."""
+    if not isinstance(value, tuple):
+        return str(value)
+    return (";" if isinstance(value[0], tuple) else ",").join(map(typed_value, value))

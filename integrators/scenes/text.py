@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from integrators.core.canonical_names import MOMENTA, POSITIONS, canonical_names
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import NOT_FINITE
 from integrators.scenes.model.blocks import TIME, read_blocks
 from integrators.scenes.model.formulas import FUNCTIONS, words
@@ -93,7 +93,7 @@ def parse_hamiltonian(
         ('px', 'py', 'qx', 'qy')
     """
     if not isinstance(text, str):
-        raise IntegratorError(f"hamiltonian must be text, but was {shorten(repr(text))}")
+        raise IntegratorError(f"hamiltonian must be text, but was {shown(text)}")
     values = _read_values(parameters, "parameters")
     used = [word for word in _symbols(text) if word not in _value_names(values)]
     variables = _find_canonical(used) if blocks is None else _read_blocks(blocks)
@@ -105,7 +105,7 @@ def parse_hamiltonian(
 def _read_equations(text: Any) -> dict[str, str]:
     """The right-hand sides by variable, in the order of the equations."""
     if not isinstance(text, str):
-        raise IntegratorError(f"equations must be text, but was {shorten(repr(text))}")
+        raise IntegratorError(f"equations must be text, but was {shown(text)}")
     field: dict[str, str] = {}
     for line in filter(str.strip, re.split(r"[;\n]", text)):
         match = _EQUATION.fullmatch(line)
@@ -146,9 +146,7 @@ def _value_names(values: Mapping[str, Any]) -> list[str]:
 def _check_known(text: str, known: Iterable[str], what: str) -> None:
     for name in _symbols(text):
         if name not in known and name != TIME:
-            raise IntegratorError(
-                f"names must be known, but {shorten(name)} has neither {what} nor a value in parameters"
-            )
+            raise IntegratorError(f"{shorten(name)} is undefined: it has neither {what} nor a value in parameters")
 
 
 def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
@@ -193,7 +191,7 @@ def _read_values(values: Any, argument: str) -> dict[str, Any]:
     if values is None or isinstance(values, Mapping):
         return dict(values or {})
     if not isinstance(values, str):
-        raise IntegratorError(f"{argument} must be a mapping or text, but was {shorten(repr(values))}")
+        raise IntegratorError(f"{argument} must be a mapping or text, but was {shown(values)}")
     read: dict[str, Any] = {}
     for item in filter(str.strip, re.split(r"[;\n]", values)):
         name, sign, value = (part.strip() for part in item.partition("="))

@@ -1,13 +1,10 @@
 """Flows of pieces of the field that depend on the variables they move, with or without forcing.
 
 The φ-functions φ_0(z) = e^z, φ_k(z) = ∫₀¹ e^((1−θ)z) θ^(k−1)/(k−1)! dθ solve linear equations z' = X z + Σ θ^j g_j by
-z(1) = z(0) + φ_1(X) X z(0) + Σ j! φ_(j+1)(X) g_j. They are computed in fixed-point arithmetic, far beyond the precision
-of doubles.
+z(1) = z(0) + φ_1(X) X z(0) + Σ j! φ_(j+1)(X) g_j. They are computed in balls, far beyond the precision of doubles.
 
 References:
-    M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209–286, doi:10.1017/S0962492910000048, section 2.1;
-    K. Ozaki, T. Ogita, S. Oishi, S. M. Rump, Numer. Algorithms 59 (2012) 95–118, doi:10.1007/s11075-011-9478-1 (exact
-    products of matrices from products in doubles).
+    M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209–286, doi:10.1017/S0962492910000048, section 2.1.
 """
 
 from __future__ import annotations
@@ -15,12 +12,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import accumulate
-from math import factorial
+from math import factorial, inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.exact.entries import round_entry
-from integrators.scenes.model.local_terms import output_formula
-from integrators.scenes.particles.degrees import degree
+from integrators.scenes.model.system import output_formula
+from integrators.scenes.particles.parts import degree
 from integrators.steppers.step_model import fraction
 
 if TYPE_CHECKING:
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from integrators.scenes.model.local_terms import LocalTerm, Output
+    from integrators.scenes.model.system import LocalTerm, Output
 
 
 COLUMNS = 7
@@ -191,7 +188,7 @@ def _extrapolation_lines(key: FlowKey, indices: list[int], writer: StepWriter) -
 
 
 MOST_VARIABLES = 128
-"""Size of a diagonal block of a matrix; beyond, its φ-functions would take minutes."""
+"""Size of a diagonal block of a matrix; beyond, its φ-functions would take more than ten seconds."""
 MOST_ROWS = 50_000
 
 
@@ -304,7 +301,7 @@ class LinearFlow:
         """The elements of each matrix: heads, then tails."""
         import numpy as np
 
-        known: dict[tuple[tuple[Fraction, ...], ...], list[np.ndarray] | None] = {}
+        known: dict[Any, list[Any] | None] = {}
         parts: list[list[np.ndarray]] = [[] for _ in range(self.matrices)]
         for component, rows in self._components:
             matrix = tuple(tuple(self._system.matrix.get((i, j), Fraction(0)) for j in component) for i in component)
@@ -313,17 +310,21 @@ class LinearFlow:
             chosen = [component.index(i) for i in rows]
             for part, found in zip(parts, known[matrix] or [None] * self.matrices, strict=True):
                 empty = np.full((2, len(chosen) * len(component)), np.nan)
-                part.append(empty if found is None else doubles(found[chosen].ravel()))
+                entries = [(i, j) for i in chosen for j in range(len(component))]
+                part.append(empty if found is None else doubles([found[entry] for entry in entries]))
         return np.concatenate([np.hstack(part).ravel() for part in parts])
 
-    def _matrices(self, matrix: Sequence[Sequence[Fraction]], h: Fraction) -> list[np.ndarray] | None:
-        """The matrices of a diagonal block in fixed-point numbers; None beyond the range of doubles."""
-        generator = fixed_point([[self.time * x for x in row] for row in matrix])
-        phi = phi_functions(fixed_point([[h * self.time * x for x in row] for row in matrix]), max(1, self.forcing))
+    def _matrices(self, matrix: Sequence[Sequence[Fraction]], h: Fraction) -> list[Any] | None:
+        """The matrices of a diagonal block in balls; None beyond the range of doubles."""
+        import flint
+
+        phi = phi_functions([[h * self.time * x for x in row] for row in matrix], max(1, self.forcing))
         if phi is None:
             return None
-        forced = [phi[j] * factorial(j) * h.denominator // h.numerator for j in range(self.forcing)]
-        return [product(generator, phi[0]), *forced, *([phi[0]] if self.constants else [])]
+        with flint.ctx.workprec(PRECISION):
+            generator = flint.arb_mat([[_ball(self.time * x) for x in row] for row in matrix])
+            forced = [phi[j] * _ball(factorial(j) / h) for j in range(self.forcing)]
+            return [generator * phi[0], *forced, *([phi[0]] if self.constants else [])]
 
 
 def _components(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list[list[int]]:
@@ -338,86 +339,59 @@ def _components(pairs: Iterable[tuple[int, int]], wanted: Iterable[int]) -> list
     return sorted(component for component in found if not rows.isdisjoint(component))
 
 
-BITS = 176
-"""Binary digits after the point; squaring loses one for each doubling of the argument."""
-SMALL_BITS = 8
-"""The Taylor series is used for arguments below 2^-8."""
-MOST_BITS = BITS + 1100
-"""Length of a number beyond the range of doubles."""
-LIMB = 20
-"""Bits of a limb: sums of a few thousand products of two limbs are exact in doubles."""
+PRECISION = 256
+"""Bits of balls; up to 16 times as many where errors accumulate."""
+ACCURACY = 2.0**-120
+"""Error of a φ-function, relative to its largest entry."""
 
 
-def fixed_point(rows: Sequence[Sequence[Fraction]]) -> np.ndarray:
-    """A matrix of integers, in units of 2^−BITS."""
+def _ball(x: Fraction) -> Any:
+    """A real ball around a fraction."""
+    import flint
+
+    return flint.arb(flint.fmpq(x.numerator, x.denominator))
+
+
+def doubles(balls: Iterable[Any]) -> np.ndarray:
+    """The midpoints of balls as two rows of doubles: rounded values and their rounding errors."""
+    import flint
     import numpy as np
 
-    matrix = np.empty((len(rows), len(rows[0])), dtype=object)
-    matrix[:] = [[round(x * 2**BITS) for x in row] for row in rows]
-    return matrix
+    with flint.ctx.workprec(PRECISION):
+        heads = [float(x.mid()) for x in balls]
+        return np.array([heads, [float((x - head).mid()) for x, head in zip(balls, heads, strict=True)]])
 
 
-def doubles(values: Iterable[Any]) -> np.ndarray:
-    """Fixed-point numbers as two rows of doubles: rounded values and their rounding errors."""
-    import numpy as np
+def phi_functions(matrix: Sequence[Sequence[Fraction]], count: int) -> list[Any] | None:
+    """φ_1(X), …, φ_count(X) as matrices of balls; None beyond the range of doubles.
 
-    heads = [x / 2**BITS for x in values]
-    tails = [(x - int(Fraction(head) * 2**BITS)) / 2**BITS for x, head in zip(values, heads, strict=True)]
-    return np.array([heads, tails])
-
-
-def phi_functions(matrix: np.ndarray, count: int) -> list[np.ndarray] | None:
-    """φ_1(X), …, φ_count(X) in fixed-point arithmetic; None beyond the range of doubles.
+    They are blocks of an exponential: the first row of exp([[X, 1, 0], [0, 0, 1], [0, 0, 0]]) is e^X, φ_1(X), φ_2(X).
 
     Example:
-        >>> (phi,) = phi_functions(fixed_point([[Fraction(1)]]), 1)
-        >>> print(doubles(phi[0])[0])  # e − 1
+        >>> (phi,) = phi_functions([[Fraction(1)]], 1)
+        >>> print(doubles([phi[0, 0]])[0])  # e − 1
         [1.71828183]
+
+    References:
+        A. H. Al-Mohy, N. J. Higham, SIAM J. Sci. Comput. 33 (2011) 488–511, doi:10.1137/100788860, theorem 2.1.
     """
-    import numpy as np
+    import flint
 
-    one = np.diag([1 << BITS] * len(matrix)).astype(object)
-    largest = max(sum(map(abs, row)) for row in matrix)
-    halvings = max(0, int(largest).bit_length() - BITS + SMALL_BITS)
-    small = matrix >> halvings
-    phi = [_series(small, count, one)]
-    for k in range(count - 1, 0, -1):
-        phi.insert(0, product(small, phi[0]) + one // factorial(k))
-    for doubling in range(halvings):
-        exponential = one + product(matrix >> (halvings - doubling), phi[0])
-        if max(int(x).bit_length() for x in exponential.flat) > MOST_BITS:
+    n, bits = len(matrix), PRECISION
+    while True:
+        with flint.ctx.workprec(bits):
+            blocks = flint.arb_mat(n * (count + 1), n * (count + 1))
+            for i in range(n * count):
+                blocks[i, i + n] = 1
+            for i, row in enumerate(matrix):
+                for j, x in enumerate(row):
+                    blocks[i, j] = _ball(x)
+            first = blocks.exp().tolist()[:n]
+            phi = [flint.arb_mat([row[k * n : (k + 1) * n] for row in first]) for k in range(1, count + 1)]
+            largest = [max(float(abs(x.mid())) for x in found.entries()) for found in phi]
+            errors = [max(float(x.rad()) for x in found.entries()) for found in phi]
+        if all(error <= ACCURACY * size < inf for error, size in zip(errors, largest, strict=True)):
+            return phi
+        if inf in largest or bits == 16 * PRECISION:
             return None
-        phi = [
-            product(exponential, phi[k - 1]) + sum(phi[j - 1] // factorial(k - j) for j in range(1, k + 1)) >> k
-            for k in range(1, count + 1)
-        ]
-    return phi
-
-
-def _series(matrix: np.ndarray, k: int, one: np.ndarray) -> np.ndarray:
-    """φ_k(X) = Σ X^m / (m + k)! for a small X, by Horner's rule."""
-    terms = 1
-    while SMALL_BITS * terms + factorial(terms).bit_length() < BITS:
-        terms += 1
-    total = one // factorial(terms + k)
-    for m in range(terms - 1, -1, -1):
-        total = product(matrix, total) + one // factorial(m + k)
-    return total
-
-
-def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A B in fixed-point arithmetic, by limbs whose products are exact in doubles."""
-    left, right = _limbs(A), _limbs(B)
-    total: Any = 0
-    for d in range(len(left) + len(right) - 1):
-        pairs = ((i, d - i) for i in range(max(0, d - len(right) + 1), min(d + 1, len(left))))
-        diagonal: Any = sum(left[i] @ right[j] for i, j in pairs)
-        total = total + (diagonal.astype("int64").astype(object) << (LIMB * d))
-    return total >> BITS
-
-
-def _limbs(matrix: np.ndarray) -> list[np.ndarray]:
-    """Matrices L_i of doubles with Σ L_i 2^(LIMB·i) = matrix; the last one holds the signs."""
-    count = 1 + max(int(x).bit_length() for x in matrix.flat) // LIMB
-    lower = [((matrix >> (LIMB * i)) & (2**LIMB - 1)).astype(float) for i in range(count - 1)]
-    return [*lower, (matrix >> (LIMB * (count - 1))).astype(float)]
+        bits *= 2

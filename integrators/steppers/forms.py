@@ -7,6 +7,7 @@ With split coefficients the heads are exact, and the tails, whose rounding error
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -27,16 +28,15 @@ class FormWriter:
     """Writes linear forms, and tracks the contents of the arrays.
 
     Args:
-        structure: The blocks of variables.
         result: The end of the step, for each block.
         points: How many points a step computes in each block; None if the step may fail, so that y must not be
             overwritten before its end.
-        compensated: Whether the sums y + h Σ x_e k_e are compensated.
-        split: Whether coefficients are split into heads and tails.
 
     Attributes:
         in_group: Whether implicit stages are being written, which recompute all points in each iteration.
         inlined: Stage derivatives that are substituted as text instead of being stored.
+        reader: The number of the call that is being written; None for other statements.
+        readers: The readers of each evaluation.
     """
 
     def __init__(
@@ -50,6 +50,8 @@ class FormWriter:
         self.structure, self.result, self.compensated, self.split = structure, result, compensated, split
         self.in_group = False
         self.inlined: dict[Key, str] = {}
+        self.reader: int | None = None
+        self.readers: defaultdict[int, set[int | None]] = defaultdict(set)
         self._points = None if points is None else dict(points)
         self._ended: set[int] = set()
         self._content: dict[tuple[str, int], Form] = {}
@@ -191,6 +193,7 @@ class FormWriter:
     def _product(self, block: int, term: tuple[int, Fraction]) -> str:
         """x_e k_e."""
         e, x = term
+        self.readers[e].add(self.reader)
         return scaled(grouped(self.inlined.get((e, block), f"k{e}[i]")), x)
 
 

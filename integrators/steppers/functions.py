@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from integrators.compile.particle_loops import INDICES
 from integrators.compile.scene_source import field_lines, gathered
 from integrators.core.immutable import cached_method
-from integrators.scenes.model.local_terms import VALUE, Argument, LocalTerm, Output, Place, output_formula
+from integrators.scenes.model.system import VALUE, Argument, LocalTerm, Output, Place, output_formula
 from integrators.steppers.structure import entries
 
 if TYPE_CHECKING:
@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 
 
 class Functions:
-    """Functions of a step's module, each named at its first use and written at the end.
-
-    Args:
-        structure: The blocks of variables and the pieces of the field.
-        module: The module under construction.
-    """
+    """Functions of a step's module, each named at its first use and written at the end."""
 
     def __init__(self, structure: Structure, module: ModuleText):
         self.structure, self.module = structure, module
@@ -123,10 +118,7 @@ def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr
         return [(-1, -1, None)]
     factor = formula.diff(sympy.Symbol(f"x{used[0]}"))
     source = entries(term.arguments[used[0]].plus, term.sites)
-    factors = [
-        factor.xreplace({sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(term.data)})
-        for row in term.sites.rows()
-    ]
+    factors = [cast("sympy.Expr", factor.xreplace(term.data_at(row))) for row in term.sites.rows()]
     return list(zip(entries(output.place, term.sites), source, factors, strict=True))
 
 
@@ -138,9 +130,12 @@ def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) 
         count = len(term.arguments)
         arguments = (*term.arguments, *(_moved(argument, dimension) for argument in term.arguments))
         for output in outputs(term):
-            partial = _partial_derivatives(term, output)
+            partial = _partial_derivatives(
+                term, output._replace(sign=1)
+            )  # equal up to sign for both particles of a pair
             formula = sympy.Add(*(formula * sympy.Symbol(f"x{count + k}") for k, formula in partial))
-            yield LocalTerm(formula, arguments, term.data, (Output(VALUE, output.place, 1),), term.sites, term.part)
+            made = (output._replace(derivative=VALUE),)
+            yield LocalTerm(formula, arguments, term.data, made, term.sites, term.part)
 
 
 def _moved(argument: Argument, by: int) -> Argument:
@@ -172,7 +167,7 @@ def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int,
                 if minus is not None:
                     yield (output.place, minus), -formula
 
-    lines = [f"for i in range({dimension**2}):", f"    out[i] = {module.zero}"]
+    lines = [f"for i in range({dimension**2}):", "    out[i] = 0.0"]
     for total in gathered(terms, entries):
         targets = {
             (row, column): f"out[{_position(row, column, dimension)}] +=" for row, column in sorted(total.outputs)

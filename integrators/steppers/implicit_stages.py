@@ -164,9 +164,16 @@ def _newton_stop(group: Group, writer: StepWriter) -> list[str]:
     ]
 
 
+SOLVERS = {"fixed-point": fixed_point_lines, "newton": newton_lines}
+"""Writers of implicit groups by the name of the solver."""
+
+
 def _new_arrays(group: Group, writer: StepWriter) -> dict[int, str]:
-    """Arrays for G(k), by the evaluation."""
-    return {e: writer.array(f"n{k}") for k, e in enumerate(sorted({e for e, _ in group.unknowns}))}
+    """Arrays for k, which are named by the evaluation, and for G(k)."""
+    evaluations = sorted({e for e, _ in group.unknowns})
+    for e in evaluations:
+        writer.array(f"k{e}")
+    return {e: writer.array(f"n{k}") for k, e in enumerate(evaluations)}
 
 
 def _negligible_changes(block: int, group: Group, writer: StepWriter) -> Iterator[str]:
@@ -188,7 +195,7 @@ def _starting_values(group: Group, writer: StepWriter) -> list[str]:
     lines: list[str] = []
     for block in group.blocks:
         own = [e for e, b in group.unknowns if b == block]
-        nodes = [writer.nodes.abscissa(e) for e in own]
+        nodes = [writer.plan.abscissas[e] for e in own]
         if len(own) > 1 and len(set(nodes)) == len(nodes):
             body = []
             for k, node in enumerate(nodes):
@@ -257,10 +264,6 @@ class NewtonMatrix:
 
     Intermediate stage derivatives give products of Jacobians. The Jacobian of an average is approximated by that at
     the middle of the path, and that of a flow by that of its piece; second derivatives are neglected.
-
-    Args:
-        group: The implicit group.
-        writer: The writer of the step.
 
     Attributes:
         unknowns: The order of the unknowns.

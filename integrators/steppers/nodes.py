@@ -13,12 +13,12 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.program.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
+from integrators.methods.programs.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
 from integrators.steppers.step_model import DECIMALS, Form, Key, Node, Point, fraction
 
 if TYPE_CHECKING:
-    from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.program import Method, Program
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import Method, Program
     from integrators.steppers.structure import Structure
 
 

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
 from heapq import heapify, heappop, heappush
@@ -24,12 +24,10 @@ if TYPE_CHECKING:
 def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
     """Plan a step.
 
-    Args:
-        nodes: The nodes of a method on a scene.
-        stagger: Whether kicks of successive steps may be merged, which needs steps of equal size.
+    Kicks of successive steps may be merged (`stagger`) if steps are of equal size.
     """
     found = _Planner(nodes).plan()
-    return _staggered(found) if stagger else found
+    return _numbered(_staggered(found) if stagger else found, nodes)
 
 
 class _Planner:
@@ -48,7 +46,7 @@ class _Planner:
                 self._add_group(component)
         reused = self._reused()
         apart = {*reused, *reused.values()}
-        return Plan(tuple(_merged(self.work, apart=apart)), self.result, reused, {})
+        return Plan(tuple(_merged(self.work, apart=apart)), self.result, reused, {}, {})
 
     def _components(self) -> list[list[Key]]:
         """Strongly connected components of the stage derivatives, in order of computation."""
@@ -171,7 +169,33 @@ def _staggered(found: Plan) -> Plan:
         work = [_without(item, block, kick) for item in work]
         result[block] = result[block].plus(kick, Fraction(-1)).plus(Form(Fraction(0), ((last, factor),)))
         staggered[block] = (*staggered.get(block, ()), (first, factor))
-    return Plan(tuple(work), result, found.reused, staggered)
+    return found._replace(work=tuple(work), result=result, staggered=staggered)
+
+
+def _numbered(found: Plan, nodes: Nodes) -> Plan:
+    """Number evaluations in order of computation, so that methods that come to the same steps have the same source."""
+    number: dict[int, int] = {}
+    for work in found.work:
+        for e, _ in _written(work):
+            number.setdefault(e, len(number))
+
+    def terms(old: Iterable[tuple[int, Fraction]]) -> tuple[tuple[int, Fraction], ...]:
+        return tuple((number[e], x) for e, x in old)
+
+    def call(old: Call) -> Call:
+        points = (tuple((b, Form(f.start, terms(f.terms))) for b, f in point) for point in old.node.points)
+        return Call(number[old.evaluation], old.blocks, old.node._replace(points=tuple(points)))
+
+    def group(old: Group) -> Group:
+        return Group(tuple(map(call, old.calls)), tuple((number[e], block) for e, block in old.unknowns))
+
+    return Plan(
+        tuple(call(work) if isinstance(work, Call) else group(work) for work in found.work),
+        {block: Form(form.start, terms(form.terms)) for block, form in found.result.items()},
+        {(number[e], block): (number[end], block) for (e, block), (end, _) in found.reused.items()},
+        {block: terms(kicks) for block, kicks in found.staggered.items()},
+        {number[e]: nodes.abscissa(e) for implicit in found.groups for e, _ in implicit.unknowns},
+    )
 
 
 def _forms(work: Call | Group, block: int) -> list[Form]:
@@ -267,44 +291,3 @@ def _can_merge(one: Call, other: Call, old: set[Key], apart: set[Key]) -> bool:
 
 def _union(one: Point, other: Point) -> Point:
     return tuple(sorted({**dict(one), **dict(other)}.items()))
-
-
-def allocate(
-    reads: Sequence[Collection[int]], writes: Sequence[Collection[int]], kept: Iterable[int], joined: Mapping[int, int]
-) -> dict[int, int]:
-    """Allocate registers to stage derivatives.
-
-    Args:
-        reads: The stage derivatives that each piece of work reads before it writes any.
-        writes: The stage derivatives that it writes.
-        kept: Stage derivatives that live from step to step and need registers of their own.
-        joined: Pairs (at the end of a step, at the start of the next), which share a register if the second is no
-            longer read when the first is written.
-
-    Returns:
-        The register of each stage derivative.
-
-    Example:
-        Three stage derivatives, each read by the work that computes the next:
-
-        >>> allocate([[], [0], [1], [2]], [[0], [1], [2], []], [], {})
-        {0: 0, 1: 0, 2: 0}
-    """
-    last = {e: position for position, used in enumerate(reads) for e in used}
-    first = {e: position for position, written in reversed(list(enumerate(writes))) for e in written}
-    register: dict[int, int] = {}
-    for e in kept:
-        register.setdefault(e, len(register))
-    for end, start in joined.items():
-        if end not in register and last.get(start, 0) <= first[end]:
-            register[end] = register[start]
-    count, free = len(set(register.values())), []
-    for position, written in enumerate(writes):
-        free += [register[e] for e in register if last.get(e) == position and e not in kept and e not in joined]
-        for e in sorted(written):
-            if e not in register:
-                if free:
-                    register[e] = free.pop()
-                else:
-                    register[e], count = count, count + 1
-    return register

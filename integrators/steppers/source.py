@@ -7,8 +7,7 @@ variables is a loop over its entries, which lowering turns into vector operation
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,8 +17,7 @@ from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.averages import average_lines
 from integrators.steppers.flows import flow_lines
 from integrators.steppers.functions import diagonal
-from integrators.steppers.implicit_stages import first_values, fixed_point_lines, newton_lines
-from integrators.steppers.plan import allocate
+from integrators.steppers.implicit_stages import SOLVERS, first_values
 from integrators.steppers.step_model import Call, Form, Group, Key, Options, Plan
 from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
 
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 
     from integrators.steppers.nodes import Nodes
 
-
-STAGE = re.compile(r"\bk(\d+)\b")
 
 TEMPLATE = '''\
 """Steps of a method on a scene.
@@ -67,8 +63,7 @@ CALLS = {
     "flow": flow_lines,
     "resolvent": resolvent_lines,
 }
-GROUPS = {"fixed-point": fixed_point_lines, "newton": newton_lines}
-"""Writers of calls by the kind of node, and of implicit groups by the solver."""
+"""Writers of calls by the kind of node."""
 
 
 class StepSource(NamedTuple):
@@ -109,38 +104,32 @@ class _Step:
 
     def read_once(self) -> frozenset[Key]:
         """Stage derivatives of diagonal pieces that only the next call reads and that can be substituted there."""
-        pieces = self._pieces()
-        uses = Counter(int(e) for lines in pieces for line in lines for e in STAGE.findall(line))
+        self._body_lines()
+        iterated = {e for group in self.plan.groups for e, _ in group.unknowns}
         found: set[Key] = set()
-        for (call, lines), (following, later) in pairwise(self.writer.written):
+        for number, (call, following) in enumerate(pairwise(self.writer.written)):
             e, (block, *others) = call.evaluation, call.blocks
             chosen = diagonal(self.structure, call.node.piece, block) if call.node.kind == "field" else None
-            if chosen is None or others or (e, block) in self.plan.reused.values():
+            if chosen is None or others or e in iterated or (e, block) in self.plan.reused.values():
                 continue
-            here = sum(STAGE.findall(line).count(str(e)) for line in (*lines, *later))
             read = {source for point in following.node.points for source, _ in point}
-            if uses[e] == here and chosen.source not in read:
+            if self.forms.readers.get(e, set()) <= {number, number + 1} and chosen.source not in read:
                 found.add((e, block))
         return frozenset(found)
 
-    def _pieces(self) -> list[list[str]]:
-        """The lines of each piece of work, and of the end of the step."""
-        pieces = [self._work_lines(work) for work in self.plan.computed]
-        ends = (self.forms.update(block, form) for block, form in self.plan.result.items())
-        pieces.append([line for lines in ends for line in lines])
+    def _body_lines(self) -> list[str]:
+        """Statements of a step."""
+        lines = [line for work in self.plan.computed for line in self._work_lines(work)]
+        lines += [line for block, form in self.plan.result.items() for line in self.forms.update(block, form)]
         self.forms.end_step()
-        return pieces
+        return lines
 
     def source(self) -> StepSource:
         """Write the module."""
         writer, module = self.writer, self.writer.module
-        pieces = self._pieces()
+        body = [*self._body_lines(), *self._reuse_lines()]
         first = self._first_lines()
-        registers = self._registers(pieces)
-        for register in sorted(set(registers.values())):
-            writer.array(f"k{register}")
         load, store, memory = self._memory_lines()
-        body = [*(line for lines in pieces for line in lines), *self._reuse_lines(registers)]
         formula = writer.options.control
         control = ControlText() if formula is None else control_text(formula, writer)
         first += self._kick_lines()
@@ -152,9 +141,9 @@ class _Step:
         lines = [
             *arrays,
             *self._state_lines("y[i] = source[i]", "e[i] = compensation[i]"),
-            *_renamed(steps, registers),
+            *steps,
             *self._state_lines("source[i] = y[i]", "compensation[i] = e[i]"),
-            *_renamed(self._unstaggered_lines(), registers),
+            *self._unstaggered_lines(),
             "return done",
         ]
         writer.functions.write()
@@ -167,7 +156,7 @@ class _Step:
     def _work_lines(self, work: Call | Group) -> list[str]:
         if isinstance(work, Call):
             return self.writer.call_lines(work)
-        return GROUPS[self.writer.options.solver](work, self.writer)
+        return SOLVERS[self.writer.options.solver](work, self.writer)
 
     def _first_lines(self) -> list[str]:
         """Statements before the first step, for stage derivatives that each step takes over from the one before."""
@@ -187,13 +176,13 @@ class _Step:
             lines += self.forms.loop(block, [f"source[i] = y[i] - h*({self.forms.sum(block, kicks)})"])
         return lines
 
-    def _reuse_lines(self, registers: Mapping[int, int]) -> list[str]:
-        """Statements that copy stage derivatives for the next step, unless they share a register."""
-        lines: list[str] = []
-        for (start, block), (end, _) in self.plan.reused.items():
-            if registers[start] != registers[end]:
-                lines += self.forms.loop(block, [f"k{start}[i] = k{end}[i]"])
-        return lines
+    def _reuse_lines(self) -> list[str]:
+        """Statements that copy stage derivatives for the next step."""
+        copies = (
+            self.forms.loop(block, [f"k{start}[i] = k{end}[i]"])
+            for (start, block), (end, _) in self.plan.reused.items()
+        )
+        return [line for lines in copies for line in lines]
 
     def _memory_lines(self) -> tuple[list[str], list[str], int]:
         """Statements that load and store everything that is kept from step to step, and its size."""
@@ -210,22 +199,6 @@ class _Step:
                 size += b - a
         return load, store, size
 
-    def _registers(self, pieces: Sequence[Sequence[str]]) -> dict[int, int]:
-        """The register of each stage derivative, from the lines that use it."""
-        kept = [*(e for e, _ in self.plan.reused), *(e for group in self.plan.groups for e, _ in group.unknowns)]
-        reads: list[set[int]] = []
-        writes: list[set[int]] = []
-        for work, lines in zip([*self.plan.computed, None], pieces, strict=True):
-            used = {int(e) for line in lines for e in STAGE.findall(line)}
-            written = set() if work is None else {work.evaluation} if isinstance(work, Call) else used
-            reads.append(used - written if isinstance(work, Call) else used)
-            writes.append(written)
-            if isinstance(work, Group):  # an iteration reads to its end
-                reads.append(used)
-                writes.append(set())
-        joined = {end[0]: start[0] for start, end in self.plan.reused.items()}
-        return allocate(reads, writes, kept, joined)
-
     def _state_lines(self, line: str, compensating: str) -> list[str]:
         """Loops over the whole state, one for each block, as in the step itself."""
         lines = [line, *([compensating] * self.writer.options.compensated)]
@@ -237,8 +210,3 @@ def _kernel_imports(text: str) -> str:
     words = set(re.findall(r"\w+", text))
     used = {module: [name for name in names if name in words] for module, names in KERNELS.items()}
     return "\n".join(f"from {module} import {', '.join(x)}" for module, x in used.items() if x)
-
-
-def _renamed(lines: Iterable[str], registers: Mapping[int, int]) -> list[str]:
-    """The lines with registers in place of stage derivatives."""
-    return [STAGE.sub(lambda found: f"k{registers[int(found[1])]}", line) for line in lines]

@@ -23,9 +23,9 @@ class StepError(IntegratorError):
     Example:
         >>> from integrators import integrate, parse_scene
         >>> try:
-        ...     integrate(parse_scene("y' = y^2"), "rk4", y0=[1], h=0.01, steps=200)
+        ...     integrate("rk4", parse_scene("y' = y^2"), y0=[1], h=0.01, steps=200)
         ... except StepError as error:
-        ...     print(error.step, error.t, error.trajectory)
+        ...     print(error.step, error.t, repr(error.trajectory))
         103 1.02 <Trajectory of rk4 on scene: 103 states from t = 0 to 1.02>
     """
 
@@ -55,7 +55,7 @@ class State:
 
     Example:
         >>> from integrators import scene, stepper
-        >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+        >>> verlet = stepper("stormer-verlet", scene("pendulum"))
         >>> state = verlet.start(h=0.1)
         >>> verlet.advance(state, 5)
         >>> other = state.copy()
@@ -73,6 +73,9 @@ class State:
         self.values, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
         self.control = np.zeros(0)
         self.n, self.step_size, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver
+
+    def __repr__(self) -> str:
+        return f"<State after {self.n:,} steps, t = {self.t:g}: {len(self.values)} variables>"
 
     @property
     def y(self) -> np.ndarray:

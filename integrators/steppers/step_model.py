@@ -108,12 +108,14 @@ class Plan(NamedTuple):
             they equal (first same as last).
         staggered: Kicks, with their coefficients, by the blocks in which a step begins after the first kick; there y
             in `work` and `result` stands for y + h x k.
+        abscissas: The abscissa of each evaluation of an implicit group.
     """
 
     work: tuple[Call | Group, ...]
     result: Mapping[int, Form]
     reused: Mapping[Key, Key]
     staggered: Mapping[int, tuple[tuple[int, Fraction], ...]]
+    abscissas: Mapping[int, Fraction]
 
     @property
     def groups(self) -> list[Group]:

@@ -1,45 +1,108 @@
-"""Public stepper: starts, steps, recording, and the change of solver."""
+"""Steppers: compilation from a method and a scene to machine code, steps, recording, and the change of solver."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from foundation.memory import refuse_beyond_memory
+from integrators.compile.lowering import SOURCES
+from integrators.compile.modules import load_module
 from integrators.compile.scene_source import compiled_scene
-from integrators.core.arguments import check_end, read_number, read_vector, read_whole
+from integrators.core.arguments import check_end, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import cached_method
-from integrators.methods.catalogue.registry import method as named
-from integrators.methods.program.program import Method
+from integrators.exact.arguments import read_number, read_vector
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
+from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.averages import MOST_NODES
-from integrators.steppers.pipeline import CompiledStep, compile_step
+from integrators.steppers.implicit_stages import SOLVERS
+from integrators.steppers.nodes import Nodes
+from integrators.steppers.plan import plan
+from integrators.steppers.source import KERNELS, StepSource, step_source
 from integrators.steppers.states import State, StepError
 from integrators.steppers.step_model import Options
+from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
     import numpy as np
 
 
 MOST_STEPS = 2**63 - 1
-SOLVERS = ("auto", "fixed-point", "newton")
+
+
+def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> CompiledStep:
+    """Compile one step of a method on a scene.
+
+    ::
+
+        method, scene
+            │   analysis        structure.py       blocks of variables, and what each piece of the field does to them
+            │                   nodes.py           evaluations by block, without duplicates, rational coefficients
+            ▼
+          Nodes
+            │   plan            plan.py            order of evaluations, implicit groups, reuse in the next step
+            ▼
+          Plan
+            │   source          source.py          the loop over steps, memory
+            │                   writer.py          arrays and functions; calls of the field and its derivatives
+            │                   averages.py, flows.py, implicit_stages.py    the other kinds of evaluations
+            ▼
+        StepSource
+            │   machine code    compile.modules    module from source
+            │                   compile.lowering   LLVM code of the module; LLVM's code is cached on disk
+            ▼
+        int64_t advance(double *state, ...)
+    """
+    structure = Structure(scene, method_pieces(method, scene, parts))
+    nodes = Nodes(method, structure)
+    step = plan(nodes, stagger=options.control is None)
+    source = step_source(nodes, step, options)
+    return CompiledStep(source)
+
+
+class CompiledStep:
+    """A step as source and, from its first use, as machine code."""
+
+    def __init__(self, source: StepSource):
+        self.source = source
+
+    @cached_property
+    def address(self) -> int:
+        """The address of the machine code (see `integrators.compile.machine.steps_in_c`)."""
+        helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]
+        return load_module(self.source.text, helpers=[*helpers, *SOURCES]).in_c.address
+
+
+def method_pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
+    """The pieces of the field for the parts of a method; an auxiliary matrix is the Jacobian of the whole field."""
+    auxiliary = method.program.auxiliary
+    names = [name for name in method.names if name not in auxiliary]
+    own = dict(zip(names, pieces_of(names, scene, parts), strict=True))
+    pieces = [own.get(name, Piece()) for name in method.names]
+    if not auxiliary:  # an auxiliary matrix has no B-series
+        check_kind(method.name, method.program.max_children, pieces, scene)
+    return pieces if len(pieces) == 1 else [*pieces, Piece()]
 
 
 class Stepper:
     """Compiled steps of a method on a scene; made by `stepper`.
 
     Attributes:
-        scene: The scene.
         method: The method.
+        scene: The scene.
         source: The source of the steps, with the solver with which a run begins.
         control: The step size function; None for constant steps.
 
     Example:
         >>> from integrators import scene
-        >>> made = stepper(scene("kepler"), "gauss2")
+        >>> made = stepper("gauss2", scene("kepler"))
         >>> made
         <Stepper gauss2 on kepler>
         >>> "while done < steps:" in made.source
@@ -61,7 +124,7 @@ class Stepper:
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
 
-    def start(self, y0: Sequence[float] | np.ndarray | None = None, *, h: float, t0: float = 0.0) -> State:
+    def start(self, y0: Any = None, *, h: float | str, t0: float = 0.0) -> State:
         """Start a run.
 
         Args:
@@ -98,7 +161,7 @@ class Stepper:
 
         Example:
             >>> from integrators import scene
-            >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+            >>> verlet = stepper("stormer-verlet", scene("pendulum"))
             >>> state = verlet.start([0, 1], h=0.1)
             >>> verlet.advance(state, 10)
             >>> back = verlet.restart(state, h=-state.h)
@@ -183,7 +246,7 @@ class Stepper:
 
         Example:
             >>> from integrators import scene
-            >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+            >>> verlet = stepper("stormer-verlet", scene("pendulum"))
             >>> state = verlet.start(h=0.1)
             >>> verlet.repeat(state, 10, 1000)
             >>> state.n
@@ -312,8 +375,8 @@ class Stepper:
 
 
 def stepper(
-    scene: Scene,
     method: Method | str,
+    scene: Scene,
     *,
     parts: Mapping[str, Any] | None = None,
     compensated: bool = True,
@@ -325,8 +388,8 @@ def stepper(
     """Compile steps of a method on a scene.
 
     Args:
-        scene: The scene.
         method: The method, or its name.
+        scene: The scene.
         parts: The meaning of the parts of the method: maps each to a block of the scene, a list of blocks, or a part
             of its field. By default those of the same name; a, b are the two blocks of a scene that has two.
         compensated: Whether the sums y + increment are compensated, so that rounding errors do not accumulate.
@@ -346,20 +409,17 @@ def stepper(
 
     Example:
         >>> from integrators import method, scene
-        >>> verlet = stepper(scene("pendulum"), "stormer-verlet")
+        >>> verlet = stepper("stormer-verlet", scene("pendulum"))
         >>> state = verlet.start([0, 1], h=0.1)
         >>> verlet.advance(state, 10)
         >>> print(state.t, state.y)
         1.0 [-0.75439329  0.59986611]
     """
-    if not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
-    if isinstance(method, str):
-        method = named(method)
+    method, scene = as_method(method), as_scene(scene)
     if not isinstance(method, Method):
         raise IntegratorError(f"method must be a method or its name, but was {shorten(repr(method))}")
-    if solver not in SOLVERS:
-        raise IntegratorError(f"solver must be one of {', '.join(SOLVERS)}, but was {shorten(repr(solver))}")
+    if solver not in ("auto", *SOLVERS):
+        raise IntegratorError(f"solver must be one of auto, {', '.join(SOLVERS)}, but was {shorten(repr(solver))}")
     for argument, value in (("compensated", compensated), ("split", split)):
         if not isinstance(value, bool):
             raise IntegratorError(f"{argument} must be True or False, but was {shorten(repr(value))}")

@@ -12,14 +12,13 @@ from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from integrators.core.immutable import cached_method
-from integrators.scenes.model.local_terms import output_formula
-from integrators.scenes.particles.degrees import degree
+from integrators.scenes.model.system import output_formula
+from integrators.scenes.particles.parts import degree
 
 if TYPE_CHECKING:
-    from integrators.scenes.model.local_terms import LocalTerm, Output, Place
-    from integrators.scenes.model.system import System
+    from integrators.scenes.model.system import LocalTerm, Output, Place, System
     from integrators.scenes.model.terms import Sites
-    from integrators.scenes.particles.degrees import Piece
+    from integrators.scenes.particles.parts import Piece
 
 Range: TypeAlias = tuple[int, int]
 
@@ -37,15 +36,7 @@ class Dependence(NamedTuple):
 
 
 class Structure:
-    """Blocks of variables of a scene, and dependences between them.
-
-    Args:
-        scene: The scene.
-        pieces: The piece of the field for each part of the method.
-
-    Attributes:
-        scene, pieces: The same.
-    """
+    """Blocks of variables of a scene, and dependences between them."""
 
     def __init__(self, scene: System, pieces: Sequence[Piece]):
         self.scene, self.pieces = scene, tuple(pieces)
@@ -69,9 +60,8 @@ class Structure:
                 for output in piece.outputs(term, self.scene):
                     for index in entries(output.place, term.sites):
                         writers[index].add(k)
-        while partly := list(
-            self._partly_written(writers)
-        ):  # merging the blocks at one place may split those at another
+        # Repeated, because merging the blocks at one place may split those at another.
+        while partly := list(self._partly_written(writers)):
             for place, sites in partly:
                 common = set().union(*(writers[index] for index in entries(place, sites)))
                 for index in entries(place, sites):

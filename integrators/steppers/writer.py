@@ -32,10 +32,6 @@ MOST_STACK = 32_768
 class WorkArrays:
     """Work arrays, constants, and numbers that depend on the step size.
 
-    Args:
-        dimension: The number of variables.
-        module: The module under construction.
-
     Attributes:
         module: The same.
         numbers: Functions of h whose values, concatenated, are the numbers that depend on the step size.
@@ -59,12 +55,7 @@ class WorkArrays:
         return self._constants.setdefault(name, name.lower())
 
     def number_array(self, count: int, values: Callable[[float], np.ndarray]) -> str:
-        """A pointer to numbers that depend on the step size only.
-
-        Args:
-            count: Their number.
-            values: The numbers as a function of h.
-        """
+        """A pointer to numbers that depend on the step size only."""
         self.numbers.append(values)
         self._number_count += count
         return f"shifted(constants, {self._number_count - count})"
@@ -102,19 +93,19 @@ class StepWriter(WorkArrays):
         averaged: The call whose values along its path are still stored.
         known: Names of arrays and functions that flows have already defined.
         matrices: Names of the matrices factorized in this step.
-        written: The calls so far, with their lines.
+        written: The calls so far.
     """
 
     def __init__(
         self, nodes: Nodes, plan: Plan, calls: Mapping[str, CallWriter], options: Options, once: frozenset[Key]
     ):
         structure = nodes.structure
-        super().__init__(structure.scene.dimension, ModuleText(precise=False, lanes=True, plain=True))
-        self.nodes, self.structure, self.plan, self.options, self.once = nodes, structure, plan, options, once
+        super().__init__(structure.scene.dimension, ModuleText(lanes=True, plain=True))
+        self.structure, self.plan, self.options, self.once = structure, plan, options, once
         self.averaged: object = None
         self.known: dict[object, str] = {}
         self.matrices: dict[object, str] = {}
-        self.written: list[tuple[Call, list[str]]] = []
+        self.written: list[Call] = []
         self._calls = calls
         self.functions = Functions(structure, self.module)
         iterates = bool(plan.groups)
@@ -130,8 +121,12 @@ class StepWriter(WorkArrays):
             call: The call.
             target: The array for the stage derivatives; by default the one from which others read them.
         """
-        lines = self._calls[call.node.kind](call, target or f"k{call.evaluation}", self)
-        self.written.append((call, lines))
+        if target is None and not self.is_inlined(call):
+            target = self.array(f"k{call.evaluation}")
+        self.forms.reader = len(self.written)
+        self.written.append(call)
+        lines = self._calls[call.node.kind](call, target or "", self)
+        self.forms.reader = None
         return lines
 
     def is_inlined(self, call: Call) -> bool:

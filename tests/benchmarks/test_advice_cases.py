@@ -12,8 +12,7 @@ import bseries as bs
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision import recommendation, sweeps
 from bseries.advice.work_precision.candidates import Candidate
-from bseries.advice.work_precision.curves import Curve, Row
-from bseries.advice.work_precision.run_errors import Judge, RunErrors
+from bseries.advice.work_precision.sweeps import Curve, Judge, Row, RunErrors
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
@@ -62,8 +61,8 @@ def made_up(monkeypatch):
         curves = []
         for name in names:
             rows = (Row(1 / n, n, always(PRICES, name), RunErrors(LAWS[name](n))) for n in (2**k for k in range(2, 12)))
-            curves.append(Curve(Candidate(name, bs.method("rk4"), MadeUp.scene), tuple(rows)))
-        return bs.WorkPrecision(MadeUp(), (1e-2, 1e-8), curves, {})  # pyright: ignore[reportArgumentType]
+            curves.append(Curve(Candidate(name, bs.method("rk4")), tuple(rows)))
+        return bs.advice.WorkPrecision(MadeUp(), (1e-2, 1e-8), curves, {})  # pyright: ignore[reportArgumentType]
 
     return make
 
@@ -115,7 +114,7 @@ def test_recommendations_against_a_search(scene, monkeypatch):
             module, "step_costs", lambda work, **_: {key: always(prices, key.split(" ")[0]) for key in work}
         )
     stop_the_clock(monkeypatch)
-    found = bs.work_precision(scene, SCENES[scene], span=10, errors=(1e-2, 1e-5), budget=for_steps(10_000))
+    found = bs.work_precision(SCENES[scene], scene, span=10, errors=(1e-2, 1e-5), budget=for_steps(10_000))
     judge = Judge(found.scene, found.span, ("solution",))
     for error in (1e-2, 1e-4):
         chosen = found.best(error)

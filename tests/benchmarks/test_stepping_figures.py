@@ -38,7 +38,7 @@ def test_starts_lie_on_turned_ellipses_all_over_the_period():
 @needs_gcc
 @pytest.mark.parametrize(("method", "amplitude"), [("stormer-verlet-kdk", 1e-4), ("gauss3", 1e-11)])
 def test_what_a_method_does_to_energy_is_no_rounding_error(method, amplitude):
-    stepper = bs.stepper(bs.scene("kepler"), method)
+    stepper = bs.stepper(method, bs.scene("kepler"))
     state, rows = stepper.start(random_starts(1)[0], h=STEP), []
     for _ in range(6):
         rows.append(np.concatenate([state.y, state.carry]))

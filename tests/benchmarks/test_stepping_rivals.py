@@ -239,7 +239,7 @@ def test_the_diagram_has_a_line_for_every_curve_and_names_for_the_best_of_each_p
     ]
     first, second = diagram.draw(curves, [kepler, solar]).axes
     assert [line.get_linewidth() for line in first.lines] == [2, 0.7, 1]
-    assert [text.get_text() for text in first.texts] == ["gauss3", "heyoka Taylor"]
+    assert [text.get_text() for text in first.get_legend().get_texts()] == ["heyoka Taylor", "gauss3"]
     assert len(second.lines) == 1
 
 

@@ -7,7 +7,6 @@ import pytest
 
 import trees.table
 from bseries import BSeries
-from bseries.fields.symbolic import flint_polynomials, flint_rings
 
 
 @pytest.fixture(params=["compiled", "interpreted"])
@@ -19,17 +18,6 @@ def execution(request, monkeypatch):
     trees.table._kept_table.cache_clear()
     yield request.param
     trees.table._kept_table.cache_clear()
-
-
-@pytest.fixture(params=["python-flint", "Python"])
-def backend(request, monkeypatch):
-    """Compute with polynomials by python-flint, or as a plain installation does."""
-    if request.param == "python-flint":
-        pytest.importorskip("flint")
-    else:
-        for module in (flint_polynomials, flint_rings):
-            monkeypatch.setattr(module, "flint", lambda: None)
-    return request.param
 
 
 @pytest.fixture

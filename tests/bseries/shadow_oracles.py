@@ -5,21 +5,22 @@ from __future__ import annotations
 from fractions import Fraction
 
 import mpmath
+import sympy
 
 from bseries.shadow.formulas import ShadowFormula
-from integrators.compile.scene_source import precise_scene
+from integrators.scenes.checks import precise_field
 
 
 def step_by_step(problem, masses, h, count):
     """Momenta, potentials and gradients along kick–drift–kick in the precision of mpmath, p before q in the state."""
-    module, n = precise_scene(problem), problem.dimension // 2
+    field, n = precise_field(problem), problem.dimension // 2
+    energy = sympy.lambdify(problem.symbols, problem.hamiltonian, "mpmath", cse=True, dummify=True)
     q = [mpmath.mpf(x.p) / x.q for x in problem.start[n:]]
     p = [mpmath.mpf(x.p) / x.q for x in problem.start[:n]]
 
     def forces(q):
-        out = [None] * (2 * n)
-        module.field([mpmath.mpf(0)] * n + q, out)
-        return [-x for x in out[:n]], module.energy([mpmath.mpf(0)] * n + q)
+        y = [mpmath.mpf(0)] * n + q
+        return [-x for x in field(y)[:n]], energy(*y)
 
     g, u = forces(q)
     states = [(p, u, g)]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from bseries.advice.work_precision import run_errors
+from bseries.advice.work_precision import sweeps
 from bseries.advice.work_precision.sweeps import LEAST_SECONDS
 
 
 def stop_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """No run takes any time: then each step is charged with the least."""
-    monkeypatch.setattr(run_errors, "thread_time", lambda: 0.0)
+    monkeypatch.setattr(sweeps, "thread_time", lambda: 0.0)
 
 
 def for_steps(steps: int) -> float:

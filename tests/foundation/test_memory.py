@@ -13,13 +13,13 @@ import bseries as bs
 
 chain = [bs.Term(over="each", hamiltonian="p_i^2/2"), bs.Term(over="chain", hamiltonian="exp(q_i - q_j)")]
 toda = bs.Scene({"p": 5000, "q": 5000}, terms=chain, start={"p": [0] * 5000, "q": [0] * 5000})
-start = bs.perturbed_start(bs.scene("pendulum"), 0.1)
+start = bs.runs.perturbed_start(bs.scene("pendulum"), 0.1)
 _, most = resource.getrlimit(resource.RLIMIT_AS)
 resource.setrlimit(resource.RLIMIT_AS, (4 * 10**9, most))
 for work in (
-    lambda: bs.integrate(toda, "gauss2", h=0.1, steps=1, solver="newton"),
-    lambda: bs.ensemble(bs.scene("pendulum"), "rk4", h=0.1, steps=1, sample=start, members=10**9),
-    lambda: bs.integrate(bs.scene("pendulum"), "rk4", h=0.1, steps=10**9),
+    lambda: bs.integrate("gauss2", toda, h=0.1, steps=1, solver="newton"),
+    lambda: bs.ensemble("rk4", bs.scene("pendulum"), h=0.1, steps=1, sample=start, members=10**9),
+    lambda: bs.integrate("rk4", bs.scene("pendulum"), h=0.1, steps=10**9),
     lambda: bs.modified_equation(bs.method("rk4"), 25),
 ):
     try:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.prediction import perturbation_run as runs_module
+from bseries.advice.predictions import perturbation_run as runs_module
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +48,7 @@ def same_pilots(monkeypatch):
 
 
 def predicted(scene, method, h, steps, **options):
-    return bs.predict_run(scene, method, h=h, steps=steps, timed=False, **options)
+    return bs.predict_run(method, scene, h=h, steps=steps, timed=False, **options)
 
 
 def distances(scene, method, h, steps, y0):
@@ -56,7 +56,7 @@ def distances(scene, method, h, steps, y0):
     looks = max(1, steps // 200)
     start = np.array(scene.y0 if y0 is None else y0, float)
     observed = {"observe": "energy", "observe_every": 1} if scene.is_hamiltonian else {}
-    run = bs.integrate(scene, method, h=h, steps=steps, y0=start, save_every=looks, **observed)
+    run = bs.integrate(method, scene, h=h, steps=steps, y0=start, save_every=looks, **observed)
     exact = bs.reference_solution(scene, run.t[1:], y0=start)
     largest = np.linalg.norm(np.column_stack([start, exact]), axis=0).max()
     solution = np.linalg.norm(run.y[:, 1:] - exact, axis=0).max() / largest
@@ -123,13 +123,13 @@ UNKNOWN = {
     ),
     "van-der-pol (ε = 1e-6), explicit-euler, 1000 steps of 1e-3": (STIFF, "explicit-euler", 1e-3, 1000, {}, SHRINK),
     "van-der-pol (ε = 1e-6), rk4, 20 steps of 0.1": (STIFF, "rk4", 0.1, 20, {}, SHRINK),
-    "y' = y² to its blow-up at t = 1, rk4": (RICCATI, "rk4", 0.01, 100, {}, "could not be followed"),
-    "y' = y² to t = 2, explicit-euler": (RICCATI, "explicit-euler", 0.01, 200, {}, "could not be followed"),
+    "y' = y² to its blow-up at t = 1, rk4": (RICCATI, "rk4", 0.01, 100, {}, "could not be computed"),
+    "y' = y² to t = 2, explicit-euler": (RICCATI, "explicit-euler", 0.01, 200, {}, "could not be computed"),
     "lennard-jones, two atoms at one place": (
-        DIMER, "stormer-verlet", 1e-3, 100, {"y0": beside(0)}, "could not be followed beyond t = 0",
+        DIMER, "stormer-verlet", 1e-3, 100, {"y0": beside(0)}, "could not be computed beyond t = 0",
     ),
     "lennard-jones, two atoms at distance 1e-200": (
-        DIMER, "rk4", 1e-3, 100, {"y0": beside(1e-200)}, "could not be followed beyond t = 0",
+        DIMER, "rk4", 1e-3, 100, {"y0": beside(1e-200)}, "could not be computed beyond t = 0",
     ),
     "lennard-jones, two atoms at distance 1e-3": (DIMER, "stormer-verlet", 1e-5, 100, {"y0": beside(1e-3)}, SHRINK),
     "pendulum, rk4, steps of 1e300": (PENDULUM, "rk4", 1e300, 10, {}, SHRINK),
@@ -173,10 +173,10 @@ NO_STEPS = {"0": 0, "−0.0": -0.0, "None": None, "a list": [0.1], **NO_NUMBERS}
 def test_what_is_no_step_size_is_refused(h, measured):
     """By all that take one."""
     step = NO_STEPS[h]
-    found = refused("h", bs.predict_run, PENDULUM, "rk4", h=step, steps=100)
-    refused("h", bs.effect_costs, "pendulum", "rk4", h=step, effects="damping")
+    found = refused("h", bs.predict_run, "rk4", PENDULUM, h=step, steps=100)
+    refused("h", bs.effect_costs, "rk4", "pendulum", h=step, effects="damping")
     influence = "span" if h in ("0", "−0.0") else "h"  # span must be positive, and h not zero
-    error = refused(influence, bs.effect_influence, "pendulum", "rk4", h=step, span=1, effects="damping")
+    error = refused(influence, bs.effect_influence, "rk4", "pendulum", h=step, span=1, effects="damping")
     assert "h not zero" in str(error) or influence == "h"
     shown = str(found).split(", but")[0]
     measured.said(f"predict_run, effect_costs and effect_influence, h: {h}", "a clear error", f"“{shown} …”")
@@ -190,12 +190,12 @@ def test_what_is_no_step_size_is_refused(h, measured):
     ],
 )  # fmt: skip
 def test_other_arguments_of_predictions_are_refused(argument, value):
-    refused(argument, bs.predict_run, PENDULUM, "rk4", **{"h": 0.1, "steps": 100, argument: value})
+    refused(argument, bs.predict_run, "rk4", PENDULUM, **{"h": 0.1, "steps": 100, argument: value})
 
 
 def test_a_run_that_ends_while_it_is_timed_says_so():
-    error = refused("h", bs.predict_run, RICCATI, "rk4", h=0.01, steps=10_000)
-    assert isinstance(error, bs.StepError)
+    error = refused("h", bs.predict_run, "rk4", RICCATI, h=0.01, steps=10_000)
+    assert isinstance(error, bs.integrators.StepError)
 
 
 # work_precision
@@ -209,7 +209,7 @@ def precision(name):
         "pendulum from q = π/2, where its energy is 0": (PENDULUM.with_start(p=[0], q=["pi/2"]), 20, "energy"),
         "lennard-jones, two atoms at distance 1/2": (DIMER.with_start(q=["-1/4", "1/4"]), 0.01, "all"),
     }[name]
-    return bs.work_precision(scene, ["rk4"], span=span, errors=(1e-2, 1e-6), measure=measure)
+    return bs.work_precision(["rk4"], scene, span=span, errors=(1e-2, 1e-6), measure=measure)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_recommended_steps_meet_their_error(name, measured):
 
 @pytest.mark.parametrize("span", [1, 2])
 def test_spans_beyond_a_blow_up_are_refused(span, measured):
-    error = refused("measure", bs.work_precision, RICCATI, ["rk4"], span=span)
+    error = refused("measure", bs.work_precision, ["rk4"], RICCATI, span=span)
     assert "t must end before 1, beyond which the solution of riccati could not be continued" in str(error)
     measured.said(f"work_precision, y' = y² to t = {span}", "a clear error", f"“… {str(error).rpartition(': ')[2]}”")
 
@@ -245,8 +245,8 @@ def test_spans_beyond_a_blow_up_are_refused(span, measured):
 @pytest.mark.parametrize("span", ["0", "−0.0", "−1", *NO_NUMBERS])
 def test_what_is_no_span_is_refused(span, measured):
     length = {"0": 0, "−0.0": -0.0, "−1": -1, **NO_NUMBERS}[span]
-    found = refused("span", bs.work_precision, PENDULUM, ["rk4"], span=length)
-    refused("span", bs.effect_influence, "pendulum", "rk4", h=0.1, span=length, effects="damping")
+    found = refused("span", bs.work_precision, ["rk4"], PENDULUM, span=length)
+    refused("span", bs.effect_influence, "rk4", "pendulum", h=0.1, span=length, effects="damping")
     shown = str(found).split(", but")[0]
     measured.said(f"work_precision and effect_influence, span: {span}", "a clear error", f"“{shown} …”")
 
@@ -266,8 +266,6 @@ def test_other_arguments_of_measurements_are_refused(argument, value):
 def test_errors_that_no_method_can_meet_are_refused(value):
     found = precision("y' = y² to t = 0.9")
     refused("error", found.best, value)
-    if value is not None:  # None is the span that was measured
-        refused("span", found.best, 1e-3, span=value)
 
 
 # effect_influence, effect_costs
@@ -275,7 +273,7 @@ def test_errors_that_no_method_can_meet_are_refused(value):
 
 def influence(scene="pendulum", h=0.05, span=10, **options):
     options = {"effects": "damping", **options}
-    return bs.effect_influence(scene, "rk4", h=h, span=span, **options)
+    return bs.effect_influence("rk4", scene, h=h, span=span, **options)
 
 
 def oscillate(t, gamma):
@@ -322,7 +320,7 @@ def test_influence_on_a_comet(measured):
         abs(found / exact - 1) / report.own_error.energy, 1, " times the error of the energy",
         what="relative error", note=f"{found:.2e}, error of the energy {report.own_error.energy:.1e}",
     )  # fmt: skip
-    with pytest.raises(bs.SeriesError, match="h must be small enough for a run that is right"):
+    with pytest.raises(bs.SeriesError, match="h must be small enough for an accurate run"):
         influence("kepler", **{**options, "h": 1e-4})  # with 50 steps the orbit is another one
 
 
@@ -360,7 +358,7 @@ def test_other_arguments_of_influences_are_refused(argument, options):
 
 def test_costs_do_not_depend_on_scales(measured):
     """Times are positive for steps of 1e-300 too, and trees are those of any step; 37 of them are needed to order 6."""
-    rows = bs.effect_costs("pendulum", "rk4", h=1e-300, effects="damping")
+    rows = bs.effect_costs("rk4", "pendulum", h=1e-300, effects="damping")
     assert [row.effects for row in rows] == [(), ("damping",)]
     assert all(0 < time.low <= time.seconds <= time.high < math.inf for row in rows for time in (row.step, row.field))
     trees = [(row.trees, row.all_trees) for row in rows]

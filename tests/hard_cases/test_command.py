@@ -32,7 +32,7 @@ MISTAKES = {
     "--step 0.1 --steps 2.5": "steps must be a whole number",
     "--step 0.1 --span nan": "span must be a formula, but 'nan' is not finite",
     "--step 1e-300 --span 1": "steps must be a whole number from 0 to 2^53",
-    "--step 0 --span 1": "span must not be negative, and step not zero",
+    "--step 0 --span 1": "span must be at least 0, and h not 0",
     "--step 0.1 --steps 3 --start p=nan;q=0": "is not finite",
     "--step 1e300 --steps 3 --ensemble 2": "spread",
 }  # fmt: skip
@@ -57,7 +57,7 @@ def test_the_command_makes_all_other_steps(step):
     assert result.exit_code == 0
     assert not result.stderr
     rows = {row["what"]: row for row in json.loads(result.stdout)["rows"]}
-    assert rows["p"]["end"] == bs.integrate(bs.scene("pendulum"), "rk4", h=float(Fraction(step)), steps=3).y[0, -1]
+    assert rows["p"]["end"] == bs.integrate("rk4", bs.scene("pendulum"), h=float(Fraction(step)), steps=3).y[0, -1]
 
 
 def test_the_command_warns_where_there_is_no_energy(measured):

@@ -39,12 +39,12 @@ def riccati(name: str, order: int) -> Any:
     return bs.modified_field(bs.method(name), bs.scene("riccati"), order)
 
 
-def reach(f: Any, y: Any, h: float, **options: Any) -> tuple[bs.Reach, bool]:
-    """What `bs.reach` says, and whether it warns."""
+def reach(f: Any, y: Any, h: float, **options: Any) -> tuple[bs.fields.Reach, bool]:
+    """What `bs.fields.reach` says, and whether it warns."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = bs.reach(f, y, h, **options)
-    assert all(issubclass(warning.category, bs.TruncationWarning) for warning in caught)
+        found = bs.fields.reach(f, y, h, **options)
+    assert all(issubclass(warning.category, bs.fields.TruncationWarning) for warning in caught)
     return found, bool(caught)
 
 
@@ -123,7 +123,7 @@ STIFF = [
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_linear_scenes_warn_outside_the_radius(name, measured):
     """hλ from 3·10⁻⁸ to 3·10⁸: a warning outside, also where the state has no stiff component."""
-    method, radius = runge_kutta(name), bs.convergence_radius(runge_kutta(name)).radius
+    method, radius = runge_kutta(name), bs.fields.convergence_radius(runge_kutta(name)).radius
     sizes = sorted([3 * 10.0**k for k in range(-8, 9)] + [0.99 * radius, 1.01 * radius])
     for size in sizes:
         f = bs.modified_field(method, bs.scene("linear", matrix=[[-1, 0], [0, -Fraction(size) * 10**8]]), 9)
@@ -146,7 +146,7 @@ def test_the_radius_is_where_the_sums_stop_converging(name, measured):
     radius less than n 0.6^(K+1) / ((K+1)(1 − 0.6)) is left.
     """
     method = runge_kutta(name)
-    found, R = bs.convergence_radius(method), bs.stability_function(method)
+    found, R = bs.fields.convergence_radius(method), bs.stability_function(method)
     assert found.root is not None
     inside, outside = (found.root * factor for factor in (0.6, 1.3))
     coefficients = bs.modified_field(method, bs.scene("linear", matrix=[[1]]), 60).terms(np.ones((1, 1)))[:, 0, 0]
@@ -157,7 +157,7 @@ def test_the_radius_is_where_the_sums_stop_converging(name, measured):
     def error(count: int) -> float:
         return abs(np.exp(terms(inside)[:count].sum()) / complex(R(inside)) - 1)
 
-    roots = bs.StabilityFunction.from_elements(R.q, R.p, floating=R.floating, digits=R.digits).poles + R.poles
+    roots = bs.stability.StabilityFunction.from_elements(R.q, R.p, floating=R.floating, digits=R.digits).poles + R.poles
     tail = len(roots) * 0.6**41 / (41 * 0.4)
     measured.within(f"{name}: error of 40 terms of the modified equation at 0.6 of the radius", error(40), tail)
     assert error(30) > tail

@@ -36,7 +36,7 @@ def energy_error(run):
 @pytest.mark.parametrize(("method", "promise"), [("stormer-verlet", 3e-4), ("gauss3", 1e-12)])
 def test_variable_steps_hold_the_energy_of_eccentric_orbits(e, method, promise, measured):
     comet = bs.scene("kepler", eccentricity=e)
-    run = bs.integrate(comet, method, h=0.02, steps=5000, control=CONTROL, observe="energy")
+    run = bs.integrate(method, comet, h=0.02, steps=5000, control=CONTROL, observe="energy")
     error, energy = energy_error(run), run.observed["energy"]
     case = f"kepler e = {e}, {method}, 5000 reversible variable steps"
     measured.within(f"{case}: energy error", error, promise, "/(1 − e)", note=f"{run.t[-1] / (2 * np.pi):.1f} periods")
@@ -57,18 +57,18 @@ def test_variable_steps_hold_the_energy_of_eccentric_orbits(e, method, promise, 
 def test_fixed_steps_fail_there_and_the_modified_equation_warns(e, measured):
     """Less than half as many steps as the variable ones make in a period."""
     comet, h = bs.scene("kepler", eccentricity=e), 2 * np.pi / 200
-    run = bs.integrate(comet, "stormer-verlet", h=h, steps=2000, observe="energy")
+    run = bs.integrate("stormer-verlet", comet, h=h, steps=2000, observe="energy")
     error = abs(run.observed["energy"] / run.observed["energy"][0] - 1).max()
     field = bs.modified_field(bs.method("stormer-verlet"), comet, 9)
-    with pytest.warns(bs.TruncationWarning, match="stormer-verlet-kdk on kepler is worse at order 9 than"):
-        found = bs.reach(field, comet.y0, h)
+    with pytest.warns(bs.fields.TruncationWarning, match="stormer-verlet-kdk on kepler is worse at order 9 than"):
+        found = bs.fields.reach(field, comet.y0, h)
     assert error > 0.5
     measured.said(
         f"kepler e = {e}, stormer-verlet, 200 fixed steps a period", "the modified equation warns at the perihelion",
         f"needs h ≤ {found.largest_step:.1e}, h = {h:.1e}; relative energy error {error:.1e}",
     )  # fmt: skip
     far = [0, -float(mpmath.sqrt((1 - mpmath.mpf(e)) / (1 + mpmath.mpf(e)))), -1 - float(e), 0]
-    assert not bs.reach(field, far, h).is_beyond
+    assert not bs.fields.reach(field, far, h).is_beyond
 
 
 # Lotka–Volterra close to zero
@@ -80,7 +80,7 @@ NEARLY_EXTINCT = (1e-12, 1e-12)
 @pytest.mark.parametrize(("method", "promise"), [("rk4", 1e-5), ("gauss2", 1e-6)])
 def test_populations_close_to_zero(method, promise, measured):
     """The orbit comes down to p = 2e-36."""
-    run = bs.integrate(PREDATORS, method, h=0.001, steps=30_000, y0=NEARLY_EXTINCT, observe="energy")
+    run = bs.integrate(method, PREDATORS, h=0.001, steps=30_000, y0=NEARLY_EXTINCT, observe="energy")
     exact = bs.reference_solution(PREDATORS, [1, 10, 30], y0=NEARLY_EXTINCT)
     error = float(abs(run.y[:, [1000, 10_000, 30_000]] / exact - 1).max())
     assert run.y.min() > 0
@@ -93,13 +93,13 @@ def test_populations_close_to_zero(method, promise, measured):
 def test_what_is_no_population_is_told(measured):
     """Explicit Euler jumps to a negative p, where the energy has no value."""
     with pytest.warns(RuntimeWarning, match=r"energy must be finite .* observed, but was nan at t = 16\.4"):
-        run = bs.integrate(PREDATORS, "explicit-euler", h=0.01, steps=3000, y0=NEARLY_EXTINCT, observe="energy")
+        run = bs.integrate("explicit-euler", PREDATORS, h=0.01, steps=3000, y0=NEARLY_EXTINCT, observe="energy")
     assert run.y.min() < 0
     case = "lotka-volterra from p = q = 1e-12, explicit-euler, h = 0.01: p < 0 from t = 16.4 on"
     measured.said(case, "warns", "“energy must be finite …”")
     with pytest.raises(bs.IntegratorError, match="start must make p positive, but it was 0"):
         PREDATORS.with_start(p=[0])
-    assert bs.integrate(PREDATORS, "rk4", h=0.01, steps=3, y0=(5e-324, 1e-308)).y.min() > 0
+    assert bs.integrate("rk4", PREDATORS, h=0.01, steps=3, y0=(5e-324, 1e-308)).y.min() > 0
 
 
 # The pendulum within 1e-12 of the separatrix
@@ -127,7 +127,7 @@ def measured_turn(run):
 @pytest.mark.parametrize("p0", [2 - 5e-13, 2 + 5e-13])
 def test_next_to_the_separatrix(p0, measured):
     """H = 1 ∓ 1e-12: from there on rounding of the energy, 2e-16, changes the period by some 1e-6."""
-    run = bs.integrate(PENDULUM, "gauss5", h=0.05, steps=1400, y0=(p0, 0))
+    run = bs.integrate("gauss5", PENDULUM, h=0.05, steps=1400, y0=(p0, 0))
     found = measured_turn(run)
     assert found is not None
     what = f"rotates in {turn(p0):.4f}" if p0 > 2 else f"swings in {turn(p0):.4f}"
@@ -136,7 +136,7 @@ def test_next_to_the_separatrix(p0, measured):
         abs(found / turn(p0) - 1), 1e-5, what="relative error",
     )  # fmt: skip
     other, h = ("stormer-verlet", 0.1) if p0 < 2 else ("rk4", 0.01)  # they come to the other side
-    assert measured_turn(bs.integrate(PENDULUM, other, h=h, steps=int(70 / h), y0=(p0, 0))) is None
+    assert measured_turn(bs.integrate(other, PENDULUM, h=h, steps=int(70 / h), y0=(p0, 0))) is None
 
 
 def distance_from_the_top(start, t):
@@ -148,7 +148,7 @@ def distance_from_the_top(start, t):
 
 def fallen(method, start, t):
     """How much π − q is off after a fall from rest, as a part of 2⁻⁵³ e^t."""
-    run = bs.integrate(PENDULUM, method, h=0.0625, steps=16 * t, save_every=None, y0=(0, start))
+    run = bs.integrate(method, PENDULUM, h=0.0625, steps=16 * t, save_every=None, y0=(0, start))
     with mpmath.workdps(50):
         error = abs(mpmath.pi - float(run.y[1, -1]) - distance_from_the_top(start, t))
         return float(error * 2**53 / mpmath.exp(t))
@@ -178,9 +178,9 @@ RICCATI = bs.scene("riccati")
 @pytest.mark.parametrize("method", ["rk4", "gauss3"])
 def test_fixed_steps_end_at_the_blow_up(method, measured):
     with pytest.raises(
-        bs.StepError, match=f"h must be small enough for {method} on riccati, but with h = 0.01"
+        bs.integrators.StepError, match=f"h must be small enough for {method} on riccati, but with h = 0.01"
     ) as found:
-        bs.integrate(RICCATI, method, h=0.01, steps=10_000)
+        bs.integrate(method, RICCATI, h=0.01, steps=10_000)
     kept = found.value.trajectory
     assert kept is not None
     assert np.isfinite(kept.y).all()
@@ -190,13 +190,15 @@ def test_fixed_steps_end_at_the_blow_up(method, measured):
         f"y' = y², {method}, h = 0.01: blow-up at t = 1", "StepError with all states before",
         f"stops at t = {kept.t[-1]:.2f}; y(0.5) to {half:.0e}",
     )  # fmt: skip
-    with pytest.warns(bs.TruncationWarning, match="worse at order 13"):
-        bs.reach(bs.modified_field(bs.method(method), RICCATI, 13), kept.y[:, 99], 0.01)
+    with pytest.warns(bs.fields.TruncationWarning, match="worse at order 13"):
+        bs.fields.reach(bs.modified_field(bs.method(method), RICCATI, 13), kept.y[:, 99], 0.01)
 
 
 def test_variable_steps_go_up_to_the_blow_up(measured):
-    with pytest.raises(bs.StepError, match=r"step 35\d\d\d, from t = 1, did not end in finite numbers") as found:
-        bs.integrate(RICCATI, "gauss3", h=0.01, steps=100_000, control="1/y")
+    with pytest.raises(
+        bs.integrators.StepError, match=r"step 35\d\d\d, from t = 1, did not end in finite numbers"
+    ) as found:
+        bs.integrate("gauss3", RICCATI, h=0.01, steps=100_000, control="1/y")
     kept = found.value.trajectory
     assert kept is not None
     k = int(np.searchsorted(kept.y[0], 1e6))
@@ -205,7 +207,7 @@ def test_variable_steps_go_up_to_the_blow_up(measured):
     measured.within(f"{case}: y at y = 1e6", error, 1e-9, what="relative error")
     measured.at_least(f"{case}: largest y before the run ends", kept.y[0, -1], 1e150)
     measured.within(f"{case}: where the run ends", abs(kept.t[-1] - 1), 1e-12, what="|t − 1|")
-    fixed = bs.integrate(RICCATI, "gauss3", h=0.01, steps=98)  # fixed steps lose all digits long before
+    fixed = bs.integrate("gauss3", RICCATI, h=0.01, steps=98)  # fixed steps lose all digits long before
     assert abs(fixed.y[0, -1] * (1 - fixed.t[-1]) - 1) > 1e-9
 
 
@@ -221,14 +223,14 @@ def test_the_reference_solution_says_where_it_ends(measured):
 def dimer(distance, method, h, steps):
     """Two atoms so far apart; their minimum is at 1.12."""
     scene = bs.scene("lennard-jones", particles=2, dimension=1, temperature=0)
-    return bs.integrate(scene, method, h=h, steps=steps, y0=[0, 0, -distance / 2, distance / 2], observe="energy")
+    return bs.integrate(method, scene, h=h, steps=steps, y0=[0, 0, -distance / 2, distance / 2], observe="energy")
 
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "rk4", "implicit-midpoint"])
 @pytest.mark.parametrize("distance", [0.0, 1e-200])
 def test_atoms_at_one_place_are_refused(method, distance, measured):
     with pytest.raises(
-        bs.StepError,
+        bs.integrators.StepError,
         match="y0 must be where the field of lennard-jones is finite, but step 1, from t = 0, began where it",
     ) as found:
         dimer(distance, method, 1e-3, 100)
@@ -250,9 +252,11 @@ def test_overlapping_atoms_call_for_small_steps(measured):
     assert error[1e-3] > 1
     scene = bs.scene("lennard-jones", particles=2, dimension=1, temperature=0)
     field, start = bs.modified_field(bs.method("stormer-verlet"), scene, 5), [0, 0, -0.25, 0.25]
-    with pytest.warns(bs.TruncationWarning, match=r"worse at order 5 than at order 1: for h = 0\.001 .* needs h ≤"):
-        found = bs.reach(field, start, 1e-3)
-    assert not bs.reach(field, start, 1e-5).is_beyond
+    with pytest.warns(
+        bs.fields.TruncationWarning, match=r"worse at order 5 than at order 1: for h = 0\.001 .* needs h ≤"
+    ):
+        found = bs.fields.reach(field, start, 1e-3)
+    assert not bs.fields.reach(field, start, 1e-5).is_beyond
     measured.said(
         f"{case}, h = 1e-3: the modified equation", "warns",
         f"needs h ≤ {found.largest_step:.1e}; relative energy error {error[1e-3]:.1g}",
@@ -261,7 +265,7 @@ def test_overlapping_atoms_call_for_small_steps(measured):
 
 def test_implicit_steps_from_a_deep_overlap_say_that_they_do_not_converge(measured):
     with pytest.raises(
-        bs.StepError, match=r"small enough for implicit-midpoint .* step 1, from t = 0, did not converge"
+        bs.integrators.StepError, match=r"small enough for implicit-midpoint .* step 1, from t = 0, did not converge"
     ):
         dimer(1e-3, "implicit-midpoint", 1e-3, 100)
     case = "lennard-jones at distance 1e-3, implicit-midpoint, h = 1e-3"

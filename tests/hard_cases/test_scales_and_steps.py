@@ -22,19 +22,19 @@ SUBNORMAL = 5e-324
 
 
 def integrate(method, h, **options):
-    return bs.integrate(PENDULUM, method, h=h, **{"steps": 3, **options})
+    return bs.integrate(method, PENDULUM, h=h, **{"steps": 3, **options})
 
 
 def step(method, h):
     """Three steps without `integrate`."""
-    stepper = bs.stepper(PENDULUM, method)
+    stepper = bs.stepper(method, PENDULUM)
     state = stepper.start(h=h)
     stepper.advance(state, 3)
     return state
 
 
 def ensemble(method, h):
-    return bs.ensemble(PENDULUM, method, h=h, steps=3, y0=[[0, -1.5], [0, 1.5]], final=True, workers=1)
+    return bs.ensemble(method, PENDULUM, h=h, steps=3, y0=[[0, -1.5], [0, 1.5]], final=True, workers=1)
 
 
 # Steps that can be made
@@ -101,13 +101,13 @@ def test_what_is_no_step_is_refused(h, measured):
 @pytest.mark.parametrize("h", [1e300, -1e300])
 def test_steps_that_are_too_large_say_so(method, h, measured):
     with pytest.raises(
-        bs.StepError, match=r"h must be small enough for .*, but with h = -?1e\+300 step 1, from"
+        bs.integrators.StepError, match=r"h must be small enough for .*, but with h = -?1e\+300 step 1, from"
     ) as found:
         integrate(method, h)
     kept = found.value.trajectory
     assert kept is not None
     assert kept.y.T.tolist() == [[0, -1.5]]
-    with pytest.raises(bs.StepError, match="h must be small enough for"):
+    with pytest.raises(bs.integrators.StepError, match="h must be small enough for"):
         step(method, h)
     failures = ensemble_of_failures(method, h)
     assert [failure.step for failure in failures] == [1, 1]
@@ -127,7 +127,7 @@ def ensemble_of_failures(method, h):
 @pytest.mark.parametrize("h", [1e155, 1e200])
 def test_squares_of_steps_that_overflow_are_no_answer(h, measured):
     """h² is infinite in the matrix of Newton's method, and 1/∞ = 0 would be a change that is small enough."""
-    with pytest.raises(bs.StepError, match="step 1, from t = 0, did not converge"):
+    with pytest.raises(bs.integrators.StepError, match="step 1, from t = 0, did not converge"):
         integrate("implicit-midpoint", h)
     measured.said(f"pendulum, implicit-midpoint, h = {h:g}: h² overflows", "StepError", "“… did not converge”")
 
@@ -191,7 +191,13 @@ POINT = (0.3, -1.5)
 
 @pytest.mark.parametrize("h", [math.nan, math.inf, -math.inf, 10**400, True, None, "0.1", 0.1j, [0.1]])
 def test_series_take_finite_steps_only(field, energy, h, measured):
-    evaluations = (field, energy, energy.gradient, lambda y, h: energy.observer(h), lambda y, h: bs.reach(field, y, h))
+    evaluations = (
+        field,
+        energy,
+        energy.gradient,
+        lambda y, h: energy.observer(h),
+        lambda y, h: bs.fields.reach(field, y, h),
+    )
     for evaluate in evaluations:
         with pytest.raises(bs.SeriesError, match=r"^h must be (a finite|a real|within the range of floats)"):
             evaluate(POINT, h)
@@ -205,8 +211,8 @@ def test_series_at_steps_without_influence(field, energy):
         assert field(POINT, h) == pytest.approx(exact, rel=1e-15)
         assert energy(POINT, h) == pytest.approx(0.045 - math.cos(1.5), rel=1e-15)
     with pytest.raises(bs.SeriesError, match="h must be a finite number other than 0, but was 0"):
-        bs.reach(field, POINT, 0)
-    assert bs.reach(field, POINT, 1e-300).optimal_order == 5
+        bs.fields.reach(field, POINT, 0)
+    assert bs.fields.reach(field, POINT, 1e-300).optimal_order == 5
 
 
 def test_series_that_overflow_say_so(field, energy, measured):
@@ -216,7 +222,7 @@ def test_series_that_overflow_say_so(field, energy, measured):
         ):
             assert not np.isfinite(evaluate(POINT, 1e300)).all()
     with pytest.raises(bs.SeriesError, match=r"h must be small enough for finite terms, but was 1e\+300"):
-        bs.reach(field, POINT, 1e300)
+        bs.fields.reach(field, POINT, 1e300)
     measured.said("modified field and Hamiltonian, h = 1e300", "warns", "“… must have finite values …”")
     measured.said("reach, h = 1e300", "refused", "“h must be small enough for finite terms …”")
 
@@ -228,9 +234,9 @@ def test_points_outside_the_domain_are_counted(measured):
         values = kepler(points, 0.1)
     assert np.isfinite(values).all(axis=0).tolist() == [False, True, False]
     with pytest.raises(bs.SeriesError, match=r"y must be where all terms of f are finite, but that with h\^0 was nan"):
-        bs.reach(kepler, points[:, 0], 0.1)
+        bs.fields.reach(kepler, points[:, 0], 0.1)
     with pytest.raises(bs.SeriesError, match="y must be finite numbers, but was"):
-        bs.reach(kepler, [0, math.inf, 1, 0], 0.1)
+        bs.fields.reach(kepler, [0, math.inf, 1, 0], 0.1)
     measured.said(
         "modified field of kepler at q = 0", "warns, and tells at how many points", "“… none at 2 of 3 points”"
     )
@@ -240,7 +246,7 @@ def test_points_outside_the_domain_are_counted(measured):
 def test_sizes_of_terms_neither_overflow_nor_vanish(scale, measured):
     """On linear scenes the sizes are proportional to y; their squares have no double."""
     field = bs.modified_field(bs.method("explicit-euler"), OSCILLATOR, 4)
-    found, unit = bs.reach(field, [scale, scale], 0.1), bs.reach(field, [1, 1], 0.1)
+    found, unit = bs.fields.reach(field, [scale, scale], 0.1), bs.fields.reach(field, [1, 1], 0.1)
     error = max(abs(a / b / scale - 1) for a, b in zip(found.norms, unit.norms, strict=True))
     case = f"reach on the oscillator at y = ({scale:g}, {scale:g}): sizes of terms"
     measured.within(case, error, 1e-14, what="relative error")
@@ -252,12 +258,12 @@ def test_sizes_of_terms_neither_overflow_nor_vanish(scale, measured):
 @pytest.mark.parametrize("method", ["rk4", "gauss3"])
 def test_linear_scenes_are_scaled_bit_for_bit(method, measured):
     """Powers of two change no digit, nor those of the carry, from 1e-289 to 1e307; below, last bits are lost."""
-    one = bs.integrate(OSCILLATOR, method, h=0.1, steps=100, y0=(1, 0.3)).y
+    one = bs.integrate(method, OSCILLATOR, h=0.1, steps=100, y0=(1, 0.3)).y
     for power in (-960, -600, 600, 1020):
-        scaled = bs.integrate(OSCILLATOR, method, h=0.1, steps=100, y0=np.array([1, 0.3]) * 2.0**power).y
+        scaled = bs.integrate(method, OSCILLATOR, h=0.1, steps=100, y0=np.array([1, 0.3]) * 2.0**power).y
         assert (scaled == one * 2.0**power).all()
     measured.said(f"oscillator, {method}, y0 times 2⁻⁹⁶⁰ … 2¹⁰²⁰, 100 steps", "the same digits", "bit for bit")
-    small = bs.integrate(OSCILLATOR, method, h=0.1, steps=100, y0=np.array([1, 0.3]) * 2.0**-1060).y
+    small = bs.integrate(method, OSCILLATOR, h=0.1, steps=100, y0=np.array([1, 0.3]) * 2.0**-1060).y
     error = float(abs(small - one * 2.0**-1060).max() / SUBNORMAL)
     assert error > 0
     case = f"oscillator, {method}, y0 times 2⁻¹⁰⁶⁰ (subnormal), 100 steps"
@@ -272,7 +278,7 @@ def test_mixed_scales(method, solver, promise, measured):
     """Two variables that do not know one another: fixed points end when the larger has converged."""
     apart = bs.scene("linear", matrix=[["-1/10", 0], [0, -1]])
     one, mixed = (
-        bs.integrate(apart, method, h=0.5, steps=10, y0=y0, solver=solver).y for y0 in ((1, 1), (1e200, 1e-200))
+        bs.integrate(method, apart, h=0.5, steps=10, y0=y0, solver=solver).y for y0 in ((1, 1), (1e200, 1e-200))
     )
     error = float(abs(mixed[:, -1] / one[:, -1] / (1e200, 1e-200) - 1).max())
     case = f"two equations with y0 = (1e200, 1e-200), {method} ({solver}): each"
@@ -286,11 +292,11 @@ def test_starts_of_other_types_are_the_doubles_that_they_are(kind, field):
     for method in METHODS:
         assert (integrate(method, 0.1, y0=start).y == integrate(method, 0.1, y0=same).y).all()
     assert (
-        bs.ensemble(PENDULUM, "rk4", h=0.1, steps=3, y0=[start], workers=1, final=True).final
+        bs.ensemble("rk4", PENDULUM, h=0.1, steps=3, y0=[start], workers=1, final=True).final
         == integrate("rk4", 0.1, y0=same).y[:, -1]
     ).all()
     assert (field(start, 0.1) == field(same, 0.1)).all()
-    assert bs.reach(field, start, 0.1).norms == bs.reach(field, same, 0.1).norms
+    assert bs.fields.reach(field, start, 0.1).norms == bs.fields.reach(field, same, 0.1).norms
 
 
 def test_32_bits_are_not_64(measured):
@@ -336,7 +342,7 @@ def test_energies_that_overflow_are_told(measured):
         run = integrate("stormer-verlet", 0.1, y0=(1e300, 0), observe="energy")
     assert run.y[1, -1] == pytest.approx(3e299, rel=1e-15)
     with pytest.warns(RuntimeWarning, match=r"energy must be finite .*, but the mean over members was nan at t = 0"):
-        bs.ensemble(PENDULUM, "rk4", h=0.1, steps=3, y0=[[1e300, 0], [0, 0]], workers=1)
+        bs.ensemble("rk4", PENDULUM, h=0.1, steps=3, y0=[[1e300, 0], [0, 0]], workers=1)
     measured.said(
         "pendulum, p = 1e300: the energy overflows", "warns", "“energy must be finite … but was inf at t = 0”"
     )
@@ -361,6 +367,6 @@ def test_warnings_are_not_given_without_cause(field):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         field(POINT, 0.1)
-        bs.reach(field, POINT, 0.1)
+        bs.fields.reach(field, POINT, 0.1)
         integrate("stormer-verlet", 0.1, observe="energy")
-        bs.ensemble(PREDATORS, "rk4", h=0.1, steps=3, y0=[[1, 1], [2, 1]], workers=1)
+        bs.ensemble("rk4", PREDATORS, h=0.1, steps=3, y0=[[1, 1], [2, 1]], workers=1)

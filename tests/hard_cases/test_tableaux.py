@@ -257,8 +257,12 @@ def test_reducible_tableaux(method, reduced, what, measured):
     assert bs.order_of(method) == bs.order_of(reduced)
     assert bs.stability_function(method) == bs.stability_function(reduced)
     assert bs.symplecticity(method, 7).holds == bs.symplecticity(reduced, 7).holds
-    assert bs.is_a_stable(method) == bs.is_a_stable(reduced) == bs.is_a_stable(method.to_float())
-    exact, found, in_floats = (bs.convergence_radius(m).radius for m in (reduced, method, method.to_float()))
+    assert (
+        bs.stability.is_a_stable(method)
+        == bs.stability.is_a_stable(reduced)
+        == bs.stability.is_a_stable(method.to_float())
+    )
+    exact, found, in_floats = (bs.fields.convergence_radius(m).radius for m in (reduced, method, method.to_float()))
     assert found == exact
     measured.said(
         f"{what}: series, order, stability, radius", "as for the reduced tableau", f"equal, radius {exact:.6g}"
@@ -270,7 +274,7 @@ def test_a_stage_that_is_used_counts():
     """Negative control: with a weight on them, the same stages bring their own poles and zeros."""
     used = bs.RungeKutta(UNUSED.A, [*RK4.b[:3], 0, RK4.b[3]], warn=False)
     assert bs.stability_function(used).poles == bs.stability_function(used.to_float()).poles == (-1,)
-    assert bs.convergence_radius(used).radius < 1
-    assert bs.convergence_radius(used.to_float()).radius < 1
+    assert bs.fields.convergence_radius(used).radius < 1
+    assert bs.fields.convergence_radius(used.to_float()).radius < 1
     assert bs.series(used, 7) != bs.series(RK4, 7)
     assert bs.order_of(used) < 4

@@ -10,7 +10,7 @@ import random
 from fractions import Fraction
 from math import factorial, prod
 
-from integrators.methods.program.program import Average, Derivative, Field, Flow
+from integrators.methods.programs.program import Average, Derivative, Field, Flow
 
 ORDER = 5
 

@@ -1,11 +1,14 @@
-"""Kernels: machine code on disk is not used once the constants it was made of have changed."""
+"""Kernels: when they are compiled, and that machine code on disk is not used once its constants have changed."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from trees import TreeTable, compiled
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 KERNELS = """
@@ -41,3 +44,36 @@ def test_edits_of_sources_are_noticed(tmp_path):
         found.append(ended.stdout.split())
     assert [keyed for keyed, _ in found] == ["2.0", "3.0"]
     assert [unkeyed for _, unkeyed in found] == ["2.0", "2.0"]  # what would happen without
+
+
+def test_interpreted_time_adds_up(monkeypatch):
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    monkeypatch.setattr(compiled, "_interpreted", 0.0)
+    for cached in (True, False):
+        monkeypatch.setattr(compiled, "has_machine_code", lambda module, cached=cached: cached)
+        assert not compiled.compiling_pays(0.3)
+        assert compiled.compiling_pays(0.5) == cached
+        assert compiled.compiling_pays(6.0)
+    with compiled.interpreting():
+        pass
+    assert 0 < compiled._interpreted < 1
+    monkeypatch.setattr(compiled, "_interpreted", 6.0)
+    assert compiled.compiling_pays(0.0)
+
+
+def test_tables_made_by_the_interpreter_take_up_compiled_kernels(monkeypatch):
+    monkeypatch.setattr("trees.table.compiling_pays", lambda seconds: False)
+    table = TreeTable(6, 2)
+    table.choose_kernels()
+    assert not table.compiled
+    assert isinstance(table.columns.left, list)
+    symmetry, splits = table.symmetry.tolist(), table.splits
+    monkeypatch.setattr("trees.table.compiling_pays", lambda seconds: True)
+    table.choose_kernels()
+    assert table.compiled
+    assert isinstance(table.columns.left, np.ndarray)
+    assert table.symmetry.tolist() == symmetry
+    assert table.splits.trunk.tolist() == splits.trunk
+    assert table.splits.trunk.dtype == np.uint32
+    with pytest.raises(AttributeError, match="immutable"):
+        table.compiled = False

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from tree_oracles import random_trees
 
 from trees.errors import TreeError
-from trees.names import check_names, default_color, default_names
+from trees.notation import check_names, default_color, default_names
 from trees.tree import Tree
 
 

@@ -122,6 +122,15 @@ def test_a_restricted_table_holds_the_trees_that_obey_and_no_others():
         TreeTable(8, 1, 2).index("[τ,τ,τ]")
 
 
+def test_trees_of_further_colours_are_outside():
+    table = TreeTable(3, 2)
+    for levels, colors in (([0], [2]), ([0, 1], [0, 2]), ([0, 1], [2, 0])):
+        tree = Tree.from_levels(levels, colors)
+        assert tree not in table
+        with pytest.raises(TreeError, match="must be one of the 20 trees"):
+            table.index(tree)
+
+
 def test_rows_of_columns_are_read_only():
     with pytest.raises(ValueError, match="read-only"):
         TreeTable(4).density[0] = 2

@@ -12,8 +12,7 @@ from typing import Any
 
 from trees.errors import TreeError
 from trees.formulas import latex_name
-from trees.names import check_names, default_names, is_name, is_number, node_names
-from trees.notation import MAX_ORDER, nest
+from trees.notation import MAX_ORDER, check_names, default_names, is_name, is_number, nest, node_names
 from trees.tree import Tree
 
 EMPTY = "∅"
@@ -135,16 +134,7 @@ class Forest:
         return "·".join([tree.text(common) for tree in self._trees]) or EMPTY
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The forest in LaTeX.
-
-        Args:
-            names: One name per colour; None for the default names.
-
-        Returns:
-            The text.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        r"""The forest in LaTeX; the arguments are those of `text`.
 
         Example:
             >>> print(Forest("τ·[τ]").to_latex())

@@ -11,6 +11,8 @@ from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from foundation.numbers import latex_number
+from foundation.table import MOST_ROWS, short_latex
 from trees.errors import TreeError
 from trees.hopf.forests import Forest, common_names
 from trees.hopf.terms import add_terms, check_work, multiply_terms
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
     Factors: TypeAlias = tuple[Forest, ...]
     Element: TypeAlias = Tree | Forest | str | tuple[Tree | Forest | str, ...]
     Summand: TypeAlias = "FormalSum | Tree | Forest | str"
+
+
+MOST_CHARACTERS = 300
+"""The most characters of the `repr` of a sum."""
 
 
 class FormalSum:
@@ -242,16 +248,7 @@ class FormalSum:
         return write_sum((c, "⊗".join([forest.text(common) for forest in factors])) for factors, c in self._sorted())
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The sum in LaTeX.
-
-        Args:
-            names: One name per colour; None for the default names.
-
-        Returns:
-            The text.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        r"""The sum in LaTeX; the arguments are those of `text`.
 
         Example:
             >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
@@ -266,13 +263,15 @@ class FormalSum:
     def _names(self, names: Iterable[str] | None) -> tuple[str, ...]:
         return common_names((tree for factors in self._terms for tree in chain(*factors)), names)
 
-    def _repr_latex_(self) -> str:
-        return f"${self.to_latex()}$"
+    def _repr_latex_(self) -> str | None:
+        return short_latex(self.to_latex()) if len(self) <= MOST_ROWS else None
 
     def __str__(self) -> str:
         return self.text()
 
-    __repr__ = __str__
+    def __repr__(self) -> str:
+        text = self.text() if len(self) <= MOST_ROWS else ""
+        return text if 0 < len(text) <= MOST_CHARACTERS else f"<FormalSum of {len(self):,} terms>"
 
     def __hash__(self) -> int:
         return hash(frozenset(self._terms))  # without coefficients: equal SymPy expressions can have different forms
@@ -346,17 +345,6 @@ def exact_coefficient(value: Any) -> Any:
                 return exact_coefficient(Fraction(int(expanded.p), int(expanded.q)))
             return 0 if expanded.equals(0) else expanded
     raise TreeError(f"coefficient must be an int, a Fraction or an exact SymPy expression, but was {value!r:.60}")
-
-
-def latex_number(value: Any) -> str:
-    """An exact coefficient as LaTeX."""
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, Fraction):
-        return f"{'-' if value < 0 else ''}\\frac{{{abs(value.numerator)}}}{{{value.denominator}}}"
-    import sympy
-
-    return sympy.latex(value)
 
 
 def write_sum(terms: Iterable[tuple[Any, str]], number: Callable[[Any], str] = str) -> str:

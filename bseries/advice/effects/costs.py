@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 from bseries.advice.effects.variants import effect_variants
-from bseries.advice.timing import Timing
-from bseries.advice.work_precision.step_costs import MOST_STEPS, Work, step_costs
+from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.fields.scene_trees import trees_of_method
-from bseries.table import Column, Table, as_html, as_text, listed
-from integrators.core.arguments import read_number
-from integrators.core.immutable import ImmutableValue
-from integrators.methods.catalogue.registry import method as named
+from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from integrators.exact.arguments import read_number
+from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
     from bseries.advice.effects.variants import EffectVariants, Names
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 ORDER = 6
+"""The largest number of nodes of trees: two orders beyond the terms of the usual methods of order 4."""
 
 
-class CostRow(NamedTuple):
+@dataclass(frozen=True)
+class CostRow:
     """The cost of a set of effects.
 
     Attributes:
@@ -35,7 +36,7 @@ class CostRow(NamedTuple):
 
     Example:
         >>> import bseries as bs
-        >>> row = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")[-1]
+        >>> row = bs.effect_costs("rk4", "pendulum", h=0.05, effects="damping")[-1]
         >>> row.effects, 0 < row.step.seconds < 1e-3
         (('damping',), True)
     """
@@ -46,12 +47,9 @@ class CostRow(NamedTuple):
     trees: int | None
     all_trees: int | None
 
-    def to_dict(self) -> dict[str, Any]:
-        """The row as plain data."""
-        return {**self._asdict(), "step": self.step._asdict(), "field": self.field._asdict()}
 
-
-class EffectCosts(ImmutableValue, Sequence[CostRow]):
+@dataclass(frozen=True, repr=False)
+class EffectCosts(Sequence[CostRow]):
     """The costs of the effects of a scene, measured by `effect_costs`: a sequence of rows.
 
     Attributes:
@@ -63,7 +61,7 @@ class EffectCosts(ImmutableValue, Sequence[CostRow]):
 
     Example:
         >>> import bseries as bs
-        >>> costs = bs.effect_costs("pendulum", "rk4", h=0.05, effects="damping")
+        >>> costs = bs.effect_costs("rk4", "pendulum", h=0.05, effects="damping")
         >>> costs
         <EffectCosts of pendulum, rk4: 2 rows>
         >>> costs.order, len(costs), costs[-1].effects
@@ -76,37 +74,18 @@ class EffectCosts(ImmutableValue, Sequence[CostRow]):
     order: int
     rows: tuple[CostRow, ...]
 
-    def __init__(self, scene: str, method: str, h: float, order: int, rows: Iterable[CostRow]):
-        self.__dict__.update(scene=scene, method=method, h=h, order=order, rows=tuple(rows))
-
-    @property
-    def _data(self) -> tuple[Any, ...]:
-        return self.scene, self.method, self.h, self.order, self.rows
-
     def __repr__(self) -> str:
         return f"<EffectCosts of {self.scene}, {self.method}: {len(self)} rows>"
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    @overload
-    def __getitem__(self, index: int) -> CostRow: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[CostRow, ...]: ...
-    def __getitem__(self, index: int | slice) -> CostRow | tuple[CostRow, ...]:
+    def __getitem__(self, index: Any) -> Any:
         return self.rows[index]
 
     def to_dict(self) -> dict[str, Any]:
         """The costs as plain data."""
-        return {
-            "schema": 1,
-            "kind": "effect-costs",
-            "method": self.method,
-            "scene": self.scene,
-            "h": self.h,
-            "order": self.order,
-            "rows": [row.to_dict() for row in self.rows],
-        }
+        return {"schema": 1, "kind": "effect-costs", **asdict(self)}
 
     def to_table(self) -> Table:
         """The costs as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
@@ -125,7 +104,7 @@ class EffectCosts(ImmutableValue, Sequence[CostRow]):
             records=listed(_FIELDS, self.rows),
         )
 
-    __str__, _repr_html_ = as_text, as_html
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
 _COLUMNS = (
@@ -153,8 +132,8 @@ _FIELDS = (
 
 
 def effect_costs(
-    scene: Scene | str,
     method: Method | str,
+    scene: Scene | str,
     *,
     h: float,
     effects: str | Iterable[str] | None = None,
@@ -166,12 +145,12 @@ def effect_costs(
 ) -> EffectCosts:
     """The cost of a scene as its effects are added: none, the first one, the first two, … all.
 
-    Times are CPU seconds of compiled code, in turn. The field is timed as the step of the explicit Euler method without
-    compensation, which is one evaluation and one sum.
+    Times are CPU seconds of compiled code, measured in interleaved rounds. The field is timed as a step of the explicit
+    Euler method without compensation: one evaluation and one sum.
 
     Args:
-        scene: The scene, or the name of a built-in one; see `effect_influence`.
         method: The method, or its name.
+        scene: The scene, or the name of a built-in one; see `effect_influence`.
         h: The step size, on which the costs of implicit steps depend.
         effects: The effects; by default the active ones, or all if none is active.
         parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
@@ -182,17 +161,17 @@ def effect_costs(
 
     Raises:
         SeriesError: The scene has no effects.
-        IntegratorError: The method does not fit the scene with some effects, or an argument is not of its kind; as a
-            StepError, a step failed.
+        IntegratorError: The method does not suit the scene with some effects, or an argument is invalid; a StepError if
+            a step failed.
 
     Example:
         >>> import bseries as bs
-        >>> rows = bs.effect_costs("kepler", "stormer-verlet", h=0.02, effects="oblateness")
+        >>> rows = bs.effect_costs("stormer-verlet", "kepler", h=0.02, effects="oblateness")
         >>> [(row.effects, row.trees, row.all_trees) for row in rows]
         [((), 37, 1202), (('oblateness',), 37, 1202)]
     """
     variants, step = effect_variants(scene, effects, parameters, start), read_number(h, "h")
-    method = check_method(named(method) if isinstance(method, str) else method)
+    method = check_method(as_method(method))
     nested = [variants.names[:k] for k in range(len(variants.names) + 1)]
     options = {"solver": solver}
     steps = variant_costs(variants, nested, method, step, parts=parts, options=options)
@@ -200,7 +179,7 @@ def effect_costs(
     rows = (
         CostRow(names, steps[names], fields[names], *_trees(variants, names, method, parts, order)) for names in nested
     )
-    return EffectCosts(variants.full.name, method.name, step, order, rows)
+    return EffectCosts(variants.full.name, method.name, step, order, tuple(rows))
 
 
 def variant_costs(

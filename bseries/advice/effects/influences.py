@@ -1,20 +1,29 @@
-"""Influence of the effects of a scene on a run, and which effects can be left out."""
+"""Influence of the effects of a scene on a run, and the effects that can be left out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.distances import energy_size, relative_change, relative_distance
 from bseries.advice.effects.costs import variant_costs
-from bseries.advice.effects.report import EffectReport, EffectRow, Influence
 from bseries.advice.effects.variants import effect_variants
-from bseries.advice.measures import EFFECT_MEASURES, ENERGY, SOLUTION, check_measure, whole_steps
+from bseries.advice.measures import (
+    ENERGY,
+    SOLUTION,
+    check_measure,
+    energy_size,
+    relative_change,
+    relative_distance,
+    whole_steps,
+)
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from integrators.core.arguments import MOST_STEPS, check_progress, read_number
-from integrators.methods.catalogue.registry import method as named
+from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from integrators.core.arguments import MOST_STEPS, check_progress
+from integrators.exact.arguments import read_number
+from integrators.methods.catalogue.registry import as_method
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
 from integrators.steppers.states import StepError
@@ -24,27 +33,246 @@ if TYPE_CHECKING:
 
     from bseries.advice.effects.variants import EffectVariants, Names
     from bseries.advice.timing import Timing
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
-
 COMPARISONS = 1000
-"""Approximate number of times at which two runs are compared."""
+"""Most times at which two runs are compared: tens in each of the periods of a run of usual length."""
 PIECES = 4
 """Substeps of the comparison run; for a method of order p it shows 1 − 4^(−p) of the error, at least 3/4."""
+WRONG = 0.1
+"""Error of a run from which on it does not allow a recommendation: it has not one correct digit."""
+MARGIN = 2.0
+"""Default of the factor for interactions: leaving out two effects may change more than the sum of both influences, as
+each may change the influence of the other by its whole size."""
+MEASURABLE = 0.03
+"""Smallest relative difference of two times that can be measured: repeated medians differ by that much."""
+
+
+class Influence(NamedTuple):
+    """The distance of two runs in the variables that they share.
+
+    Attributes:
+        solution: The largest distance of states, relative to the largest norm of the state; infinite if a run failed.
+        energy: The largest relative difference of the energy, the Hamiltonian without effects; None if there is none.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("rk4", "pendulum", h=0.05, span=1, effects="damping")
+        >>> report.rows[0].alone == report.rows[0].left_out, f"{report.own_error.solution:.0e}"
+        (True, '2e-08')
+    """
+
+    solution: float
+    energy: float | None
+
+
+class EffectRow(NamedTuple):
+    """One effect.
+
+    Attributes:
+        name: The effect.
+        summary: Its description.
+        alone: The influence of adding it to the scene without effects.
+        left_out: The influence of leaving it out of the scene with all effects.
+        seconds: Seconds that it adds to a step of the scene with all others; None if a run without it failed.
+        uncertainty: The uncertainty of `seconds`, from the quartiles of both times.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("rk4", "pendulum", h=0.05, span=1, effects="damping")
+        >>> [(row.name, f"{row.left_out.solution:.0e}") for row in report.rows]
+        [('damping', '3e-02')]
+    """
+
+    name: str
+    summary: str
+    alone: Influence
+    left_out: Influence
+    seconds: float | None = None
+    uncertainty: float | None = None
+
+    def with_costs(self, full: Timing, less: Timing | None) -> EffectRow:
+        """The row with the cost of the effect: the difference of a step with all effects and one without it."""
+        if less is None:
+            return self
+        uncertainty = (full.high - full.low + less.high - less.low) / 2
+        return self._replace(seconds=full.seconds - less.seconds, uncertainty=uncertainty)
+
+
+class EffectReport(NamedTuple):
+    """The influence of the effects of a scene on a run, with a recommendation; made by `effect_influence`.
+
+    Attributes:
+        method: The method.
+        scene: The scene with its effects.
+        h: The step size.
+        steps: The number of steps.
+        measure: The error in the recommendation: ``"solution"`` or ``"energy"``.
+        accept: The accepted error.
+        margin: The safety factor for influences, since effects interact.
+        own_error: The error of the method itself, with all effects.
+        rows: The effects.
+        leave_out: The effects that the recommendation leaves out.
+        apart: The measured distance of the runs with all effects and with the recommended ones.
+        bare: Seconds per step without effects; None if that run failed.
+        full: Seconds per step with all effects.
+        kept: Seconds per step with the recommended effects.
+
+    Example:
+        >>> import bseries as bs
+        >>> report = bs.effect_influence("rk4", "kepler", h=0.02, span=6, accept=0.06, effects=["oblateness", "drag"])
+        >>> report.leave_out, report.keep
+        (('oblateness',), ('drag',))
+        >>> report.apart.solution <= report.promised <= report.accept
+        True
+    """
+
+    scene: str
+    method: str
+    h: float
+    steps: int
+    measure: str
+    accept: float
+    margin: float
+    own_error: Influence
+    rows: tuple[EffectRow, ...]
+    leave_out: tuple[str, ...]
+    apart: Influence
+    bare: Timing | None
+    full: Timing
+    kept: Timing
+
+    @property
+    def keep(self) -> tuple[str, ...]:
+        """The recommended effects."""
+        return tuple(row.name for row in self.rows if row.name not in self.leave_out)
+
+    @property
+    def promised(self) -> float:
+        """The bound of the distance of both runs: the sum of the influences left out, times the margin."""
+        influences = (getattr(row.left_out, self.measure) for row in self.rows if row.name in self.leave_out)
+        return self.margin * sum(influences, 0.0)
+
+    @property
+    def saved(self) -> float:
+        """The relative time that the recommendation saves."""
+        return 1 - self.kept.seconds / self.full.seconds
+
+    def advice(self) -> Iterator[str]:
+        """The recommendation in sentences."""
+        yield from self._recommendation()
+        own = getattr(self.own_error, self.measure)
+        if not own <= self.accept:
+            yield f"The method's own error, {own:.2g}, exceeds the accepted error: use a smaller step."
+
+    def _recommendation(self) -> Iterator[str]:
+        if not self.leave_out:
+            least = min(getattr(row.left_out, self.measure) for row in self.rows)
+            yield (
+                f"Keep all effects: leaving out any of them changes the {self.measure} by {least:.2g} or more, and "
+                f"{self.accept:.2g} is accepted, with a margin of {self.margin:g}."
+            )
+            return
+        left_out, kept = ", ".join(self.leave_out), ", ".join(self.keep) or "none"
+        accepted = f"{self.accept:.2g} is accepted for the {self.measure}"
+        yield f"Leave out {left_out}{self._saving()}; keep {kept}: {accepted}."
+        yield (
+            f"Promised: the {self.measure} changes by at most {self.promised:.2g}, {self.margin:g} times the sum of "
+            f"influences; a run without them: {getattr(self.apart, self.measure):.2g}."
+        )
+
+    def _saving(self) -> str:
+        """The effect of the recommendation on the time of a step."""
+        if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
+            return ", which changes the time of a step by less than it varies"
+        if self.saved < 0:
+            return f", though a step takes {-self.saved:.0%} longer"
+        return f", which saves {self.saved:.0%} of a step's time"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as JSON-ready data."""
+        facts = self._asdict()
+        times = {name: facts.pop(name) for name in ("bare", "full", "kept")}
+        rows = [
+            {**row._asdict(), "alone": _numbers(row.alone), "left_out": _numbers(row.left_out)} for row in self.rows
+        ]
+        return {
+            "schema": 1,
+            "kind": "effects",
+            **facts,
+            "own_error": _numbers(self.own_error),
+            "apart": _numbers(self.apart),
+            "keep": self.keep,
+            "promised": self.promised,
+            "seconds_per_step": {name: None if time is None else asdict(time) for name, time in times.items()},
+            "rows": rows,
+        }
+
+    def to_table(self) -> Table:
+        """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
+        return _table(self)
+
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
+
+    def __repr__(self) -> str:
+        return f"<EffectReport of {self.method} on {self.scene}: {len(self.rows)} effects>"
+
+
+def _numbers(influence: Influence) -> dict[str, float | None]:
+    """An influence as JSON-ready data, with null for infinity."""
+    return {key: value if value is not None and isfinite(value) else None for key, value in influence._asdict().items()}
+
+
+EXPLANATION = (
+    "solution, energy: what leaving an effect out of all changes, relative to the size of the state and to the energy "
+    "at the start; alone: the same in the scene without other effects, for the solution; step: CPU time that it adds "
+    "to a step."
+)
+
+
+def _table(report: EffectReport) -> Table:
+    """A row for each effect, and one for the method itself."""
+    own = EffectRow("", "", Influence(0.0, None), report.own_error)
+
+    def advice(row: EffectRow) -> str:
+        return "" if row is own else "leave out" if row.name in report.leave_out else "keep"
+
+    columns = (
+        Column("effect", get=lambda row: row.name or "(error of the method)"),
+        Column("solution", True, lambda row: f"{row.left_out.solution:.2g}"),
+        Column("energy", True, lambda row: "" if row.left_out.energy is None else f"{row.left_out.energy:.2g}"),
+        Column("alone", True, lambda row: "" if row is own else f"{row.alone.solution:.2g}"),
+        Column("step", True, lambda row: "" if row.seconds is None else f"{row.seconds * 1e9:+.1f} ns"),
+        Column("±", True, lambda row: "" if row.seconds is None else f"{(row.uncertainty or 0) * 1e9:.1f}"),
+        Column("advice", get=advice),
+    )
+    fields = (
+        ("effect", lambda row: row.name),
+        ("solution", lambda row: row.left_out.solution),
+        ("energy", lambda row: row.left_out.energy),
+        ("alone_solution", lambda row: None if row is own else row.alone.solution),
+        ("alone_energy", lambda row: row.alone.energy),
+        ("seconds", lambda row: row.seconds),
+        ("uncertainty", lambda row: row.uncertainty),
+        ("leave_out", lambda row: None if row is own else str(row.name in report.leave_out).lower()),
+    )
+    rows = [*report.rows, own]
+    known = (("no effects", report.bare), ("all", report.full), ("the recommended ones", report.kept))
+    times = (f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in known if found is not None)
+    return Table(
+        f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}",
+        columns,
+        rows,
+        [EXPLANATION, f"A step takes {', '.join(times)}.", *report.advice()],
+        data=report.to_dict,
+        items="rows",
+        records=listed(fields, rows),
+    )
 
 
 class EffectRuns:
-    """Runs of one method from one start with different effects, each made once.
-
-    Args:
-        variants: The scene with its effects.
-        method: The method.
-        h: The step size.
-        steps: The number of steps.
-        options: Further options of `integrate`.
-        progress: Called with the number of steps done and of all, in all runs.
-    """
+    """Runs of one method from one start with different effects, each made once."""
 
     def __init__(
         self,
@@ -97,7 +325,7 @@ class EffectRuns:
         h, steps, save_every = self.h / pieces, self.steps * pieces, every * pieces
         try:
             return integrate(
-                scene, self.method, h=h, steps=steps, save_every=save_every, progress=self._show, **options
+                self.method, scene, h=h, steps=steps, save_every=save_every, progress=self._show, **options
             ).y
         finally:
             self._made += steps
@@ -124,11 +352,8 @@ class EffectRuns:
                 without, with_more = (x[: base.dimension] for x in (z, y))
                 size = energy_size(base, with_more[:, 0])
                 change = relative_change(_energies(base, without), size, _energies(base, with_more))
-        return Influence(_infinite_unless_finite(distance), None if change is None else _infinite_unless_finite(change))
-
-
-def _infinite_unless_finite(value: float) -> float:
-    return value if isfinite(value) else inf
+        change = inf if change is not None and not isfinite(change) else change
+        return Influence(distance if isfinite(distance) else inf, change)
 
 
 def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -139,15 +364,9 @@ def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.array([energy(0.0, state)[0] for state in y.T])
 
 
-WRONG = 0.1
-"""Error of a run from which on it does not allow a recommendation."""
-MARGIN = 2.0
-"""Factor for interactions: leaving out two effects may change more than the sum of both influences."""
-
-
 def effect_influence(
-    scene: Scene | str,
     method: Method | str,
+    scene: Scene | str,
     *,
     h: float,
     span: float,
@@ -169,14 +388,14 @@ def effect_influence(
     error. A run without them then measures the change; if it exceeds the promised bound, effects are restored.
 
     Args:
+        method: The method, or its name.
         scene: The scene, or the name of a built-in one; those whose effects are chosen when they are built have to be
             given by name.
-        method: The method, or its name.
         h: The step size; negative backwards in time.
         span: The length of the run; the last step may exceed it.
         accept: The accepted error; by default that of the method itself, with all effects.
         measure: The error that is accepted: relative, of the ``"solution"`` or the ``"energy"``, see
-            `bseries.advice.effects.report.Influence`.
+            `Influence`.
         effects: The effects to examine; by default the active ones, or all if none is active.
         parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
         start: Start values of blocks.
@@ -192,17 +411,17 @@ def effect_influence(
 
     Example:
         >>> import bseries as bs
-        >>> report = bs.effect_influence("kepler", "rk4", h=0.02, span=6, accept=0.06, effects=["oblateness", "drag"])
+        >>> report = bs.effect_influence("rk4", "kepler", h=0.02, span=6, accept=0.06, effects=["oblateness", "drag"])
         >>> report.leave_out, report.keep
         (('oblateness',), ('drag',))
         >>> [f"{row.name} {row.left_out.solution:.0e}" for row in report.rows], f"{report.own_error.solution:.0e}"
         (['oblateness 2e-02', 'drag 1e-01'], '3e-05')
     """
     variants = effect_variants(scene, effects, parameters, start)
-    method = check_method(named(method) if isinstance(method, str) else method)
+    method = check_method(as_method(method))
     step, length, factor = read_number(h, "h"), read_number(span, "span"), read_number(margin, "margin")
     wanted = None if accept is None else read_number(accept, "accept")
-    measure = check_measure(measure, EFFECT_MEASURES)
+    measure = check_measure(measure)
     _check(step, length, factor, wanted)
     if measure == ENERGY and not variants.full.with_effects().is_hamiltonian:
         raise SeriesError(f"measure must be solution for {variants.full.name}, which has no energy, but was {measure}")
@@ -212,7 +431,7 @@ def effect_influence(
     accepted = getattr(own_error, measure) if wanted is None else wanted
     if wanted is None and not accepted < WRONG:
         raise SeriesError(
-            f"h must be small enough for a run that is right, or accept be given, but with {step:g} the error of the "
+            f"h must be small enough for an accurate run, or accept be given, but with {step:g} the error of the "
             f"method itself is {accepted:.2g}"
         )
     rows = [EffectRow(name, text, runs.alone(name), runs.without(name)) for name, text in variants.effects.items()]

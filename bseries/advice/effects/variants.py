@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import items
-from integrators.scenes.catalogue.entry import SceneEntry
-from integrators.scenes.catalogue.registry import find_entry, scene_catalogue
+from integrators.scenes.catalogue.registry import SceneEntry, find_entry, scene_catalogue
 from integrators.scenes.catalogue.registry import scene as built_in
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene

@@ -3,42 +3,53 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property
+from operator import itemgetter
+from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.measures import ENERGY, MEASURES, MODIFIED_ENERGY, SOLUTION, check_measure, duration
-from bseries.advice.prediction.run_prediction import predict_run
+from bseries.advice.durations import duration
+from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.timing import machine
-from bseries.advice.work_precision.candidates import Candidate, Candidates, candidates
-from bseries.advice.work_precision.dense_reference import affordable_span
+from bseries.advice.work_precision.candidates import candidates
 from bseries.advice.work_precision.recommendation import Recommendation, choose
-from bseries.advice.work_precision.run_errors import Judge
-from bseries.advice.work_precision.sweeps import sweep, time_scale, timed_curves
-from bseries.table import Column, Table, as_html, as_text
-from integrators.core.arguments import MOST_STEPS, check_progress, read_number, read_positive
+from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
+from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.catalogue.registry import scene as built_in
+from integrators.exact.arguments import read_number, read_positive
+from integrators.reference.solution import reference_solution
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.run_prediction import Prediction
     from bseries.advice.work_precision.candidates import Methods
-    from bseries.advice.work_precision.curves import Curve, Row
+    from bseries.advice.work_precision.sweeps import Curve, Row
 
 BUDGET = 0.2
-"""CPU seconds for the longest run of a method."""
+"""CPU seconds for the longest run of a method: a dozen methods take five seconds, since all runs of a method take about
+twice as long as the longest."""
 TRIAL_STEP = 1e-9
-"""Step size for compilation."""
+"""Step size for compilation, small enough for all methods."""
 LOOSEST, FINEST = 1.0, 1e-15
+"""Bounds of relative errors of interest: no correct digit, and all digits of doubles."""
 SPAN = 200.0
-"""Default length of runs, as a multiple of `time_scale`."""
-REFERENCE_SECONDS = 10.0
-"""CPU time for the reference solution over the default span."""
+"""Default length of runs, as a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
+REFERENCE_SECONDS, REFERENCE = 10.0, 50.0
+"""CPU seconds for the reference solution, or a multiple of the budget of a run if that is more: about the time for the
+runs of all methods."""
+TRIAL, SAMPLINGS = 4.0, 3
+"""Length of the trial run for the cost of the reference, in time scales; and the number of times that the reference is
+computed until it is dense enough."""
+FINE = 100
+"""Steps per time scale that the budget allows over the longest span: enough for about six digits with a method of order
+4."""
 SHORTER, TRIALS = 2.2, 8
-"""Factor by which the default span is shortened while there is no reference solution, and most times."""
+"""Factor by which a span is shortened while there is no reference solution, from one of 1, 2, 5, 10, … to the next; and
+the most trials."""
 
 
 class WorkPrecision:
@@ -48,8 +59,9 @@ class WorkPrecision:
         judge: Measures the errors of runs on the scene.
         scene: The scene.
         span: The length of all runs.
+        asked: The requested length; larger than `span` if it is too long to be measured.
         errors: The largest and the smallest error of interest.
-        measures: The errors measured, of ``solution``, ``energy`` and ``modified-energy``.
+        measures: The errors measured, of ``solution`` and ``energy``.
         curves: The methods with their rows.
         left_out: Requested methods that do not fit, with the reason.
         notes: Remarks on the measurement, in sentences.
@@ -57,42 +69,67 @@ class WorkPrecision:
 
     Example:
         >>> import bseries as bs
-        >>> found = bs.work_precision(bs.scene("pendulum"), ["rk4"], span=10, errors=(1e-2, 1e-4), measure="energy")
+        >>> found = bs.work_precision(["rk4"], bs.scene("pendulum"), span=10, errors=(1e-2, 1e-4), measure="energy")
         >>> found.measures, [curve.candidate.name for curve in found.curves]
         (('energy',), ['rk4'])
     """
 
-    def __init__(self, judge: Judge, errors: tuple[float, float], curves: Sequence[Curve], left_out: dict[str, str]):
+    def __init__(
+        self,
+        judge: Judge,
+        errors: tuple[float, float],
+        curves: Sequence[Curve],
+        left_out: dict[str, str],
+        asked: float | None = None,
+    ):
         self.judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
         self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
+        self.asked = self.span if asked is None else asked
         self.machine = machine()
 
     def __repr__(self) -> str:
         rows = sum(len(curve.rows) for curve in self.curves)
         return f"<WorkPrecision of {len(self.curves)} methods on {self.scene.title}: {rows} runs over {self.span:g}>"
 
-    @cached_property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on the measurement."""
-        return tuple(_notes(self))
+    @property
+    def notes(self) -> list[str]:
+        """Remarks on the measurement, in sentences."""
+        rows = [row for curve in self.curves for row in curve.rows]
+        spreads = sorted(row.cost.spread for row in rows if row.cost is not None)
+        failed = sum(row.errors.failure is not None for row in rows)
+        notes = [f"Measured {self.machine['date']}: {self.machine['processor']}; {self.machine['versions']}."]
+        if spreads:
+            notes.append(
+                f"CPU time of steps, compiled and warm, medians of interleaved rounds; distance of the quartiles: "
+                f"{spreads[len(spreads) // 2]:.0%} in the middle, {spreads[-1]:.0%} at most."
+            )
+        if self.asked > self.span:
+            notes.append(
+                f"Measured to t = {self.span:g}, {self.span / self.asked:.2g} of the requested span, since all of it "
+                f"would take too long. Recommendations are for the whole span, and assume that errors of the solution "
+                f"grow in proportion to t from there on, and that those of energies do not grow."
+            )
+        if failed:
+            notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
+        if self.judge.problem:
+            notes.append(f"The solution was not measured: {self.judge.problem}.")
+        return notes
 
-    def best(self, error: float, span: float | None = None, measure: str | None = None) -> Recommendation:
+    def best(self, error: float, measure: str | None = None) -> Recommendation:
         """The cheapest method for an error, and the largest step that meets it.
 
-        The step is interpolated from the rows and refined by bisection: it is, within some per cent, the largest one
-        that meets the error as all smaller ones tried do. All methods near the cheapest are treated alike and timed
-        again in interleaved rounds.
+        The step is interpolated from the rows and refined by bisection: within a few per cent it is the largest one
+        that meets the error together with all smaller steps tried. All methods near the cheapest are treated alike and
+        timed again in interleaved rounds.
 
         Args:
-            error: The error tolerance.
-            span: The length of the run, at least the length measured, which is the default. Errors of longer runs are
-                extrapolated.
+            error: The error tolerance, at the end of the requested span.
             measure: The name of the error; by default the first of `measures`.
 
         Raises:
             IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
-        return choose(self.judge, self.curves, error, span, measure, predict_run)
+        return choose(self.judge, self.curves, error, measure, self.asked)
 
     def to_dict(self) -> dict[str, Any]:
         """The measurements as JSON-ready data."""
@@ -102,10 +139,11 @@ class WorkPrecision:
             "scene": self.scene.name,
             "effects": list(self.scene.active),
             "span": self.span,
+            "asked": self.asked,
             "errors": list(self.errors),
             "measures": list(self.measures),
             "machine": self.machine,
-            "notes": list(self.notes),
+            "notes": self.notes,
             "left_out": self.left_out,
             "methods": [
                 {"method": curve.candidate.name, "rows": [_row_dict(row) for row in curve.rows]}
@@ -113,34 +151,27 @@ class WorkPrecision:
             ],
         }
 
-    def to_table(
-        self,
-        choices: Mapping[float, Recommendation | str] | None = None,
-        predictions: Mapping[float, Prediction] | None = None,
-    ) -> Table:
+    def to_table(self, choices: Mapping[float, Recommendation | str] | None = None) -> Table:
         """CPU times by powers of ten of the error as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
 
         Args:
-            choices: For wanted errors what `best` recommends, or why it refuses; sentences below the table say so.
-            predictions: What the modified equation lets expect of these runs.
+            choices: For error tolerances, the result of `best` or the reason for its refusal, printed below the table.
         """
-        return _table(self, choices or {}, predictions or {})
+        return _table(self, choices or {})
 
-    __str__, _repr_html_ = as_text, as_html
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
 def _row_dict(row: Row) -> dict[str, Any]:
-    cost = (
-        {} if row.cost is None else {"seconds_per_step": row.cost.seconds, "quartiles": [row.cost.low, row.cost.high]}
-    )
-    found = row.errors._asdict()
-    kept = ("solution", "energy", "modified_energy", "modified_order", "failure")
-    return {"h": row.h, "steps": row.steps, **cost, "seconds": row.seconds, **{key: found[key] for key in kept}}
+    keys = ("seconds", "low", "high", "rounds")
+    costs = {"seconds_per_step" if key == "seconds" else key: getattr(row.cost, key, None) for key in keys}
+    errors = {"solution": row.errors.solution, "energy": row.errors.energy, "failure": row.errors.failure}
+    return {"h": row.h, "steps": row.steps, **costs, "seconds": row.seconds, **errors}
 
 
 def work_precision(
+    methods: Methods,
     scene: Scene | str,
-    methods: Methods = None,
     *,
     span: float | None = None,
     errors: tuple[float, float] = (1e-3, 1e-12),
@@ -154,15 +185,16 @@ def work_precision(
     interleaved. Steps shrink until the error is below the range, stops falling, or the budget is spent.
 
     Args:
+        methods: Methods or their names, or one; ``"auto"`` for those known to be efficient on scenes of this structure,
+            ``"all"`` for all of the catalogue that fit, which takes minutes.
         scene: The scene, with a start, or the name of a built-in one.
-        methods: Methods or their names, or one; ``modifying-midpoint4`` and others with an even number behind are
-            modifying integrators; ``"all"`` for all of the catalogue that fit, which takes minutes. By default those
-            known to be good on scenes of this structure.
         span: The length of runs; by default about two hundred times |y|/|f| at the start, or less if the reference
-            solution ends before or would take too long.
+            solution ends before. If the reference solution, or runs with small steps, would take too long, only the
+            beginning is measured; `notes` state this, and the assumptions of recommendations about the rest.
         errors: The largest and the smallest error of interest.
-        measure: ``"solution"`` (against the reference), ``"energy"``, ``"modified-energy"``, or ``"all"`` of them.
-        budget: CPU seconds for the longest run of a method.
+        measure: ``"solution"`` (against the reference), ``"energy"``, or ``"all"`` for both.
+        budget: CPU seconds for the longest run of a method. The reference solution may take ten seconds, or fifty times
+            as long as a run.
         progress: Called with the number of parts of the work that are done and of all.
 
     Returns:
@@ -173,7 +205,7 @@ def work_precision(
 
     Example:
         >>> import bseries as bs
-        >>> found = bs.work_precision("pendulum", ["stormer-verlet", "rk4"], span=10, errors=(1e-2, 1e-4))
+        >>> found = bs.work_precision(["stormer-verlet", "rk4"], "pendulum", span=10, errors=(1e-2, 1e-4))
         >>> found
         <WorkPrecision of 2 methods on pendulum: ... runs over 10>
         >>> found.best(1e-3).method
@@ -183,62 +215,40 @@ def work_precision(
         E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, section II.10 (diagrams of
         work and precision).
     """
-    if isinstance(scene, str):
-        scene = built_in(scene)
-    elif not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene or the name of one, but was {shorten(repr(scene))}")
+    scene = as_scene(scene)
     _ = scene.y0  # refuses a scene without a start before anything is compiled
     loosest, finest = check_errors(errors)
-    limit = read_number(budget, "budget")
-    if limit <= 0:
-        raise IntegratorError(f"budget must be a positive number of seconds, but was {limit:g}")
+    limit = read_positive(budget, "budget")
     check_progress(progress)
-    measures = MEASURES if measure == "all" else (check_measure(measure, MEASURES),)
+    measures = MEASURES if measure == "all" else (check_measure(measure),)
     if SOLUTION not in measures and not scene.is_hamiltonian:
         raise _unmeasurable(scene, measures, "it has no energy that is conserved")
     length = None if span is None else read_positive(span, "span")
     if length is not None and not length < (longest := MOST_STEPS * time_scale(scene)):
         raise IntegratorError(
-            f"span must be below {longest:.3g} for {scene.name}, whose f is so large, but was {length:g}"
+            f"span must be below {longest:.3g} for {scene.name}, whose f is large, but was {length:g}"
         )
-    chosen = candidates(scene, methods)
-    total = 2 * len(chosen.found)
+    chosen, left_out = candidates(scene, methods)
+    total = 2 * len(chosen)
     report = progress or (lambda done, total: None)
-    for k, candidate in enumerate(chosen.found):
+    for k, candidate in enumerate(chosen):
         report(k, total)
-        _compile(candidate, scene)
-    judge = _judge(scene, length, measures)
+        steps = stepper(candidate.method, scene, solver=candidate.solver)
+        with suppress(StepError):  # the first step compiles
+            steps.advance(steps.start(h=TRIAL_STEP), 1)
+    judge = _judge(scene, length, measures, limit)
     if not judge.available:
         raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
-    found, left_out = _measurable(judge, chosen)
     swept = []
-    for k, candidate in enumerate(found):
-        report(len(chosen.found) + k, total)
+    for k, candidate in enumerate(chosen):
+        report(len(chosen) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
-    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
-
-
-def _measurable(judge: Judge, chosen: Candidates) -> tuple[list[Candidate], dict[str, str]]:
-    """The methods with an error that can be measured; for modified energies alone, those that have one."""
-    if judge.available != (MODIFIED_ENERGY,):
-        return chosen.found, chosen.left_out
-    found = [candidate for candidate in chosen.found if judge.modified_energy(candidate) is not None]
-    if not found:
-        raise _unmeasurable(judge.scene, judge.available, "none of the methods has a modified Hamiltonian there")
-    without = [candidate.name for candidate in chosen.found if candidate not in found]
-    return found, chosen.left_out | dict.fromkeys(without, f"it has no modified Hamiltonian on {judge.scene.name}")
+    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out, length)
 
 
 def _unmeasurable(scene: Scene, measures: tuple[str, ...], reason: str) -> IntegratorError:
     wanted = " and ".join(measures)
-    return IntegratorError(f"measure must be one that can be had on {scene.name}, but {wanted} cannot: {reason}")
-
-
-def _compile(candidate: Candidate, scene: Scene) -> None:
-    """Compile the steps of a method by making one."""
-    steps = candidate.stepper()
-    with suppress(StepError):
-        steps.advance(steps.start(candidate.start(scene.y0, TRIAL_STEP), h=TRIAL_STEP), 1)
+    return IntegratorError(f"measure must be one that can be measured on {scene.name}, but {wanted} cannot: {reason}")
 
 
 def check_errors(errors: Any) -> tuple[float, float]:
@@ -255,20 +265,32 @@ def check_errors(errors: Any) -> tuple[float, float]:
     return loosest, finest
 
 
-def _judge(scene: Scene, span: float | None, measures: tuple[str, ...]) -> Judge:
-    """The measurement of errors; the default span is shortened until there is a reference solution."""
-    if span is not None:
-        return Judge(scene, span, measures)
-    length = _rounded(SPAN * time_scale(scene))
-    if SOLUTION in measures:
-        length = _rounded(affordable_span(scene, length, REFERENCE_SECONDS))
+def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], budget: float) -> Judge:
+    """The measurement of errors; a default span, or one too long, is shortened until there is a reference solution."""
+    wanted = _rounded(SPAN * time_scale(scene)) if span is None else span
+    length = _measurable_span(scene, wanted, measures, budget)
     judge = Judge(scene, length, measures)
     for _ in range(TRIALS):
-        if judge.problem is None:
+        if not judge.problem or not (span is None or judge.is_too_long):
             break
         length = _rounded(length / SHORTER)
         judge = Judge(scene, length, measures)
     return judge
+
+
+def _measurable_span(scene: Scene, span: float, measures: tuple[str, ...], budget: float) -> float:
+    """The span, or the part of it that runs and the reference solution can cover within their time."""
+    scale = time_scale(scene)
+    longest = max(budget, BUDGET) / LEAST_SECONDS / FINE * scale
+    trial = TRIAL * scale
+    if SOLUTION in measures and span > trial:
+        with suppress(IntegratorError):  # the solution ends early, which is reported later
+            reference_solution(scene, [trial], y0=scene.y0, full=True)  # compiles
+            began = thread_time()
+            reference_solution(scene, [trial], y0=scene.y0, full=True)
+            cost = SAMPLINGS * max(thread_time() - began, LEAST_SECONDS)
+            longest = min(longest, trial * max(REFERENCE_SECONDS, REFERENCE * budget) / cost)
+    return span if span <= longest else min(span, _rounded(longest))
 
 
 def _rounded(value: float) -> float:
@@ -278,44 +300,20 @@ def _rounded(value: float) -> float:
     return float(f"{nearest * power:.0e}")
 
 
-def _notes(found: WorkPrecision) -> list[str]:
-    """Remarks on the measurement, in sentences."""
-    rows = [row for curve in found.curves for row in curve.rows]
-    spreads = sorted(row.cost.spread for row in rows if row.cost is not None)
-    notes = [f"Measured {found.machine['date']}: {found.machine['processor']}; {found.machine['versions']}."]
-    if spreads:
-        middle, widest = spreads[len(spreads) // 2], spreads[-1]
-        notes.append(
-            f"CPU time of steps, compiled and warm, medians of interleaved rounds; distance of the quartiles: "
-            f"{middle:.0%} in the middle, {widest:.0%} at most."
-        )
-    failed = sum(row.errors.failure is not None for row in rows)
-    if failed:
-        notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
-    if found.judge.problem:
-        notes.append(f"The solution was not measured: {found.judge.problem}.")
-    return notes
-
-
-RECORDS = (
-    *("method", "h", "steps", "seconds_per_step", "low", "high", "rounds", "seconds"),
-    *("solution", "energy", "modified_energy", "modified_order", "failure"),
-)
-"""The columns of CSV, which has a line for each run."""
-
-
-def _table(
-    found: WorkPrecision, choices: Mapping[float, Recommendation | str], predictions: Mapping[float, Prediction]
-) -> Table:
+def _table(found: WorkPrecision, choices: Mapping[float, Recommendation | str]) -> Table:
     measure, decades = found.measures[0], _decades(found.errors)
     times = [times_of(found, error, measure, choices.get(error)) for error in decades]
     names = [curve.candidate.name for curve in found.curves]
-    advice = [sentence for error in choices for sentence in _advice(error, choices[error], predictions.get(error))]
+    advice = [_advice(error, choice) for error, choice in choices.items()]
     left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
-    about = f"CPU time against the error of the {measure.replace('-', ' ')}"
+    about = f"CPU time against the error of the {measure}"
 
     def data() -> dict[str, Any]:
-        return {**found.to_dict(), "choices": list(_choice_facts(choices, predictions))}
+        facts = [
+            {"wanted": error, **({"reason": choice} if isinstance(choice, str) else choice.to_dict())}
+            for error, choice in choices.items()
+        ]
+        return {**found.to_dict(), "choices": facts}
 
     return Table(
         f"{found.scene.title}, t = 0 to {found.span:g}: {about}",
@@ -324,20 +322,20 @@ def _table(
         [*advice, *found.notes, *left_out],
         data=data,
         items="methods",
-        records=Table("", list(map(Column, RECORDS)), list(_records(found))),
+        records=_records(found),
     )
 
 
 def _decades(errors: tuple[float, float]) -> list[float]:
     """The powers of ten among the errors of interest; the errors themselves if there are none."""
-    first, last = (math.log10(error) for error in errors)
-    return [float(f"1e{k}") for k in range(math.floor(first + 1e-9), math.ceil(last - 1e-9) - 1, -1)] or list(errors)
+    first, last = (round(math.log10(error), 9) for error in errors)  # 1e-3 is no power of ten in doubles
+    return [float(f"1e{k}") for k in range(math.floor(first), math.ceil(last) - 1, -1)] or list(errors)
 
 
 def times_of(
     found: WorkPrecision, error: float, measure: str, choice: Recommendation | str | None
 ) -> tuple[dict[str, float], str | None]:
-    """CPU seconds for an error by method, and the cheapest: where there is a recommendation, by the times behind it."""
+    """CPU seconds for an error by method, and the cheapest: from the recommendation if there is one."""
     interpolated = {curve.candidate.name: curve.seconds(error, measure) for curve in found.curves}
     times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
     if isinstance(choice, str):
@@ -351,37 +349,20 @@ def _cell(name: str, times: dict[str, float], cheapest: str | None) -> str:
     return duration(times[name]) + "*" * (name == cheapest) if name in times else ""
 
 
-def _advice(error: float, choice: Recommendation | str, prediction: Prediction | None) -> Iterator[str]:
-    """The recommendation for an error, in sentences."""
+def _advice(error: float, choice: Recommendation | str) -> str:
+    """The recommendation for an error, in a sentence."""
     wanted = next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)
     if isinstance(choice, str):
-        yield f"Error {wanted}: {choice}."
-        return
+        return f"Error {wanted}: {choice}."
     others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
-    yield (
+    return (
         f"Error {wanted}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
         f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
         + (f"; next {others}." if others else ".")
     )
-    if prediction is not None and choice.measure != MODIFIED_ENERGY:
-        expected = prediction.energy if choice.measure == ENERGY else prediction.solution
-        yield f"    expected of the modified equation: {'' if expected.value is None else 'error '}{expected}."
 
 
-def _choice_facts(
-    choices: Mapping[float, Recommendation | str], predictions: Mapping[float, Prediction]
-) -> Iterator[dict[str, Any]]:
-    """The recommendations as JSON-ready data."""
-    for error, choice in choices.items():
-        facts = {"reason": choice} if isinstance(choice, str) else choice.to_dict()
-        prediction = predictions.get(error)
-        yield {"wanted": error, **facts, "prediction": None if prediction is None else prediction.to_dict()}
-
-
-def _records(found: WorkPrecision) -> Iterator[tuple[Any, ...]]:
+def _records(found: WorkPrecision) -> Table:
     """All runs."""
-    for curve in found.curves:
-        for row in curve.rows:
-            costs = (None,) * 4 if row.cost is None else row.cost
-            errors = (getattr(row.errors, name) for name in RECORDS[-5:])
-            yield (curve.candidate.name, row.h, row.steps, *costs, row.seconds, *errors)
+    rows = [{"method": curve.candidate.name, **_row_dict(row)} for curve in found.curves for row in curve.rows]
+    return listed([(key, itemgetter(key)) for key in (rows[0] if rows else ("method",))], rows)

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.measures import MEASURES, check_measure, whole_steps
-from bseries.advice.work_precision.curves import ROUNDING
-from bseries.advice.work_precision.extrapolation import Goal, best_extrapolation, growth_factor
-from bseries.advice.work_precision.step_costs import SAMPLE, step_costs
-from integrators.core.arguments import read_number, read_positive
+from bseries.advice.measures import ROUNDING, SOLUTION, check_measure, whole_steps
+from bseries.advice.timing import step_costs
+from foundation.table import Table, as_html, as_text, fact_table
 from integrators.core.errors import IntegratorError
+from integrators.exact.arguments import read_positive
 
 if TYPE_CHECKING:
-    from bseries.advice.work_precision.curves import Curve, Extrapolation
-    from bseries.advice.work_precision.extrapolation import Predict
-    from bseries.advice.work_precision.run_errors import Judge, RunErrors
+    from bseries.advice.work_precision.sweeps import Curve, Judge
 
 NEAR = 1.6
-"""Methods with interpolated times within this factor of the least are examined."""
+"""Methods whose interpolated times are within this factor of the least are examined: interpolation between rows, whose
+steps differ by √2 or 2, may be wrong by this factor where the convergence is irregular."""
 MOST_EXAMINED = 4
+"""Each takes about fifty runs; the fifth was never the cheapest."""
 NARROW = 1.02
-"""Accuracy of the largest step, as a factor."""
+"""Accuracy of the largest step, as a factor: a fifth of the 10 % allowed for a recommendation."""
 FINER = tuple(1.01**k for k in range(1, 21))
-"""Factors of the number of steps at which the error is checked as well."""
-CHECKS, MET = 3, 0.9
-"""Most updates of the error growth factor, and the part of the tolerance that an error must use to end them."""
+"""Factors of the number of steps at which the error is also checked: up to 1.22, over most of the distance to the next
+row."""
 
 
 class Recommendation(NamedTuple):
@@ -37,15 +35,15 @@ class Recommendation(NamedTuple):
         h: The step size.
         steps: The number of steps.
         seconds: CPU seconds for all steps.
-        error: The error: measured, or extrapolated to a longer span.
+        error: The error.
         measure: The name of the error.
         span: The length of the run.
-        basis: The origin of these values, in words.
+        basis: The origin of these values: measured, or measured on a part of the span and extrapolated.
         examined: CPU seconds of the other methods examined.
 
     Example:
         >>> import bseries as bs
-        >>> found = bs.work_precision(bs.scene("pendulum"), ["rk4"], span=10, errors=(1e-2, 1e-4))
+        >>> found = bs.work_precision(["rk4"], bs.scene("pendulum"), span=10, errors=(1e-2, 1e-4))
         >>> choice = found.best(1e-3)
         >>> choice.method, choice.basis, choice.error <= 1e-3
         ('rk4', 'measured over 10', True)
@@ -61,6 +59,16 @@ class Recommendation(NamedTuple):
     basis: str
     examined: dict[str, float]
 
+    def to_table(self) -> Table:
+        """The recommendation as a table."""
+        facts = [(name, value) for name, value in self._asdict().items() if name != "examined"]
+        return fact_table(f"Cheapest method: {self.method}", facts)._replace(data=self.to_dict)
+
+    __str__, _repr_html_ = as_text, as_html
+
+    def __repr__(self) -> str:
+        return f"<Recommendation: {self.method}, h = {self.h:.6g}, {self.measure} error {self.error:.1e}>"
+
     def to_dict(self) -> dict[str, Any]:
         """The recommendation as JSON-ready data."""
         return {"schema": 1, "kind": "recommendation", **self._asdict()}
@@ -70,118 +78,68 @@ class Step(NamedTuple):
     """The largest step of a method that meets an error tolerance."""
 
     curve: Curve
-    extrapolation: Extrapolation
     steps: int
     error: float
 
 
-def choose(
-    judge: Judge, curves: Sequence[Curve], error: float, span: float | None, measure: str | None, predict: Predict
-) -> Recommendation:
+def choose(judge: Judge, curves: Sequence[Curve], error: float, measure: str | None, span: float) -> Recommendation:
     """The cheapest method for an error tolerance; see `WorkPrecision.best`."""
-    measure = judge.available[0] if measure is None else check_measure(measure, MEASURES)
+    measure = judge.available[0] if measure is None else check_measure(measure)
     if measure not in judge.available:
-        raise IntegratorError(f"measure must be one of {', '.join(judge.available)}, which were had, but was {measure}")
+        raise IntegratorError(
+            f"measure must be one of {', '.join(judge.available)}, which were measured, but was {measure}"
+        )
     wanted = read_positive(error, "error")
-    length = judge.span if span is None else read_number(span, "span")
-    if length < judge.span:
-        raise IntegratorError(f"span must be at least the one measured, {judge.span:g}, but was {length:g}")
-    goal = Goal(judge, predict, length, wanted, measure)
-    extrapolated = _extrapolated(goal, curves)
-    able = [each for each in extrapolated if _bracket_of_rows(*each, wanted, measure)[0] is not None]
-    steps = [_checked_step(goal, *near) for near in _near(able, wanted, measure)]
+    times = span / judge.span
+    growth = times if measure == SOLUTION else 1.0
+    steps = [largest_step(judge, curve, wanted / growth, measure) for curve in _near(curves, wanted / growth, measure)]
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
-        raise _refusal(goal, [extrapolation for _, extrapolation in extrapolated])
-    seconds = _seconds(judge, list(met.values()))
+        raise IntegratorError(
+            f"error must be one that a method reaches on {judge.scene.name} within its budget, but was {wanted:g}"
+        )
+    work = {name: judge.work(step.curve.candidate, step.steps) for name, step in met.items()}
+    costs = step_costs(work)
+    seconds = {name: costs[name].seconds * step.steps * times for name, step in met.items()}
     name = min(seconds, key=seconds.__getitem__)
     step = met[name]
-    h, times = judge.span / step.steps, goal.times
+    h = judge.span / step.steps
+    assumed = "to grow in proportion to t" if measure == SOLUTION else "not to grow"
     return Recommendation(
         method=name,
         h=h,
-        steps=whole_steps(length, h),
-        seconds=seconds[name] * times,
-        error=step.error,
+        steps=whole_steps(span, h),
+        seconds=seconds.pop(name),
+        error=step.error * growth,
         measure=measure,
-        span=length,
-        basis=f"measured over {judge.span:g}"
-        + (f"; extrapolated, as {step.extrapolation.description(measure)}" if times > 1 else ""),
-        examined={other: time * times for other, time in seconds.items() if other != name},
+        span=span,
+        basis=f"measured over {judge.span:g}" + (f"; errors assumed {assumed} from there on" if times > 1 else ""),
+        examined=seconds,
     )
 
 
-def _extrapolated(goal: Goal, curves: Sequence[Curve]) -> list[tuple[Curve, Extrapolation]]:
-    """The methods with extrapolations, without those that would be slower even if errors did not grow."""
-    error, measure = goal.error, goal.measure
-    optimistic = ((curve.seconds(error, measure), curve) for curve in curves)
-    chosen, least = [], math.inf
-    for seconds, curve in sorted(((t, c) for t, c in optimistic if t is not None), key=lambda pair: pair[0]):
-        if seconds <= NEAR * least:
-            extrapolation = best_extrapolation(goal, curve)
-            chosen.append((curve, extrapolation))
-            if _bracket_of_rows(curve, extrapolation, error, measure)[0] is not None:  # and not by luck
-                least = min(least, curve.seconds(error, measure, extrapolation) or math.inf)
-    return chosen
+def _near(curves: Sequence[Curve], error: float, measure: str) -> list[Curve]:
+    """The curves that meet a tolerance at a cost close to the least, the cheapest first."""
+    able = [curve for curve in curves if bracket(curve.sizes(measure), error)[0] is not None]
+    timed = ((curve.seconds(error, measure) or math.inf, curve) for curve in able)
+    reached = sorted(timed, key=lambda entry: entry[0])
+    return [curve for seconds, curve in reached if seconds <= NEAR * reached[0][0]][:MOST_EXAMINED]
 
 
-def _checked_step(goal: Goal, curve: Curve, extrapolation: Extrapolation) -> Step | None:
-    """The largest step, with the growth factor of this step."""
-    judge, error, measure = goal.judge, goal.error, goal.measure
-    step = largest_step(judge, curve, extrapolation, error, measure)
-    for _ in range(CHECKS):
-        if step is None or step.extrapolation.factor is None:
-            break
-        measured = step.error / step.extrapolation.factor
-        found = growth_factor(goal, curve, step.steps, measured)
-        if found is None or MET * error <= found * measured <= error:
-            break
-        step = largest_step(judge, curve, extrapolation._replace(factor=found), error, measure)
-    return step
-
-
-def _refusal(goal: Goal, extrapolations: list[Extrapolation]) -> IntegratorError:
-    """The error for no recommendation: no method is precise enough, or the growth of errors is unknown."""
-    error, name, span = goal.error, goal.judge.scene.name, goal.judge.span
-    if goal.length <= span or not extrapolations:
-        return IntegratorError(
-            f"error must be one that a method reaches on {name} within its budget, but was {error:g}"
-        )
-    is_possible = any(extrapolation.is_possible(goal.measure) for extrapolation in extrapolations)
-    reason = "" if is_possible else ", since the motion turned too seldom"
-    return IntegratorError(
-        f"span must be one for which a method is known to reach {error:g} on {name}, but was {goal.length:g}: "
-        f"how errors grow on from {span:g} to {goal.length:g} may be unknown{reason}"
-    )
-
-
-def _near(curves: list[tuple[Curve, Extrapolation]], error: float, measure: str) -> list[tuple[Curve, Extrapolation]]:
-    """The curves near the cheapest one, the cheapest first."""
-    timed = ((curve.seconds(error, measure, extrapolation), (curve, extrapolation)) for curve, extrapolation in curves)
-    reached = sorted(((seconds, pair) for seconds, pair in timed if seconds is not None), key=lambda entry: entry[0])
-    return [pair for seconds, pair in reached if seconds <= NEAR * reached[0][0]][:MOST_EXAMINED]
-
-
-def largest_step(judge: Judge, curve: Curve, extrapolation: Extrapolation, error: float, measure: str) -> Step | None:
-    """The largest step that meets an error tolerance as all smaller ones of the rows do, found by bisection.
+def largest_step(judge: Judge, curve: Curve, error: float, measure: str) -> Step | None:
+    """The largest step that meets an error tolerance together with all smaller steps tried, found by bisection.
 
     Slightly smaller steps are run as well: if the error is not monotonic, the step may have met the tolerance by
-    chance. Only errors of these that are dominated by rounding, or cannot be extrapolated, may exceed it.
-
-    Args:
-        judge: Runs methods.
-        curve: The method and its rows.
-        extrapolation: To a longer run whose error is to meet the tolerance.
-        error: The tolerance.
-        measure: The name of the error.
+    chance. Their errors may exceed the tolerance only if they are dominated by rounding.
     """
-    good, bad = _bracket_of_rows(curve, extrapolation, error, measure)
+    tries = curve.sizes(measure)
+    good, bad = bracket(tries, error)
     if good is None:
         return None
-    tries = _sizes(curve, extrapolation, measure)
 
     def meets(steps: int) -> bool:
-        tries[steps] = _size(extrapolation, judge.run(curve.candidate, steps), measure)
+        found = judge.run(curve.candidate, steps).error(measure)
+        tries[steps] = math.inf if found is None else found
         return tries[steps] <= error
 
     while bad == 0 and good > 1:
@@ -192,35 +150,27 @@ def largest_step(judge: Judge, curve: Curve, extrapolation: Extrapolation, error
             middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
             good, bad = (middle, bad) if meets(middle) else (good, middle)
         later = sorted(n for n in {round(good * factor) for factor in FINER} if n > good)
-        failed = [n for n in later if not (tries[n] <= error if n in tries else meets(n))]
-        is_known = {n: extrapolation.times <= 1 or math.isfinite(tries[n]) for n in failed}
-        missed = [n for n in failed if tries[n] >= ROUNDING and is_known[n]]
+        missed = [n for n in later if not (tries[n] <= error if n in tries else meets(n)) and tries[n] >= ROUNDING]
         if not missed:
-            return Step(curve, extrapolation, good, tries[good])
+            return Step(curve, good, tries[good])
         beyond = [n for n, size in tries.items() if n > missed[-1] and size <= error]
         if not beyond:
             return None
         good, bad = min(beyond), missed[-1]
 
 
-def bracket(sizes: Mapping[int, float], error: float, rounded: Collection[int] = ()) -> tuple[int | None, int]:
-    """The least number of steps that meets a tolerance as all larger ones tried do, and the next smaller one.
+def bracket(sizes: Mapping[int, float], error: float) -> tuple[int | None, int]:
+    """The least number of steps that meets a tolerance together with all larger ones, and the next smaller one.
 
-    Args:
-        sizes: Errors by numbers of steps, infinite where unknown.
-        error: The tolerance.
-        rounded: Numbers of steps whose errors may be dominated by rounding. If the largest ones do not meet the
-            tolerance they are ignored: rounding has increased the error, or invalidates its extrapolation.
-
-    Returns:
-        Both numbers: None if the largest number that counts does not meet the tolerance, and 0 if all meet it.
+    The largest numbers are ignored if their errors exceed the tolerance but are below `ROUNDING`: these are rounding
+    errors. The first result is None if the largest remaining number does not meet the tolerance; the second is 0 if all
+    meet it.
 
     Example:
         >>> bracket({10: 5e-3, 20: 2e-5, 40: 3e-4, 80: 4e-5, 160: 6e-6}, 1e-4)
         (80, 40)
-        >>> found = {10: 5e-3, 20: 5e-12, 40: 2e-13, 80: 3e-13}
-        >>> bracket(found, 2e-13, rounded={20, 40, 80}), bracket(found, 2e-13)
-        ((40, 20), (None, 0))
+        >>> bracket({10: 5e-3, 20: 5e-12, 40: 2e-13, 80: 3e-13}, 2e-13)
+        (40, 20)
     """
     good, bad = None, 0
     for steps in sorted(sizes, reverse=True):
@@ -229,29 +179,6 @@ def bracket(sizes: Mapping[int, float], error: float, rounded: Collection[int] =
         elif good is not None:
             bad = steps
             break
-        elif steps not in rounded:
+        elif sizes[steps] >= ROUNDING:
             break
     return good, bad
-
-
-def _bracket_of_rows(curve: Curve, extrapolation: Extrapolation, error: float, measure: str) -> tuple[int | None, int]:
-    """`bracket` of the rows of a method."""
-    return bracket(_sizes(curve, extrapolation, measure), error, curve.rounded(measure))
-
-
-def _sizes(curve: Curve, extrapolation: Extrapolation, measure: str) -> dict[int, float]:
-    """The errors of the rows by number of steps."""
-    return {row.steps: _size(extrapolation, row.errors, measure) for row in curve.rows}
-
-
-def _size(extrapolation: Extrapolation, errors: RunErrors, measure: str) -> float:
-    """The extrapolated error of a run; infinite if unknown."""
-    found = extrapolation.error(errors, measure)
-    return math.inf if found is None else found
-
-
-def _seconds(judge: Judge, steps: list[Step]) -> dict[str, float]:
-    """CPU seconds over the span, timed in interleaved rounds."""
-    work = {step.curve.candidate.name: judge.work(step.curve.candidate, step.steps) for step in steps}
-    costs = step_costs(work, sample=SAMPLE)
-    return {name: costs[name].seconds * step.steps for name, step in zip(work, steps, strict=True)}

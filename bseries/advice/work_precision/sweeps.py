@@ -1,38 +1,250 @@
-"""Sweeps: runs of a method with decreasing step sizes, and the curves made from them."""
+"""Errors and CPU times of a method over a range of step sizes.
+
+A `Judge` measures the errors of runs, a sweep makes runs with decreasing steps, and a `Curve` holds errors and times.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import warnings
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from time import thread_time
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from bseries.advice.timing import Timing
-from bseries.advice.work_precision.curves import ROUNDING, Curve, Row
-from bseries.advice.work_precision.step_costs import step_costs
+from bseries.advice.measures import (
+    ENERGY,
+    MEASURES,
+    ROUNDING,
+    SOLUTION,
+    energy_size,
+    relative_change,
+    relative_distances,
+    without_time,
+)
+from bseries.advice.timing import Timing, Work, step_costs
+from bseries.advice.work_precision.dense_reference import DenseReference, TooLong
 from integrators.bindings.scipy_bridge import right_hand_side
+from integrators.core.errors import IntegratorError
+from integrators.runs.integration import integrate
+from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.candidates import Candidate
-    from bseries.advice.work_precision.run_errors import Judge, RunErrors
     from integrators.scenes.scene import Scene
 
-    Swept = list[tuple[int, RunErrors]]
+    Swept = list[tuple[int, "RunErrors"]]
 
+UNSOLVED = "did not converge"
+OBSERVATIONS = 400
+"""Observations of the solution: over the default span about 13 in each period."""
+ENERGY_OBSERVATIONS = 4000
+"""Energies are cheap to observe, and their errors have narrow peaks, as at a perihelion."""
 FIRST_STEP = 4.0
-"""The first step size, as a multiple of `time_scale`."""
+"""The first step size, as a multiple of `time_scale`: methods of many stages allow steps of that size."""
 STEEP = 30.0
-"""If halving the step improves the error by a larger factor, steps shrink by √2 from there on."""
-PATIENCE = 2
-"""A sweep ends after this many steps without gain below `ROUNDING`."""
+"""If halving the step reduces the error by a larger factor, further steps are divided by √2, so that there are two or
+three rows for each power of ten."""
+PATIENCE, GAIN = 2, 1.2
+"""A sweep ends after this many steps with errors below `ROUNDING` that reduce the error by less than this factor: one
+may do so by chance, and methods of order 1 reduce it by √2."""
 SAMPLE = 0.004
-TIMED = 5
-"""Number of rows of a method that are timed; costs of the others are interpolated."""
+"""Seconds of steps in a sample: shorter than elsewhere, since many rows are timed."""
 STIFF = 1e-4
-"""If the largest step with solvable stages has a smaller error, the solver and not accuracy limits the step."""
+"""If the largest step with convergent stages has a smaller error, the step is limited by the solver, not by accuracy:
+otherwise the first steps of a sweep have no correct digit."""
 LEAST_SECONDS = 5e-9
-"""Lower bound for the time of a step, so that sweeps of methods that always fail end."""
+"""Lower bound for the time of a step, some additions, which ends the sweeps of methods that always fail."""
 SLOWEST, NUDGE = 10.0, 1e-6
-"""Bound of the time scale in multiples of |f|/|f'f|, and the relative difference that gives f'f."""
+"""Bound on the time scale in multiples of |f|/|f'f|, more than a period; and the relative increment for f'f."""
+LEAST_ERROR = 2.0**-60
+"""Replaces errors of 0 in logarithms; all others are larger."""
+Point = TypeVar("Point", bound=tuple)
+"""An error, the CPU seconds for it, and further entries."""
+
+
+class RunErrors(NamedTuple):
+    """The errors of a run; None for those not measured.
+
+    Attributes:
+        solution: The largest distance from the reference solution, relative to the largest norm of the state.
+        energy: The largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding.
+        seconds: CPU time of the run with its observations.
+        failure: The reason why the run ended early; None if it did not.
+    """
+
+    solution: float | None = None
+    energy: float | None = None
+    seconds: float = 0.0
+    failure: str | None = None
+
+    def error(self, measure: str) -> float | None:
+        """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
+        return None if self.failure else getattr(self, measure)
+
+    @property
+    def is_unsolved(self) -> bool:
+        """Whether the run failed because the iteration for the stages did not converge."""
+        return self.failure is not None and UNSOLVED in self.failure
+
+
+class Judge:
+    """Measurement of errors: runs of methods on a scene from its start over one span.
+
+    Args:
+        scene: The scene.
+        span: The length of runs.
+        measures: The errors to measure, of `MEASURES`.
+
+    Attributes:
+        reference: The reference solution; None if the solution is not measured or has no reference.
+        problem: The reason why there is none.
+        is_too_long: Whether there is none because the span is too long.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.advice.work_precision.candidates import candidate
+        >>> pendulum = bs.scene("pendulum")
+        >>> judge = Judge(pendulum, 10.0, ("solution", "energy"))
+        >>> found = judge.run(candidate(pendulum, "stormer-verlet"), 100)
+        >>> f"{found.solution:.1e} {found.energy:.1e}"
+        '3.1e-03 2.8e-02'
+    """
+
+    def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES):
+        self.scene, self.span, self.measures = scene, span, measures
+        self.reference: DenseReference | None = None
+        self.problem, self.is_too_long = "", False
+        if SOLUTION in measures:
+            try:
+                self.reference = DenseReference(scene, scene.y0, span)
+            except IntegratorError as error:
+                self.problem, self.is_too_long = str(error), isinstance(error, TooLong)
+
+    @property
+    def available(self) -> tuple[str, ...]:
+        """The errors that can be measured on this scene."""
+        has_energy, has_solution = self.scene.is_hamiltonian, self.reference is not None
+        return tuple(m for m in self.measures if (has_solution if m == SOLUTION else has_energy))
+
+    @cached_property
+    def _energy_size(self) -> float:
+        return energy_size(self.scene, self.scene.y0)
+
+    def run(self, candidate: Candidate, steps: int) -> RunErrors:
+        """Run a method with a number of steps and measure its errors."""
+        import numpy as np
+
+        began = thread_time()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # reported as a failure instead
+                run = integrate(
+                    candidate.method,
+                    self.scene,
+                    h=self.span / steps,
+                    steps=steps,
+                    solver=candidate.solver,
+                    save_every=max(1, steps // OBSERVATIONS),
+                    observe=ENERGY if self.scene.is_hamiltonian else None,
+                    observe_every=max(1, steps // ENERGY_OBSERVATIONS),
+                )
+        except StepError as error:
+            reason = UNSOLVED if UNSOLVED in str(error) else "did not end in finite numbers"
+            return RunErrors(seconds=thread_time() - began, failure=f"step {error.step} of {steps} {reason}")
+        seconds = thread_time() - began
+        solution = energy = None
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.reference is not None:
+                states, exact = (without_time(self.scene, found) for found in (run.y, self.reference(run.t)))
+                solution = float(relative_distances(states, exact, self.reference.size).max())
+            if ENERGY in run.observed:
+                energy = relative_change(run.observed[ENERGY], self._energy_size)
+        if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
+            return RunErrors(seconds=seconds, failure="its errors were not finite")
+        return RunErrors(solution, energy, seconds)
+
+    def work(self, candidate: Candidate, steps: int) -> Work:
+        """The steps of a run, for timing."""
+        options = {"solver": candidate.solver}
+        return Work(self.scene, candidate.method, self.span / steps, options=options, most_steps=steps)
+
+
+class Row(NamedTuple):
+    """One step size of a method.
+
+    Attributes:
+        h: The step size.
+        steps: The number of steps for the span.
+        cost: CPU seconds for a step; None if the run failed.
+        errors: The errors of the run.
+    """
+
+    h: float
+    steps: int
+    cost: Timing | None
+    errors: RunErrors
+
+    @property
+    def seconds(self) -> float | None:
+        """CPU seconds for all steps, without observations."""
+        return None if self.cost is None else self.cost.seconds * self.steps
+
+
+class Curve(NamedTuple):
+    """The rows of one method, from large to small steps."""
+
+    candidate: Candidate
+    rows: tuple[Row, ...]
+
+    def front(self, measure: str) -> list[tuple[float, float]]:
+        """Errors and seconds on the Pareto front of the rows, from the cheapest to the most precise."""
+        errors = ((row.seconds, row.errors.error(measure)) for row in self.rows)
+        return pareto_front(
+            (max(error, LEAST_ERROR), seconds) for seconds, error in errors if seconds and error is not None
+        )
+
+    def seconds(self, error: float, measure: str = SOLUTION) -> float | None:
+        """CPU seconds over the span for an error, interpolated between rows; None if no row reaches it."""
+        return seconds_at(self.front(measure), error)
+
+    def sizes(self, measure: str) -> dict[int, float]:
+        """The errors of the rows by number of steps, infinite where runs failed."""
+        errors = ((row.steps, row.errors.error(measure)) for row in self.rows)
+        return {steps: math.inf if error is None else error for steps, error in errors}
+
+
+def pareto_front(points: Iterable[Point]) -> list[Point]:
+    """The Pareto front of points in error and time, from the fastest to the most precise.
+
+    Example:
+        >>> pareto_front([(1e-3, 1.0), (1e-2, 2.0), (1e-6, 4.0), (1e-5, 8.0)])
+        [(0.001, 1.0), (1e-06, 4.0)]
+    """
+    kept: list[Point] = []
+    for point in sorted(points, key=lambda point: (point[1], point[0])):
+        if not kept or point[0] < kept[-1][0]:
+            kept.append(point)
+    return kept
+
+
+def seconds_at(front: Sequence[tuple], error: float) -> float | None:
+    """CPU seconds for an error, interpolated linearly between the logarithms of a front's points.
+
+    Errors above the front give its least time, errors below it None.
+
+    Example:
+        >>> front = [(1e-2, 1.0), (1e-6, 4.0)]
+        >>> round(seconds_at(front, 1e-4), 12), seconds_at(front, 1.0), seconds_at(front, 1e-9)
+        (2.0, 1.0, None)
+    """
+    if not front or error < front[-1][0]:
+        return None
+    after = next(k for k, point in enumerate(front) if point[0] <= error)
+    if after == 0:
+        return front[0][1]
+    (rough, fast), (fine, slow) = front[after - 1][:2], front[after][:2]
+    return fast * (slow / fast) ** (math.log(rough / error) / math.log(rough / fine))
 
 
 def time_scale(scene: Scene) -> float:
@@ -75,13 +287,13 @@ def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> 
     measure = judge.available[0]
     steps = max(1, math.ceil(judge.span / (FIRST_STEP * time_scale(judge.scene))))
     found: Swept = []
-    best, idle, factor = math.inf, 0, 2.0
+    best, idle, factor = math.inf, 0, 2.0  # the least error, steps without gain, and the factor to the next step
     while True:
         errors = judge.run(candidate, steps)
         found.append((steps, errors))
         error = errors.error(measure)
         if error is not None:
-            idle = idle + 1 if error > best / 1.2 and best < ROUNDING else 0
+            idle = idle + 1 if error > best / GAIN and best < ROUNDING else 0
             factor = math.sqrt(2) if error * STEEP < best < math.inf else factor
             best = min(best, error)
             if error < finest or idle >= PATIENCE:
@@ -100,30 +312,11 @@ def timed_curves(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list
     work = {
         f"{candidate.name} {steps}": judge.work(candidate, steps)
         for candidate, rows in swept
-        for steps in _to_time([steps for steps, errors in rows if errors.failure is None])
+        for steps, errors in rows
+        if errors.failure is None
     }
     costs = step_costs(work, sample=SAMPLE)
-    curves = []
-    for candidate, rows in swept:
-        known = {steps: costs[key] for steps, _ in rows if (key := f"{candidate.name} {steps}") in costs}
-        made = [Row(judge.span / n, n, None if e.failure else _cost(known, n), e) for n, e in rows]
-        curves.append(Curve(candidate, tuple(made)))
-    return curves
-
-
-def _to_time(steps: Sequence[int]) -> list[int]:
-    """The first, the last and some numbers of steps between."""
-    if len(steps) <= TIMED:
-        return list(steps)
-    return [steps[round(k * (len(steps) - 1) / (TIMED - 1))] for k in range(TIMED)]
-
-
-def _cost(known: dict[int, Timing], steps: int) -> Timing:
-    """The cost of a step, interpolated linearly between the logarithms of timed rows."""
-    if steps in known:
-        return known[steps]
-    below, above = max(n for n in known if n < steps), min(n for n in known if n > steps)
-    part = math.log(steps / below) / math.log(above / below)
-    values = zip(known[below][:3], known[above][:3], strict=True)
-    seconds, low, high = (first * (last / first) ** part for first, last in values)
-    return Timing(seconds, low, high, 0)
+    return [
+        Curve(candidate, tuple(Row(judge.span / n, n, costs.get(f"{candidate.name} {n}"), e) for n, e in rows))
+        for candidate, rows in swept
+    ]

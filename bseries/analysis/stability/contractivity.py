@@ -11,13 +11,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from bseries.analysis.stability import sturm
+from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     Inexact,
     dot,
+    from_flint,
     has_sign,
     midpoint,
     nearest_float,
+    sign,
     stage_matrix,
     to_elements,
     upper,
@@ -25,10 +27,9 @@ from bseries.analysis.stability.field_elements import (
 from bseries.analysis.stability.linear_stability import (
     MethodOrFunction,
     adjugate_terms,
+    characteristic,
     checked_method,
     function_of,
-    quotient,
-    to_integers,
 )
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ MOST_EXACT_STAGES = 3
 """With more stages on irrational nodes, the splitting field of the node polynomial is too large."""
 
 
-def is_algebraically_stable(method: RungeKutta) -> bool | None:
+def is_algebraically_stable(method: RungeKutta | str) -> bool | None:
     """Whether b_i ≥ 0 and the matrix M with m_ij = b_i a_ij + b_j a_ji − b_i b_j is positive semidefinite.
 
     Such a method is B-stable: it contracts wherever the flow does. For irreducible methods the converse holds too (for
@@ -65,7 +66,8 @@ def is_algebraically_stable(method: RungeKutta) -> bool | None:
         46–57;
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.12.
     """
-    rows, weights, _ = stage_matrix(checked_method(method))
+    method = checked_method(method)
+    rows, weights, _ = stage_matrix(method)
     if not all(map(has_sign, (*weights, *(a for row in rows for a in row)))):
         # For explicit methods m_ii = −b_i², and some b_i is nonzero.
         return False if method.is_explicit and method.weight_sum == 1 else None
@@ -86,29 +88,18 @@ def _gram(method: RungeKutta, weights: Sequence[Any]) -> list[list[Any]]:
 
 
 def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
-    """Whether a symmetric matrix is positive semidefinite, by symmetric elimination.
+    """Whether a symmetric matrix has eigenvalues ≥ 0 only: whether all their elementary symmetric functions are ≥ 0.
 
     The errors of the entries of each row are added to its diagonal entry, which bounds their effect on the eigenvalues
     (Gershgorin).
     """
     rows = [list(map(midpoint, row)) for row in matrix]
     for i, row in enumerate(matrix):
-        errors = [Fraction(a.error) for a in row if isinstance(a, Inexact) and math.isfinite(a.error)]
-        rows[i][i] = rows[i][i] + sum(errors, Fraction(0))
-    while rows:
-        first, *others = rows
-        if first[0] < 0 or (not first[0] and any(first)):
-            return False
-        rows = [row[1:] for row in others]
-        if first[0]:
-            for row, full in zip(rows, others, strict=True):
-                if full[0]:
-                    factor = full[0] / first[0]
-                    row[:] = [a - factor * b for a, b in zip(row, first[1:], strict=True)]
-    return True
+        rows[i][i] = rows[i][i] + sum((from_flint(a.error) for a in row if isinstance(a, Inexact)), Fraction(0))
+    return all(sign(a) >= 0 for a in characteristic(rows))
 
 
-def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
+def ssp_coefficient(method: RungeKutta | str) -> Fraction | float | None:
     """SSP coefficient: the largest r such that steps h ≤ r h_E preserve the bounds that Euler steps h ≤ h_E preserve.
 
     It is Kraaijevanger's radius of absolute monotonicity: with K the matrix A with the row b below it and a column of
@@ -138,7 +129,7 @@ def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
         S. Gottlieb, D. Ketcheson, C.-W. Shu, *Strong Stability Preserving Runge–Kutta and Multistep Time
         Discretizations* (2011), chapter 3, doi:10.1142/7498.
     """
-    checked_method(method)
+    method = checked_method(method)
     if method.algebra is not None and not method.algebra.has_rational_nodes:
         rows, weights, _ = method.algebra.tableau_float()  # within 10^-40
         if any(value < -1e-30 for row in (*rows, weights) for value in row):
@@ -149,38 +140,34 @@ def ssp_coefficient(method: RungeKutta) -> Fraction | float | None:
     elements = to_elements([v for row in (*method.A, method.b) for v in row], method.precision)
     if not all(map(has_sign, elements)):
         return None
-    if any(upper(a) < 0 for a in elements):
+    if any(sign(upper(a)) < 0 for a in elements):
         return Fraction(0)
     exact = method.domain in ("QQ", "algebraic")
     return _first(_numerators([elements[k : k + size] for k in range(0, len(elements), size)]), exact=exact)
 
 
-def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[sturm.Coefficients]:
+def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[polynomials.Coefficients]:
     """Polynomials in r that must be nonnegative: det(I + rA), and the numerators of the conditions over it.
 
     With C the adjugate of I + rA the numerators are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.
     """
-    whole, scale = to_integers(rows)
-    terms = list(adjugate_terms(whole[:-1]))
-    determinant = [quotient(d, scale**k) for k, (d, _) in enumerate(terms)]
-    adjugate = [[[quotient(v, scale**k) for v in row] for row in c] for k, (_, c) in enumerate(terms)]
+    determinant, adjugate = zip(*adjugate_terms(rows[:-1]), strict=True)
     columns = [list(zip(*c, strict=True)) for c in adjugate]
     products = [[[dot(row, column) for column in c] for c in columns] for row in rows]
     row_sums = [[sum(row, Fraction(0)) for row in c] for c in adjugate]
     for coefficients in (*products, row_sums):
-        yield from map(sturm.strip, zip(*coefficients, strict=True))
-    yield sturm.strip(determinant)
+        yield from map(polynomials.strip, zip(*coefficients, strict=True))
+    yield polynomials.strip(determinant)
     sums = [sum(values, Fraction(0)) for values in products[-1]]
-    yield sturm.strip(sturm.combine(determinant, [Fraction(0), *sums[:-1]], -1))
+    yield polynomials.strip(polynomials.combine(determinant, [Fraction(0), *sums[:-1]], -1))
 
 
-def _first(conditions: Iterable[sturm.Coefficients], *, exact: bool) -> Fraction | float:
+def _first(conditions: Iterable[polynomials.Coefficients], *, exact: bool) -> Fraction | float:
     """The smallest r > 0 at which one of the polynomials becomes negative, ``inf`` if there is none."""
-    polynomials = {tuple(map(upper, p)) for p in conditions}
-    crossings = [x for x in map(sturm.first_crossing, polynomials) if x is not None]
-    least = min(crossings, default=math.inf)
-    # An irrational root may round to a rational number: verify it in the conditions themselves.
-    if exact and isinstance(least, Fraction) and not any(sturm.sign_at(p, least) < 0 for p in polynomials):
+    found = {tuple(map(upper, p)) for p in conditions}
+    least = min(map(polynomials.first_crossing, found), default=math.inf)
+    # The smallest float may be that of an irrational root next to a rational one of another condition.
+    if exact and isinstance(least, Fraction) and all(sign(polynomials.evaluate(p, least)) >= 0 for p in found):
         return least
     return nearest_float(least) if isinstance(least, Fraction) else least
 
@@ -213,5 +200,5 @@ def linear_ssp_coefficient(method: MethodOrFunction) -> Fraction | float | None:
         return None
     derivatives = [R.p]
     while derivatives[-1]:
-        derivatives.append(sturm.derivative(derivatives[-1]))
-    return _first(map(sturm.reflect, derivatives), exact=not R.is_inexact)
+        derivatives.append(polynomials.derivative(derivatives[-1]))
+    return _first(map(polynomials.reflect, derivatives), exact=not R.is_inexact)

@@ -1,4 +1,4 @@
-"""Exact and approximate numbers to compute in: number fields, numbers with error bounds, formulas.
+"""Numbers and formulas to compute with exactly, and numbers with error bounds.
 
 Entries of tableaux become elements of one of four kinds, all of them false where zero: `Fraction`; `RealAlgebraic` for
 roots; `Inexact` for decimals and floats; SymPy's field elements for formulas with symbols, and for roots of high
@@ -13,27 +13,22 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from integrators.exact import polynomials
-from integrators.exact.polynomials import Polynomial
-
 if TYPE_CHECKING:
     import sympy
+    from flint import arb, fmpq, fmpq_poly
 
     from integrators.exact.entries import Entry
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
-GUARD = 20
-"""Guard bits: values are rounded to this many bits below the error, which keeps them short."""
-SLACK = 1 + 2.0 ** (1 - GUARD)
-"""Factor on the error bound of every operation; it covers the rounding errors of the operation itself."""
 EXACT_DIGITS = 30
 """Digits printed of a number without error."""
-
+FIRST_BITS = 64
+"""Working precision at which a sign is tried first."""
 MOST_DEGREE = 16
 """Fields of higher degree take SymPy too long to build."""
 
 
-def nearest_float(value: Fraction | int) -> float:
+def nearest_float(value: Any) -> float:
     """The nearest float; infinite beyond the range of floats."""
     try:
         return float(value)
@@ -41,66 +36,84 @@ def nearest_float(value: Fraction | int) -> float:
         return math.inf if value > 0 else -math.inf
 
 
-class Inexact:
-    """A number with an error bound; it counts as zero where the bound reaches its absolute value.
+def to_flint(value: Any) -> fmpq:
+    """An integer or fraction as a rational number of flint."""
+    from flint import fmpq
+
+    return fmpq(int(value.numerator), int(value.denominator))
+
+
+def from_flint(value: fmpq) -> Fraction:
+    """A rational number of flint as a `Fraction`."""
+    return Fraction(int(value.p), int(value.q))
+
+
+class Arithmetic:
+    """Differences, quotients and reflected operations, from sums, products, negatives and inverses."""
+
+    __slots__ = ()
+    __add__: Any
+    __mul__: Any
+    __neg__: Any
+    inverse: Any
+
+    def __radd__(self, other: Any) -> Any:
+        return self + other
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __rmul__(self, other: Any) -> Any:
+        return self * other
+
+    def __truediv__(self, other: Any) -> Any:
+        return self * (other.inverse() if isinstance(other, Arithmetic) else 1 / Fraction(other))
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self.inverse() * other
+
+
+class Inexact(Arithmetic):
+    """A number with an error bound, both rational; it counts as zero where the bound reaches its absolute value.
 
     Integers and `Fraction`s in mixed operations are exact.
-
-    Example:
-        >>> third = Inexact(Fraction("0.333"), 1e-3)
-        >>> bool(third * 3 - 1), bool(third * 2 - 1)
-        (False, True)
     """
 
     __slots__ = ("error", "value")
 
-    def __init__(self, value: Fraction, error: float) -> None:
-        places = GUARD - math.frexp(error)[1] if error else 0
-        self.value = Fraction(round(value * 2**places), 2**places) if places > 0 else value
+    def __init__(self, value: fmpq, error: fmpq) -> None:
+        self.value = value
         self.error = error
 
-    @property
-    def upper(self) -> Fraction:
-        """Upper end of the enclosure; zero if the number counts as zero."""
-        return self.value + Fraction(self.error) if self else Fraction(0)
+    @classmethod
+    def read(cls, value: Any, precision: Fraction | int = 0) -> Inexact:
+        """A rational number with this relative error."""
+        if isinstance(value, Inexact):
+            return value
+        return cls(to_flint(value), to_flint(abs(value) * precision))
 
     def __bool__(self) -> bool:
         return abs(self.value) > self.error
 
     def __add__(self, other: Any) -> Inexact:
-        if isinstance(other, Inexact):
-            return Inexact(self.value + other.value, (self.error + other.error) * SLACK)
-        return Inexact(self.value + other, self.error * SLACK)
+        y = self.read(other)
+        return Inexact(self.value + y.value, self.error + y.error)
 
-    __radd__ = __add__
+    def __mul__(self, other: Any) -> Inexact:
+        y = self.read(other)
+        error = abs(self.value) * y.error + abs(y.value) * self.error + self.error * y.error
+        return Inexact(self.value * y.value, error)
 
     def __neg__(self) -> Inexact:
         return Inexact(-self.value, self.error)
 
-    def __sub__(self, other: Any) -> Inexact:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Inexact:
-        return -self + other
-
-    def __mul__(self, other: Any) -> Inexact:
-        if isinstance(other, Inexact):
-            error = abs(nearest_float(self.value)) * other.error + abs(nearest_float(other.value)) * self.error
-            return Inexact(self.value * other.value, (error + self.error * other.error) * SLACK)
-        return Inexact(self.value * other, self.error * abs(nearest_float(other)) * SLACK)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Inexact:
-        if not isinstance(other, Inexact):
-            return self * (1 / Fraction(other))
-        quotient = self.value / other.value
-        least = nearest_float(abs(other.value) - Fraction(other.error))
-        error = (self.error + abs(nearest_float(quotient)) * other.error) / least if least else math.inf
-        return Inexact(quotient, error * SLACK)
-
-    def __rtruediv__(self, other: Any) -> Inexact:
-        return Inexact(Fraction(other), 0.0) / self
+    def inverse(self) -> Inexact:
+        """The inverse of a number that does not count as zero."""
+        size = abs(self.value)
+        return Inexact(1 / self.value, self.error / (size * (size - self.error)))
 
     @property
     def text(self) -> str:
@@ -109,171 +122,120 @@ class Inexact:
             return "0"
         digits = EXACT_DIGITS
         if self.error:
-            digits = max(1, math.floor(-math.log10(self.error / abs(nearest_float(self.value)))))
-        quotient = Context(prec=digits).divide(Decimal(self.value.numerator), Decimal(self.value.denominator))
-        rounded = quotient.normalize()
+            certain = from_flint(abs(self.value) / self.error)
+            digits = max(1, math.floor((Decimal(certain.numerator) / certain.denominator).log10()))
+        value = from_flint(self.value)
+        rounded = Context(prec=digits).divide(Decimal(value.numerator), Decimal(value.denominator)).normalize()
         return f"{rounded:f}" if -4 <= rounded.adjusted() < digits else f"{rounded:e}"
 
 
 class NumberField:
-    """The field Q(θ) of a real root θ of an irreducible polynomial.
+    """The field Q(θ) of a real root θ, a SymPy number, of an irreducible polynomial, the `modulus`."""
 
-    Args:
-        modulus: the minimal polynomial of θ, monic.
-        generator: θ as a SymPy number.
-    """
-
-    def __init__(self, modulus: Polynomial, generator: sympy.Expr) -> None:
+    def __init__(self, modulus: fmpq_poly, generator: sympy.Expr) -> None:
         self.modulus = modulus
         self.generator = generator
-        self._digits = 0
-        self._near = Fraction(0)
+        self._enclosures: dict[int, arb] = {}
 
-    def locate(self, digits: int) -> Fraction:
-        """A rational number within 10^-digits of θ, certified by a sign change of the minimal polynomial."""
-        working = digits + 10
-        while self._digits < digits:
-            near = Fraction(str(self.generator.evalf(working)))
-            error = Fraction(1, 10**digits)
-            if polynomials.evaluate(self.modulus, near - error) * polynomials.evaluate(self.modulus, near + error) < 0:
-                self._digits, self._near = digits, near
-            working *= 2
-        return self._near
+    def enclose(self, bits: int) -> arb:
+        """An enclosure of θ: the real root of the modulus next to SymPy's value, which has some more digits."""
+        from flint import arb, ctx
+
+        if bits not in self._enclosures:
+            with ctx.workprec(bits):
+                near = arb(str(self.generator.evalf(bits)))
+                roots: list[Any] = self.modulus.complex_roots()
+                found = [root.real for root, _ in roots if root.imag == 0 and root.real.overlaps(near)]
+            self._enclosures[bits] = found[0] if len(found) == 1 else self.enclose(2 * bits)
+        return self._enclosures[bits]
 
 
-class RealAlgebraic:
-    """Element of a real number field, a polynomial in θ, with exact arithmetic and comparisons with rationals."""
+class RealAlgebraic(Arithmetic):
+    """Element of a real number field: a polynomial in θ, the `residue` modulo the minimal polynomial of θ."""
 
-    __slots__ = ("coefficients", "field")
+    __slots__ = ("field", "residue")
 
-    def __init__(self, field: NumberField, coefficients: Polynomial) -> None:
+    def __init__(self, field: NumberField, residue: fmpq_poly) -> None:
         self.field = field
-        self.coefficients = coefficients
+        self.residue = residue
 
-    def _lift(self, other: Any) -> Polynomial:
-        return other.coefficients if isinstance(other, RealAlgebraic) else polynomials.trim([other])
+    @staticmethod
+    def _lift(other: Any) -> Any:
+        return other.residue if isinstance(other, RealAlgebraic) else to_flint(other)
 
     def __bool__(self) -> bool:
-        return bool(self.coefficients)
+        return self.residue != 0
 
     def __add__(self, other: Any) -> RealAlgebraic:
-        return RealAlgebraic(self.field, polynomials.add(self.coefficients, self._lift(other)))
-
-    __radd__ = __add__
-
-    def __neg__(self) -> RealAlgebraic:
-        return RealAlgebraic(self.field, polynomials.scale(self.coefficients, -1))
-
-    def __sub__(self, other: Any) -> RealAlgebraic:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> RealAlgebraic:
-        return -self + other
+        return RealAlgebraic(self.field, self.residue + self._lift(other))
 
     def __mul__(self, other: Any) -> RealAlgebraic:
-        product = polynomials.multiply(self.coefficients, self._lift(other))
-        return RealAlgebraic(self.field, polynomials.remainder(product, self.field.modulus))
+        return RealAlgebraic(self.field, self.residue * self._lift(other) % self.field.modulus)
 
-    __rmul__ = __mul__
+    def __neg__(self) -> RealAlgebraic:
+        return RealAlgebraic(self.field, -self.residue)
 
-    def __truediv__(self, other: Any) -> RealAlgebraic:
-        return self * RealAlgebraic(self.field, polynomials.invert(self._lift(other), self.field.modulus))
-
-    def __rtruediv__(self, other: Any) -> RealAlgebraic:
-        return RealAlgebraic(self.field, self._lift(other)) / self
-
-    def __lt__(self, other: Any) -> bool:
-        return (self - other).sign < 0
-
-    def __gt__(self, other: Any) -> bool:
-        return (self - other).sign > 0
-
-    @property
-    def sign(self) -> int:
-        """The sign, from an enclosure that excludes zero; only the element without coefficients is zero."""
-        if not self:
-            return 0
-        digits = 20
-        while True:
-            value, error = self._enclose(digits)
-            if abs(value) > error:
-                return 1 if value > 0 else -1
-            digits *= 2
-
-    def _enclose(self, digits: int) -> tuple[Fraction, Fraction]:
-        """A rational approximation and its error bound, from θ within 10^-digits."""
-        near = self.field.locate(digits)
-        # |θ^k − x^k| ≤ k (|x| + 1)^(k−1) |θ − x|
-        terms = (abs(a) * k * (abs(near) + 1) ** (k - 1) for k, a in enumerate(self.coefficients) if k)
-        return polynomials.evaluate(self.coefficients, near), sum(terms, Fraction(0)) / 10**digits
-
-    def approximate(self, digits: int) -> Fraction:
-        """Rational approximation with a relative error of at most 10^-digits."""
-        working = digits + 10
-        while True:
-            value, error = self._enclose(working)
-            if error * 10**digits <= abs(value) or not self:
-                return value
-            working *= 2
-
-    def __float__(self) -> float:
-        return float(self.approximate(25))
+    def inverse(self) -> RealAlgebraic:
+        """The inverse, by Euclid's algorithm."""
+        return RealAlgebraic(self.field, self.residue.xgcd(self.field.modulus)[1])
 
     def to_sympy(self) -> sympy.Expr:
         """The number as a SymPy expression."""
         import sympy
 
-        theta = self.field.generator
-        terms = [sympy.Rational(a.numerator, a.denominator) * theta**k for k, a in enumerate(self.coefficients)]
-        return sympy.expand(sympy.Add(*terms))
+        numbers = _sympy_numbers(list(map(from_flint, self.residue.coeffs())))
+        return sympy.expand(sympy.Add(*(a * self.field.generator**k for k, a in enumerate(numbers))))
+
+
+def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
+    """An enclosure of a number, computed with some precision."""
+    from flint import arb, arb_poly, ctx
+
+    with ctx.workprec(bits):
+        if isinstance(element, RealAlgebraic):
+            return arb_poly(element.residue)(element.field.enclose(bits))
+        return arb(to_flint(element))
+
+
+def sign(element: Any) -> int:
+    """Sign of a `Fraction` or a `RealAlgebraic`, from an enclosure that excludes zero."""
+    if not element:
+        return 0
+    if not isinstance(element, RealAlgebraic):
+        return 1 if element > 0 else -1
+    bits = FIRST_BITS
+    while (value := enclose(element, bits)).contains(0):
+        bits *= 2
+    return 1 if value > 0 else -1
 
 
 def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | None:
-    """Convert algebraic numbers, given as `Fraction`s and SymPy numbers, to elements of one field.
-
-    Returns:
-        The elements in the order of the values, rational ones as `Fraction`s; None if the degree of the field may
-        exceed `MOST_DEGREE`.
-
-    Example:
-        >>> import sympy
-        >>> two, root = to_number_field([Fraction(2), sympy.sqrt(2)])
-        >>> two, root * root - 2 < 0, bool(root * root - 2), 5 * root > 7
-        (Fraction(2, 1), False, False, True)
-    """
+    """Algebraic numbers as elements of one field, rational ones as `Fraction`s; None if its degree may be too high."""
     import sympy
+    from flint import fmpq_poly
 
     expressions = _sympy_numbers(values)
-    if math.prod(_root_degrees(expressions)) > MOST_DEGREE:
+    powers: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
+    roots: set[Any] = set().union(*(e.atoms(sympy.CRootOf) for e in expressions))
+    degrees = [int(p.exp.q) for p in powers if p.exp.is_Rational] + [r.poly.degree() for r in roots]
+    if math.prod(degrees) > MOST_DEGREE:
         return None
     domain: Any
     domain, elements = sympy.construct_domain(expressions, extension=True, field=True)
     if not domain.is_AlgebraicField:
-        return [Fraction(int(a.numerator), int(a.denominator)) for a in elements] if domain.is_QQ else None
-    descending = domain.ext.minpoly.all_coeffs()
-    modulus = polynomials.trim([Fraction(int(a.p), int(a.q)) for a in reversed(descending)])
-    field = NumberField(polynomials.scale(modulus, 1 / modulus[-1]), domain.ext.as_expr())
-    found = (
-        polynomials.trim([Fraction(int(a.numerator), int(a.denominator)) for a in reversed(element.to_list())])
-        for element in elements
+        return [from_flint(to_flint(a)) for a in elements] if domain.is_QQ else None
+    modulus, *residues = (
+        fmpq_poly([to_flint(a) for a in reversed(descending)])
+        for descending in (domain.ext.minpoly.all_coeffs(), *(element.to_list() for element in elements))
     )
-    return [RealAlgebraic(field, p) if len(p) > 1 else sum(p, Fraction(0)) for p in found]
-
-
-def _root_degrees(expressions: Sequence[sympy.Expr]) -> list[int]:
-    """Degrees of the different roots in some expressions."""
-    import sympy
-
-    powers: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
-    roots: set[Any] = set().union(*(e.atoms(sympy.CRootOf) for e in expressions))
-    return [int(p.exp.q) for p in powers if p.exp.is_Rational] + [r.poly.degree() for r in roots]
+    field = NumberField(modulus, domain.ext.as_expr())
+    return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]
 
 
 def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[Any]:
     """Convert numbers or formulas to elements of one field; `precision` is the relative error of inexact numbers."""
     if precision:
-        numbers = [Fraction(value) for value in values]
-        return [Inexact(x, nearest_float(abs(x) * Fraction(precision)) * SLACK) if x else x for x in numbers]
+        return [Inexact.read(Fraction(x), Fraction(precision)) if x else Fraction(0) for x in values]
     if all(isinstance(value, Fraction) for value in values):
         return list(values)
     symbolic = any(not isinstance(value, Fraction) and value.free_symbols for value in values)
@@ -315,13 +277,13 @@ def has_exact_zero_test(element: Any) -> bool:
 def midpoint(element: Any) -> Any:
     """The value of an inexact number, or zero where it counts as zero; other elements unchanged."""
     if isinstance(element, Inexact):
-        return element.value if element else Fraction(0)
+        return from_flint(element.value) if element else Fraction(0)
     return element
 
 
 def upper(element: Any) -> Any:
     """Upper end of an inexact number, for tests of nonnegativity within the error; other elements unchanged."""
-    return element.upper if isinstance(element, Inexact) else element
+    return from_flint(element.value + element.error) if isinstance(element, Inexact) and element else midpoint(element)
 
 
 def from_element(element: Any, *, floating: bool = False) -> Entry:

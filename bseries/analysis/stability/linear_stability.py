@@ -1,8 +1,8 @@
 """Linear stability: the stability function of a method, A-stability, stability intervals, phase errors.
 
 All answers come from the stability function R = P/Q and are exact for exact methods: signs of polynomials are decided
-by Sturm chains, the half plane of poles by Routh's scheme. For decimals and floats, quantities that are zero within
-their digits count as zero.
+by their isolated roots. For decimals and floats, quantities that are zero within their digits count as zero. Answers
+are None where they depend on symbols or on roots of too high a degree.
 """
 
 from __future__ import annotations
@@ -14,14 +14,24 @@ from fractions import Fraction
 from itertools import count, islice
 from typing import Any
 
-from bseries.analysis.stability import sturm
-from bseries.analysis.stability.field_elements import dot, from_element, midpoint, nearest_float, stage_matrix, upper
+from bseries.analysis.stability import real_polynomials as polynomials
+from bseries.analysis.stability.field_elements import (
+    dot,
+    from_element,
+    from_flint,
+    midpoint,
+    nearest_float,
+    stage_matrix,
+    to_flint,
+    upper,
+)
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.catalogue.registry import as_method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
-MethodOrFunction = RungeKutta | StabilityFunction
+MethodOrFunction = RungeKutta | StabilityFunction | str
 Rows = Sequence[Sequence[Any]]
 
 MOST_INEXACT_STAGES = 10
@@ -31,7 +41,7 @@ ANGLE_STEPS = 30
 """Bisections of the tangent of half the stability angle: 10^-7 degrees."""
 
 
-def stability_function(method: RungeKutta) -> StabilityFunction:
+def stability_function(method: RungeKutta | str) -> StabilityFunction:
     """Stability function R(z) = 1 + z b (I − zA)⁻¹ 1 in lowest terms: y₁ = R(hλ) y₀ for y' = λy.
 
     Args:
@@ -53,20 +63,21 @@ def stability_function(method: RungeKutta) -> StabilityFunction:
     References:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, Proposition IV.3.1.
     """
-    rows, weights, vector = _reached(*stage_matrix(checked_method(method)))
+    method = checked_method(method)
+    rows, weights, vector = _reached(*stage_matrix(method))
     explicit = not any(any(row[i:]) for i, row in enumerate(rows))
     if method.precision and not explicit and method.stages > MOST_INEXACT_STAGES:
         raise IntegratorError(
             f"method must have at most {MOST_INEXACT_STAGES} stages if implicit and not exact, but had "
             f"{method.stages}: its entries do not show the last coefficients of the stability function"
         )
-    q = (Fraction(1),) if explicit else sturm.reflect(characteristic(rows))
+    q = (Fraction(1),) if explicit else polynomials.reflect(characteristic(rows))
     moments = []
     for _ in rows:
         moments.append(dot(weights, vector))
         vector = [dot(row, vector) for row in rows]
     # P = Q (1 + Σ b A^k 1 z^(k+1)): terms beyond degree s cancel by the Cayley–Hamilton theorem.
-    p = sturm.multiply(q, [Fraction(1), *moments])[: len(rows) + 1]
+    p = polynomials.multiply(q, [Fraction(1), *moments])[: len(rows) + 1]
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
 
 
@@ -80,7 +91,8 @@ def _reached(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]:
 
 
 def checked_method(method: Any) -> RungeKutta:
-    """The method, if it is given by one tableau."""
+    """The method, if it is given by one tableau, or by the name of one."""
+    method = as_method(method)
     if not isinstance(method, RungeKutta):
         why = ": a partitioned method needs y' = λy split first" if isinstance(method, PartitionedRungeKutta) else ""
         raise IntegratorError(f"method must be a RungeKutta, but was {shorten(repr(method))}{why}")
@@ -94,8 +106,8 @@ def function_of(method: MethodOrFunction) -> StabilityFunction:
 
 def squared_gap(R: StabilityFunction) -> list[Any]:
     """Coefficients of E(y) = |Q(iy)|² − |P(iy)|² in powers of y²: Q(z) Q(−z) − P(z) P(−z) in powers of −z²."""
-    below, above = (sturm.multiply(values, sturm.reflect(values)) for values in (R.q, R.p))
-    return [-a if k % 2 else a for k, a in enumerate(sturm.combine(below, above, -1)[::2])]
+    below, above = (polynomials.multiply(values, polynomials.reflect(values)) for values in (R.q, R.p))
+    return [-a if k % 2 else a for k, a in enumerate(polynomials.combine(below, above, -1)[::2])]
 
 
 def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
@@ -118,7 +130,7 @@ def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.3.
     """
     R = function_of(method)
-    even = sturm.strip(squared_gap(R))
+    even = polynomials.strip(squared_gap(R))
     return tuple(from_element(e, floating=R.floating) for a in even for e in (a, Fraction(0)))[:-1]
 
 
@@ -129,7 +141,7 @@ def is_i_stable(method: MethodOrFunction) -> bool | None:
         method: a Runge–Kutta method or its stability function.
 
     Returns:
-        The answer; None where it depends on symbols or on roots of too high a degree.
+        The answer, or None.
 
     Example:
         >>> from integrators import method
@@ -139,12 +151,12 @@ def is_i_stable(method: MethodOrFunction) -> bool | None:
     R = function_of(method)
     if len(R.q) == 1 and any(isinstance(a, Fraction | float) and a for a in R.numerator[1:]):
         return False  # polynomials grow without bound for all values of the symbols
-    return sturm.is_nonnegative(stability_gap(R)) if R.has_signs else None
+    return polynomials.first_crossing(stability_gap(R)) == math.inf if R.has_signs else None
 
 
-def stability_gap(R: StabilityFunction) -> sturm.Coefficients:
+def stability_gap(R: StabilityFunction) -> list[Any]:
     """The E-polynomial in y², which must be nonnegative; inexact coefficients at their upper bounds."""
-    return sturm.strip(map(upper, squared_gap(R)))
+    return list(map(upper, squared_gap(R)))
 
 
 def is_a_stable(method: MethodOrFunction) -> bool | None:
@@ -154,7 +166,7 @@ def is_a_stable(method: MethodOrFunction) -> bool | None:
         method: a Runge–Kutta method or its stability function.
 
     Returns:
-        The answer; None where it depends on symbols or on roots of too high a degree.
+        The answer, or None.
 
     Example:
         >>> from integrators import method
@@ -166,12 +178,8 @@ def is_a_stable(method: MethodOrFunction) -> bool | None:
     """
     R = function_of(method)
     stable = is_i_stable(R)
-    return _has_right_poles(R) if stable else stable
-
-
-def _has_right_poles(R: StabilityFunction) -> bool:
-    """Whether all poles have positive real parts, by Routh's scheme."""
-    return sturm.is_hurwitz(sturm.reflect(list(map(midpoint, R.q))))
+    # All poles must have positive real parts.
+    return polynomials.is_hurwitz(polynomials.reflect(list(map(midpoint, R.q)))) if stable else stable
 
 
 def is_l_stable(method: MethodOrFunction) -> bool | None:
@@ -181,7 +189,7 @@ def is_l_stable(method: MethodOrFunction) -> bool | None:
         method: a Runge–Kutta method or its stability function.
 
     Returns:
-        The answer; None where it depends on symbols or on roots of too high a degree.
+        The answer, or None.
 
     Example:
         >>> from integrators import method
@@ -203,8 +211,7 @@ def real_stability_interval(method: MethodOrFunction) -> float | None:
         method: a Runge–Kutta method or its stability function.
 
     Returns:
-        The length, as the float nearest to an exactly isolated root; ``inf`` if the interval is unbounded, None where
-        it depends on symbols or on roots of too high a degree.
+        The length, as the float nearest to an isolated root, ``inf`` if the interval is unbounded, or None.
 
     Example:
         >>> from integrators import method
@@ -218,8 +225,8 @@ def real_stability_interval(method: MethodOrFunction) -> float | None:
     if not R.has_signs:
         return None
     # |Q|² − |P|² is the product of Q − P and Q + P, which have no root in common.
-    factors = (sturm.reflect(sturm.combine(R.q, R.p, sign)) for sign in (-1, 1))
-    return min(_length(sturm.first_crossing(sturm.strip(map(upper, factor)))) for factor in factors)
+    factors = (polynomials.reflect(polynomials.combine(R.q, R.p, sign)) for sign in (-1, 1))
+    return min(nearest_float(polynomials.first_crossing(tuple(map(upper, factor)))) for factor in factors)
 
 
 def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
@@ -240,11 +247,7 @@ def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.2.
     """
     R = function_of(method)
-    return math.sqrt(_length(sturm.first_crossing(stability_gap(R)))) if R.has_signs else None
-
-
-def _length(crossing: Fraction | float | None) -> float:
-    return math.inf if crossing is None else crossing if isinstance(crossing, float) else nearest_float(crossing)
+    return math.sqrt(nearest_float(polynomials.first_crossing(stability_gap(R)))) if R.has_signs else None
 
 
 def stability_angle(method: MethodOrFunction) -> float | None:
@@ -256,8 +259,7 @@ def stability_angle(method: MethodOrFunction) -> float | None:
         method: a Runge–Kutta method or its stability function.
 
     Returns:
-        The angle in degrees within 10^-7: 90.0 for A-stable methods, 0.0 if no sector is stable; None where it depends
-        on symbols or on roots of too high a degree.
+        The angle in degrees within 10^-7, 90.0 for A-stable methods, 0.0 if no sector is stable, or None.
 
     Example:
         >>> round(stability_angle(StabilityFunction([1], [1, -1, "1/2", "-1/6"])), 2)
@@ -298,7 +300,7 @@ def _is_stable_ray(R: StabilityFunction, tangent: Fraction) -> bool:
     for j in range(size):
         for k in range(size):
             gap[j + k] = gap[j + k] + (-1) ** (j + k) * cosines[abs(j - k)] * (q[j] * q[k] - p[j] * p[k])
-    return sturm.is_nonnegative(sturm.strip(gap))
+    return polynomials.first_crossing(gap) == math.inf
 
 
 def linear_order(method: MethodOrFunction) -> int:
@@ -346,7 +348,7 @@ def dispersion_order(method: MethodOrFunction) -> int | None:
     """
     R = function_of(method)
     # R(iy) exp(−iy) has the argument of P(z) Q(−z) exp(−z) at z = iy, whose imaginary part consists of the odd powers.
-    product = sturm.multiply(R.p, sturm.reflect(R.q))
+    product = polynomials.multiply(R.p, polynomials.reflect(R.q))
     series = islice(_times_exponential(product, -1), 2 * len(product) + 2)
     return next((m - 1 for m, a in enumerate(series) if m % 2 and a), None)
 
@@ -373,46 +375,30 @@ def dissipation_order(method: MethodOrFunction) -> int | None:
 
 
 def characteristic(matrix: Rows) -> list[Any]:
-    """Coefficients of det(I + rA), ascending.
+    """Coefficients of det(I + rA), ascending."""
+    if not all(map(polynomials.is_rational, matrix)):
+        return [determinant for determinant, _ in adjugate_terms(matrix)]
+    from flint import fmpq_mat
 
-    Example:
-        >>> [str(d) for d in characteristic([[Fraction(1, 2), Fraction(0)], [Fraction(1), Fraction(1, 3)]])]
-        ['1', '5/6', '1/6']
-    """
-    whole, scale = to_integers(matrix)
-    return [quotient(determinant, scale**k) for k, (determinant, _) in enumerate(adjugate_terms(whole))]
-
-
-def to_integers(matrix: Rows) -> tuple[Rows, int]:
-    """A rational matrix times its common denominator, and the denominator; any other matrix unchanged, and 1."""
-    if not all(isinstance(a, Fraction) for row in matrix for a in row):
-        return matrix, 1
-    scale = math.lcm(*(a.denominator for row in matrix for a in row))
-    return [[int(a * scale) for a in row] for row in matrix], scale
-
-
-def quotient(value: Any, denominator: int) -> Any:
-    """An integer divided by a denominator; any other element unchanged."""
-    return Fraction(value, denominator) if isinstance(value, int) else value
+    found = fmpq_mat([list(map(to_flint, row)) for row in matrix]).charpoly().coeffs()
+    return list(polynomials.reflect(list(map(from_flint, reversed(found)))))
 
 
 def adjugate_terms(matrix: Rows) -> Iterator[tuple[Any, list[list[Any]]]]:
     """Coefficients of r^k, k = 0 … s, in det(I + rA) and in the adjugate C(r) of I + rA (Faddeev–Le Verrier).
 
-    (I + rA) C = d I gives C_k = d_k I − A C_{k−1} and k d_k = tr(A C_{k−1}); an integer matrix needs only integers.
+    (I + rA) C = d I gives C_k = d_k I − A C_{k−1} and k d_k = tr(A C_{k−1}).
     """
     size = len(matrix)
-    zero: Any = 0 if all(isinstance(a, int) for row in matrix for a in row) else Fraction(0)
     sparse = [[(j, a) for j, a in enumerate(row) if a] for row in matrix]
-    determinant: Any = zero + 1
-    product = [[zero] * size for _ in range(size)]
+    determinant: Any = Fraction(1)
+    product = [[Fraction(0)] * size for _ in range(size)]
     for k in range(size + 1):
         if k:
-            trace = sum((product[i][i] for i in range(size)), zero)
-            determinant = trace // k if isinstance(trace, int) else trace / k
+            determinant = sum((product[i][i] for i in range(size)), Fraction(0)) / k
         adjugate = [[-value for value in row] for row in product]
         for i, row in enumerate(adjugate):
             row[i] = row[i] + determinant
         yield determinant, adjugate
         columns = list(zip(*adjugate, strict=True))
-        product = [[sum([a * column[m] for m, a in row], zero) for column in columns] for row in sparse]
+        product = [[sum([a * column[m] for m, a in row], Fraction(0)) for column in columns] for row in sparse]

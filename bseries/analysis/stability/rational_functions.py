@@ -9,16 +9,19 @@ from functools import cached_property
 from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self
 
-from bseries.analysis.stability import sturm
+from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     Inexact,
     from_element,
+    from_flint,
     has_exact_zero_test,
     has_sign,
     midpoint,
     nearest_float,
     to_elements,
 )
+from bseries.analysis.stability.real_polynomials import evaluate
+from foundation.numbers import latex_number
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
@@ -27,10 +30,6 @@ from integrators.exact.expressions import format_number
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-
-
-POLE_DIGITS = 20
-"""Working precision of the first attempt at the poles."""
 
 
 class StabilityFunction(ImmutableValue):
@@ -58,8 +57,8 @@ class StabilityFunction(ImmutableValue):
     """
 
     # P and Q as elements of one field, see `bseries.analysis.stability.field_elements`
-    p: sturm.Coefficients
-    q: sturm.Coefficients
+    p: polynomials.Coefficients
+    q: polynomials.Coefficients
     floating: bool
     digits: int | None
 
@@ -85,10 +84,10 @@ class StabilityFunction(ImmutableValue):
         return function
 
     def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
-        p, q = sturm.strip(p), sturm.strip(q)
+        p, q = polynomials.strip(p), polynomials.strip(q)
         if p and all(map(has_exact_zero_test, (*p, *q))):
-            common = sturm.monic_gcd(p, q)
-            p, q = sturm.divide(p, common)[0], sturm.divide(q, common)[0]
+            common = polynomials.monic_gcd(p, q)
+            p, q = polynomials.divide(p, common)[0], polynomials.divide(q, common)[0]
         if q[0] != 1:
             p, q = tuple(a / q[0] for a in p), (Fraction(1), *(a / q[0] for a in q[1:]))
         self.__dict__.update(p=p, q=q, floating=floating, digits=digits)
@@ -108,10 +107,10 @@ class StabilityFunction(ImmutableValue):
         return self.numerator, self.denominator, self.floating, self.digits
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """Pickle by the entries where there are symbols: SymPy's rational functions cannot be pickled."""
-        if self.parameters:
-            return StabilityFunction, (self.numerator, self.denominator)
-        return super().__reduce_ex__(protocol)
+        """Pickle exact functions by their entries: polynomials of flint and SymPy's fractions cannot be pickled."""
+        if self.is_inexact:
+            return super().__reduce_ex__(protocol)
+        return StabilityFunction, (self.numerator, self.denominator)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -142,9 +141,10 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(
                 f"coefficients must be numbers before poles are found, but Q(z) was {shorten(polynomial_text(self.q))}"
             )
-        factors = enumerate(sturm.squarefree_factors(tuple(map(midpoint, self.q))), 1)
-        found = [root for times, factor in factors if len(factor) > 1 for root in _roots(factor) * times]
-        return tuple(sorted(found, key=lambda root: (root.real, root.imag)))
+        factors = enumerate(polynomials.squarefree_factors(tuple(map(midpoint, self.q))), 1)
+        found = [root for times, factor in factors for root in polynomials.roots(factor) * times]
+        places = [[nearest_float(from_flint(part.mid().fmpq())) for part in (root.real, root.imag)] for root in found]
+        return tuple(complex(*place) for place in sorted(places))
 
     def __call__(self, z: Any) -> Any:
         """The value R(z).
@@ -164,20 +164,45 @@ class StabilityFunction(ImmutableValue):
             return above / below
         if isinstance(z, Rational):
             x = Fraction(int(z.numerator), int(z.denominator))
-            below = sturm.evaluate(self.q, x)
+            below = evaluate(self.q, x)
             if not below:
                 raise IntegratorError(f"z must not be a pole, but was {shorten(str(x))}")
-            return from_element(sturm.evaluate(self.p, x) / below, floating=self.floating)
+            return from_element(evaluate(self.p, x) / below, floating=self.floating)
         if self.parameters:
             raise IntegratorError(
                 f"z must be exact while {', '.join(self.parameters)} have no values, but was {z!r:.60}"
             )
-        p, q = ([_rounded(a) for a in values] or [0.0] for values in (self.numerator, self.denominator))
-        return _scalar(p, q, z) if isinstance(z, float | complex) else _array(p, q, z)
+        return self._in_floats(z)
+
+    def _in_floats(self, z: Any) -> Any:
+        """Values at a number or an array of numbers; in powers of 1/z for |z| > 1, to avoid overflow."""
+        import numpy as np
+
+        p, q = (
+            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
+            for values in (self.numerator, self.denominator)
+        )
+        try:
+            points = np.asarray(z) * 1.0
+        except (TypeError, ValueError):
+            points = np.asarray(None)
+        if points.dtype.kind not in "fc":
+            raise IntegratorError(f"z must be a number or an array of numbers, but was {shorten(repr(z))}")
+        with np.errstate(all="ignore"):
+            near, inverse, powers = abs(points) <= 1, 1 / points, points ** float(len(p) - len(q))
+            above, below = (np.where(near, evaluate(a, points), evaluate(a[::-1], inverse)) for a in (p, q))
+            values = np.where(near, 1.0, powers) * (above / below)
+        if values.ndim:
+            return values
+        if not below:
+            raise IntegratorError(f"z must not be a pole, but was {z!r}")
+        return values.item()
 
     def __str__(self) -> str:
         above, below = polynomial_text(self.p), polynomial_text(self.q)
-        return above if len(self.q) == 1 else f"{_bracketed(above)}/({below})"
+        if len(self.q) == 1:
+            return above
+        return f"({above})/({below})" if " " in above else f"{above}/({below})"
 
     def __repr__(self) -> str:
         return f"StabilityFunction({shorten(str(self))})"
@@ -196,109 +221,27 @@ class StabilityFunction(ImmutableValue):
         return f"${self.latex()}$"
 
 
-def _rounded(value: Any) -> float:
-    return round_entry(value) if is_sympy(value) else nearest_float(value)
-
-
-def _bracketed(text: str) -> str:
-    return f"({text})" if " " in text else text
-
-
-def _roots(factor: sturm.Coefficients) -> list[complex]:
-    """Nonzero roots of a square-free polynomial by the Durand–Kerner iteration, scaled by their geometric mean."""
-    import mpmath
-
-    ratio = factor[0] / factor[-1]
-    size = abs(nearest_float(ratio) if isinstance(ratio, Fraction) else float(ratio)) ** (1 / (len(factor) - 1))
-    mean = Fraction(size) if 0 < size < math.inf else Fraction(1)
-    digits = POLE_DIGITS
-    while True:
-        with mpmath.workdps(digits):
-            numbers = [a if isinstance(a, Fraction) else a.approximate(2 * digits) for a in factor]
-            scaled = [a * mean**k for k, a in enumerate(numbers)]
-            coefficients = [mpmath.mpf(a.numerator) / a.denominator for a in reversed(scaled)]
-            try:
-                found = mpmath.polyroots(coefficients, maxsteps=10 * digits, extraprec=5 * digits)
-            except mpmath.mp.NoConvergence:
-                digits *= 2
-            else:
-                return [complex(root * mpmath.mpf(float(mean))) for root in found]
-
-
-def _scalar(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
-    """Value at a number; in powers of 1/z for |z| > 1, to avoid overflow."""
-    try:
-        if abs(z) <= 1:
-            return sturm.evaluate(p, z) / sturm.evaluate(q, z)
-        return z ** (len(p) - len(q)) * (sturm.evaluate(p[::-1], 1 / z) / sturm.evaluate(q[::-1], 1 / z))
-    except OverflowError:
-        return math.inf
-    except ZeroDivisionError:
-        raise IntegratorError(f"z must not be a pole, but was {z!r}") from None
-
-
-def _array(p: Sequence[float], q: Sequence[float], z: Any) -> Any:
-    """Values at an array of numbers."""
-    import numpy as np
-
-    try:
-        points = np.asarray(z) * 1.0
-    except (TypeError, ValueError):
-        points = np.asarray(None)
-    if points.dtype.kind not in "fc":
-        raise IntegratorError(f"z must be a number or an array of numbers, but was {shorten(repr(z))}")
-    near = abs(points) <= 1
-    with np.errstate(all="ignore"):
-        inverse = 1 / points
-        powers = points ** float(len(p) - len(q))
-        inside = sturm.evaluate(p, points) / sturm.evaluate(q, points)
-        outside = powers * (sturm.evaluate(p[::-1], inverse) / sturm.evaluate(q[::-1], inverse))
-    return np.where(near, inside, outside)
-
-
-def polynomial_text(coefficients: Sequence[Any], *, latex: bool = False) -> str:
-    """The nonzero terms of a polynomial as text, in ascending powers of z.
-
-    Args:
-        coefficients: elements of a field (see `field_elements`), ascending.
-        latex: whether to write LaTeX.
-
-    Example:
-        >>> polynomial_text([Fraction(1), Fraction(-1), Fraction(0), Fraction(2, 3)])
-        '1 - z + 2*z^3/3'
-    """
-    write = _latex_term if latex else _term
-    terms = [write(a if isinstance(a, Inexact) else from_element(a), k) for k, a in enumerate(coefficients) if a]
+def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:
+    """The nonzero terms of a polynomial as text or LaTeX, in ascending powers of z."""
+    terms = [_term(a, k, latex) for k, a in enumerate(p) if a]
     return " + ".join(terms).replace("+ -", "- ") or "0"
 
 
-def _term(value: Any, k: int) -> str:
-    power = {0: "", 1: "z"}.get(k, f"z^{k}")
-    if isinstance(value, Fraction):
-        above = _product(str(abs(value.numerator)), "*", power)
-        return "-" * (value < 0) + above + (f"/{value.denominator}" if value.denominator > 1 else "")
+def _term(a: Any, k: int, latex: bool) -> str:
+    """A nonzero coefficient times a power of z."""
+    power = "" if not k else "z" if k == 1 else f"z^{{{k}}}" if latex else f"z^{k}"
+    value: Any = a if isinstance(a, Inexact) else from_element(a)
+    below = ""
     if isinstance(value, Inexact):
-        return "-" * (value.value < 0) + _product(value.text.lstrip("-"), "*", power)
-    text = format_number(value)
-    return _product(f"({text})" if " " in text and power else text, "*", power)
-
-
-def _product(factor: str, sign: str, power: str) -> str:
-    """A coefficient times a power, without the coefficient 1."""
-    return factor + sign * bool(power) + power if factor != "1" or not power else power
-
-
-def _latex_term(value: Any, k: int) -> str:
-    power = {0: "", 1: "z"}.get(k, f"z^{{{k}}}")
-    if isinstance(value, Fraction):
-        size = abs(value)
-        number = str(size) if size.denominator == 1 else f"\\frac{{{size.numerator}}}{{{size.denominator}}}"
-        return "-" * (value < 0) + _product(number, " ", power)
-    if isinstance(value, Inexact):
-        mantissa, _, exponent = value.text.lstrip("-").partition("e")
-        number = f"{mantissa} \\cdot 10^{{{int(exponent)}}}" if exponent else mantissa
-        return "-" * (value.value < 0) + _product(number, " ", power)
-    import sympy
-
-    number = sympy.latex(value)
-    return _product(f"\\left({number}\\right)" if " " in number and power else number, " ", power)
+        number, _, exponent = value.text.partition("e")
+        if exponent:
+            number += f" \\cdot 10^{{{int(exponent)}}}" if latex else f"e{exponent}"
+    elif isinstance(value, Fraction) and not latex:
+        number, below = str(value.numerator), f"/{value.denominator}" * (value.denominator > 1)
+    else:
+        number = latex_number(value, None) if latex else format_number(value)
+        if " " in number and power:
+            number = f"\\left({number}\\right)" if latex else f"({number})"
+    if power and number in ("1", "-1"):
+        return number[:-1] + power + below
+    return number + (" " if latex else "*") * bool(power) + power + below

@@ -6,16 +6,17 @@ from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.prediction.calibration import SECONDS, Stopwatch
+from bseries.advice.predictions.calibration import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.run_prediction import Prediction
+    from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.progress import Progress
 
 LONG = 5.0
-"""Seconds from which on a run is announced without --predict."""
+"""Runs of more seconds are predicted by default."""
 LEAST_SECONDS, COMPARABLE = 0.01, 0.1
-"""Seconds from which on the time of a step is known, or comparable with a prediction."""
+"""Least duration for a measured time, and for its comparison with a prediction: one time slice of a scheduler, and ten
+of them."""
 
 
 class Expectation:
@@ -23,13 +24,9 @@ class Expectation:
 
     Args:
         progress: Shows progress and the prediction.
-        predict: Makes a prediction from the seconds of a step; from None it measures them.
-        wanted: Whether a prediction is wanted; None: of work that takes long.
+        predict: A function from seconds per step to a prediction; None: it measures them.
+        wanted: Whether to predict; by default for long runs only.
         beforehand: Whether `predict` can measure the seconds of a step.
-
-    Attributes:
-        watch: The times of the steps.
-        prediction: The prediction; None if there is none.
     """
 
     def __init__(
@@ -95,7 +92,7 @@ class Expectation:
 
     def notes(self, energy_error: float | None) -> Iterator[str]:
         """Sentences that compare the outcome with the prediction."""
-        from bseries.advice.measures import duration
+        from bseries.advice.durations import duration
 
         found = self.outcome(energy_error)
         if found is None or self.prediction is None:

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
     from integrators import PartitionedRungeKutta, RungeKutta
-    from integrators.methods.program.program import Method as Method
+    from integrators.methods.programs.program import Method as Method
 
 T = TypeVar("T")
 
 
 def complete_method(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of the catalogue that continue what is typed; a family's with numbers of stages; files for a path."""
+    """Completions of METHOD: names of the catalogue, families with numbers of stages, and files."""
     from click.shell_completion import CompletionItem
 
     from integrators import catalogue
@@ -37,7 +37,7 @@ def complete_method(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 
 def takes_method(*, required: bool = True) -> Callable[[Callable[..., T]], Callable[..., T]]:
-    """Give a verb the argument METHOD and the options that go with it; it gets `method` (None if there is none)."""
+    """Add the argument METHOD and its options to a verb, which receives `method` (None if not given)."""
 
     def decorate(verb: Callable[..., T]) -> Callable[..., T]:
         @click.argument(
@@ -64,7 +64,7 @@ def takes_method(*, required: bool = True) -> Callable[[Callable[..., T]], Calla
 
 
 def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a verb the option --method and those that go with it; it gets `method`."""
+    """Add the option --method and its options to a verb, which receives `method`."""
 
     @click.option(
         "--method", "source", metavar="METHOD", help="A name, a tableau file, or -.", shell_complete=complete_method
@@ -87,7 +87,7 @@ def takes_method_option(verb: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def read_method(source: str | None, inline: dict[str, str], settings: Iterable[str]) -> Method | None:
-    """The method of the command line; contradictions in a user's tableau are warnings."""
+    """The method of the command line; inconsistencies of a tableau are printed as warnings."""
     from integrators import TableauWarning
     from integrators import method as catalogue_method
 
@@ -99,7 +99,7 @@ def read_method(source: str | None, inline: dict[str, str], settings: Iterable[s
     if source is not None and inline:
         raise Refusal(f"METHOD must be left out where --A gives a tableau, but was {source!r:.60}")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", TableauWarning)  # `issues` below says the same of the values set, too
+        warnings.simplefilter("ignore", TableauWarning)  # `issues` below includes those of the values set
         if source is not None and not is_tableau_file(source):
             return catalogue_method(source, **values)
         tableau = (_inline_method(**inline) if source is None else _load(source)).substitute(values)

@@ -15,12 +15,12 @@ DEFAULT_ORDER = 5
 
 
 def takes_powers(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a verb the options --order, --power and --nonzero; `read_powers` reads the first two."""
+    """Add the options --order, --power and --nonzero to a verb; `read_powers` reads the first two."""
     help_order = f"Trees with 1 to N nodes, powers h^0 to h^(N-1); by default {DEFAULT_ORDER}, or for --power."
     options = (
         click.option("--order", type=WholeNumber(), help=help_order),
         click.option("--power", type=WholeNumber(), metavar="K", help="Only what h^K multiplies."),
-        click.option("--nonzero", is_flag=True, help="Leave out what is zero."),
+        click.option("--nonzero", is_flag=True, help="Leave out zero terms."),
     )
     return functools.reduce(lambda command, option: option(command), reversed(options), verb)
 

@@ -25,7 +25,7 @@ KEYWORDS = ("self", "effects")
 
 
 def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of built-in scenes that continue what is typed; files for a path."""
+    """Completions of SCENE: names of built-in scenes, and files."""
     from click.shell_completion import CompletionItem
 
     from integrators import scene_catalogue
@@ -37,7 +37,7 @@ def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 
 def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Effects of the built-in scene that is typed already; of all scenes if there is none."""
+    """Completions of --effect: effects of the given scene, or of all scenes."""
     from click.shell_completion import CompletionItem
 
     from integrators import scene_catalogue
@@ -51,9 +51,9 @@ def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str)
 def takes_scene(
     *, as_argument: bool = False, required: bool = True, compare: bool = False
 ) -> Callable[[Callable[..., T]], Callable[..., T]]:
-    """Give a verb the option --scene, or the argument SCENE, and the options that belong to it.
+    """Add the option --scene, or the argument SCENE, and its options to a verb.
 
-    It gets `scene` (None if there is none) and `effects`, the names of those that are on.
+    The verb receives `scene` (None if not given) and `effects`, the names of the active effects.
 
     Args:
         as_argument: Whether it is an argument.
@@ -77,7 +77,7 @@ def takes_scene(
         @click.option("--blocks", metavar="TEXT", help='Blocks of variables in such text, as in "p=x,u;q=y".')
         @click.option(
             "--effect", "effects", metavar="NAME", multiple=True, shell_complete=complete_effect,
-            help="An effect to look at; repeatable; by default, all." if compare
+            help="An effect to examine; repeatable; by default, all." if compare
             else "An effect of the scene to switch on; repeatable.",
         )  # fmt: skip
         @click.option(
@@ -107,7 +107,7 @@ def takes_scene(
 
 
 def _chosen_way(*texts: str | None) -> tuple[str | None, str]:
-    """The option that gives the scene, and its text; None if there is none."""
+    """The option that defines the scene, and its text; None if not given."""
     given = [(way, text) for way, text in zip(WAYS, texts, strict=True) if text is not None]
     if len(given) > 1:
         raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
@@ -115,7 +115,7 @@ def _chosen_way(*texts: str | None) -> tuple[str | None, str]:
 
 
 def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene:
-    """The scene of a file or of equations as it is there."""
+    """The scene of a file or of equations, without changes."""
     from integrators import parse_hamiltonian, parse_scene
 
     if way == "--scene":
@@ -134,7 +134,7 @@ def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], valu
 
 
 def read_values(parameters: Iterable[str]) -> dict[str, Any]:
-    """The values of parameters that ``mu=1/2`` and the like give."""
+    """The values of parameters from text such as ``mu=1/2``."""
     values = {name: _read_value(text) for name, text in read_assignments(parameters, "parameter", "mu=1/2").items()}
     for name in KEYWORDS:
         if name in values:
@@ -148,7 +148,7 @@ def is_path(source: str) -> bool:
 
 
 def load_file(source: str) -> Scene:
-    """The scene that a file, or standard input, describes."""
+    """The scene of a file, or of standard input."""
     from integrators import load_scene
 
     if source == "-" and click.get_current_context().params.get("source") == "-":
@@ -157,7 +157,7 @@ def load_file(source: str) -> Scene:
 
 
 def _read_value(text: str) -> Any:
-    """A number or formula as it is; with commas a list; with semicolons a list of rows."""
+    """A number or formula as text; with commas a list; with semicolons a list of rows."""
     rows = [split_row(row) for row in text.split(";")]
     if len(rows) > 1:
         return rows
@@ -178,39 +178,38 @@ def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[st
 
 
 def read_start(text: str, scene: Scene) -> Scene:
-    """The scene with the start values that ``p=0;q=-3/2`` says."""
+    """The scene with start values from text such as ``p=0;q=-3/2``."""
     return scene.with_start(**read_start_values(text))
 
 
 def read_start_values(text: str) -> dict[str, list[str]]:
-    """The start values by block that ``p=0;q=-3/2`` says."""
+    """Start values by block, from text such as ``p=0;q=-3/2``."""
     given = read_assignments(filter(str.strip, text.split(";")), "start", '"p=0;q=-3/2"')
     return {name: split_row(values) for name, values in given.items()}
 
 
 def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
-    """Give a verb the option --parts, which assigns blocks or parts of a scene to the parts of a method."""
-    text = 'What the method\'s parts are: blocks or parts of the scene, as in "a=q;b=p".'
+    """Add the option --parts to a verb: blocks or parts of a scene for the parts of a method."""
+    text = 'Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
     return click.option("--parts", metavar="TEXT", help=text)(verb)
 
 
 def read_parts(text: str | None, method: Method, scene: Scene) -> dict[str, list[str]] | None:
-    """The blocks or parts of the scene that a method's parts stand for; None where their names tell."""
+    """The blocks or parts of the scene for the parts of a method; None if they follow from the names."""
     from bseries.algebra.stages import auxiliary_colors
+    from integrators.scenes.particles.parts import default_pieces
 
-    names, blocks = method.names, [block.name for block in scene.blocks]
-    if text is not None and len(names) == 1:
+    if text is not None and len(method.names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
     if text is not None:
         return read_part_names(text)
-    known = len(names) == 1 or set(names) <= set(blocks) or set(names) == set(scene.parts)
-    if not known and not auxiliary_colors(method):  # which the library refuses in any scene
-        _refuse_parts(method, scene)
+    if not auxiliary_colors(method) and default_pieces(method.names, scene) is None:
+        _refuse_parts(method, scene)  # the library refuses auxiliary colours in any scene
     return None
 
 
 def read_part_names(text: str) -> dict[str, list[str]]:
-    """The blocks or parts of a scene that ``a=q;b=p,s`` says, by the part of the method."""
+    """Blocks or parts of a scene by the part of the method, from text such as ``a=q;b=p,s``."""
     found = read_assignments(filter(str.strip, text.split(";")), "parts", "a=q;b=p")
     return {name: [piece.strip() for piece in value.split(",")] for name, value in found.items()}
 

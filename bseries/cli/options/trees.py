@@ -35,6 +35,6 @@ def _bound(entry: str, text: str) -> int | None:
 
 
 def takes_max_children(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a verb the option --max-children."""
-    text = 'Only trees whose nodes have so many children at most: one number, or by colour, as in "0,inf;inf,0".'
+    """Add the option --max-children to a verb."""
+    text = 'Largest number of children of a node: one number, or a row for each colour, as in "0,inf;inf,0".'
     return click.option("--max-children", type=ChildLimits(), help=text)(verb)

@@ -1,1 +1,1 @@
-"""The verbs of the command, one file each; a file holds its options and what it prints."""
+"""The verbs of the command, one file each; with its options and its output."""

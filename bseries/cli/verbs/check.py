@@ -12,12 +12,14 @@ from bseries.cli.output import WholeNumber, takes_output
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
 
 
 @click.command()
 @takes_method()
-@click.option("--order", type=WholeNumber(), help="How far to test; by default as far as needed, or a little beyond.")
+@click.option(
+    "--order", type=WholeNumber(), help="The largest number of nodes to test; by default slightly more than needed."
+)
 @click.option("--nonzero", is_flag=True, help="Leave out error coefficients that are zero.")
 @takes_output
 def check(method: Method, order: int | None, nonzero: bool, output: Output) -> Table:

@@ -1,4 +1,4 @@
-"""`bseries completion`: the script that teaches a shell to complete verbs, options and method names."""
+"""`bseries completion`: the script by which a shell completes verbs, options and method names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`bseries compose`: several methods, one after another."""
+"""`bseries compose`: compositions of methods."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bseries.cli.verbs.series import answer, count_rows, takes_series_options
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
 
 
 @click.command()
@@ -31,7 +31,7 @@ def compose(
     output: Output,
     **options: Any,
 ) -> Table:
-    """The B-series of several methods, one after another: the first METHOD acts first.
+    """The B-series of a composition of methods; the first METHOD acts first.
 
     Where the steps add up to 1, the composition is a method for the step h. Each METHOD is a name or a file, as for the
     other verbs.

@@ -14,13 +14,13 @@ from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
 
 
 def takes_code(write: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb the option --code; a file of code may have any suffix, and there is no format to choose."""
+    """Add the option --code to a verb; it allows any suffix of the file and excludes --format."""
 
-    @click.option("--code", metavar="LANGUAGE", help="Source of residual and Jacobian: python, numpy, c, ….")
+    @click.option("--code", metavar="LANGUAGE", help="Source of residual and Jacobian: numpy, c or julia.")
     @functools.wraps(write)
     def call(*, code: str | None, format_: str | None, **options: Any) -> None:
         if code is not None and format_ is not None:
@@ -66,8 +66,7 @@ def conditions(
     """The order conditions of a kind of methods.
 
     KIND is runge-kutta, partitioned, additive, nystrom (y'' = g(y)), general-nystrom (y'' = g(y, y')), rosenbrock or
-    splitting. With --code comes source code of two functions, residual and jacobian, in python, numpy, numba, julia, c,
-    fortran or octave.
+    splitting. With --code comes source code of two functions, residual and jacobian, in numpy, c or julia.
 
     \b
     Examples:

@@ -15,7 +15,7 @@ from bseries.cli.output import WholeNumber, takes_output
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 
@@ -23,10 +23,12 @@ if TYPE_CHECKING:
 @takes_method()
 @takes_scene()
 @takes_parts
-@click.option("--start", metavar="TEXT", help='Where the orbit starts, by block, as in "p=5/2;q=0".')
+@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=5/2;q=0".')
 @click.option("--step", metavar="H", help="The step size, for predicted slopes and for trajectories.")
-@click.option("--steps", type=WholeNumber(), help="With several degrees of freedom: how long the trajectory is.")
-@click.option("--order", type=WholeNumber(), help="How far to look, powers h^0 to h^(N-1); by default at least 7.")
+@click.option("--steps", type=WholeNumber(), help="With several degrees of freedom: steps of the trajectory.")
+@click.option(
+    "--order", type=WholeNumber(), help="Powers h^0 to h^(N-1) of the modified equation; by default at least 7."
+)
 @takes_output
 def drift(
     method: Method,
@@ -41,9 +43,9 @@ def drift(
 ) -> Table:
     """Whether the energy error of a method stays bounded, drifts linearly, or like a random walk.
 
-    Looks for the first power of h at which the modified equation has no Hamiltonian on the scene, and for the mean of
-    what follows from it. With one degree of freedom that is computed on the orbit from --start, and where variables are
-    angles for all orbits at once; with several, along a trajectory of the method, which takes --step.
+    Finds the first power of h at which the modified equation has no Hamiltonian on the scene, and the mean rate of
+    change of the energy that follows. With one degree of freedom the mean is computed on the orbit from --start, or for
+    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step.
 
     \b
     Examples:

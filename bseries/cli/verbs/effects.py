@@ -1,4 +1,4 @@
-"""`bseries effects`: which effects of a scene matter for a run, and what they cost."""
+"""`bseries effects`: influence of the effects of a scene on a run, and their cost."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.advice.measures import SOLUTION, whole_steps
 from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method_option
@@ -17,11 +16,11 @@ from bseries.cli.options.scene_argument import read_part_names, read_start_value
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
-    from bseries.advice.prediction.run_prediction import Prediction
+    from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
     from bseries.cli.progress import Progress
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 
@@ -29,13 +28,13 @@ if TYPE_CHECKING:
 @takes_scene(as_argument=True, compare=True)
 @takes_method_option
 @takes_parts
-@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative backwards in time.")
-@click.option("--span", metavar="T", help="How long the run is; without it, only what effects cost.")
-@click.option("--accept", metavar="E", help="The error that is accepted; by default, that of the method itself.")
-@click.option("--measure", metavar="NAME", help="What E is an error of: solution (by default) or energy.")
+@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative to integrate backwards.")
+@click.option("--span", metavar="T", help="The length of the run; without it, only the costs of effects.")
+@click.option("--accept", metavar="E", help="The accepted error; by default, that of the method itself.")
+@click.option("--measure", metavar="NAME", help="The error that E bounds: solution (by default) or energy.")
 @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
-@click.option("--order", type=WholeNumber(), help="Without --span: how many nodes trees have at most; by default 6.")
+@click.option("--order", type=WholeNumber(), help="Without --span: the largest number of nodes of trees; by default 6.")
 @takes_output
 def effects(
     scene: Scene | str,
@@ -52,10 +51,10 @@ def effects(
     order: int | None,
     output: Output,
 ) -> Table:
-    """Which effects of a scene matter, what they cost, and which can be left out.
+    """Influence and cost of the effects of a scene, and the effects that can be left out.
 
-    Runs the scene with all effects, with each one alone and without each one, and compares: what an effect changes in
-    the solution and in the energy (the Hamiltonian without effects), what it adds to the time of a step, and the error
+    Runs the scene with all effects, with each one alone and without each one. Prints the influence of each effect on
+    the solution and on the energy (the Hamiltonian without effects), its part of the time of a step, and the error
     of the method itself. Effects whose influence, with a margin, stays below the accepted error are left out, and a run
     without them checks that the result changes by no more than promised.
 
@@ -71,6 +70,7 @@ def effects(
     """
     from bseries.advice.effects.costs import ORDER, effect_costs
     from bseries.advice.effects.influences import effect_influence
+    from bseries.advice.measures import SOLUTION
     from bseries.advice.timing import machine
 
     common: dict[str, Any] = {
@@ -85,14 +85,14 @@ def effects(
         for name, given in (("accept", accept), ("measure", measure)):
             if given is not None:
                 raise Refusal(f"span must be given with --{name}, since influences grow with it, but was not")
-        costs = effect_costs(scene, method, order=ORDER if order is None else order, **common)
+        costs = effect_costs(method, scene, order=ORDER if order is None else order, **common)
         return costs.to_table().extended(machine=machine())
     if order is not None:
-        raise Refusal("order must be left out with --span, which looks at no trees, but was given")
+        raise Refusal("order must be left out with --span, which counts no trees, but was given")
     length = read_given(span, "span")
     report = effect_influence(
-        scene,
         method,
+        scene,
         span=length,
         accept=None if accept is None else read_given(accept, "accept"),
         measure=SOLUTION if measure is None else measure,
@@ -103,17 +103,17 @@ def effects(
 
 
 class FirstRun:
-    """The progress of all runs; the first one predicts how long they take.
+    """The progress of all runs; their time is predicted from the first one.
 
-    Before each further one there is something to compile, which would count as the cost of steps.
+    Further runs begin with compilation, which would count as the cost of steps.
 
     Args:
-        progress: Shows progress, and says what is expected.
+        progress: Shows the progress and the prediction.
         h: The step size.
-        span: How long a run is.
+        span: The length of a run.
 
     Attributes:
-        watch: What is expected, from the first run.
+        watch: The prediction, from the first run.
     """
 
     def __init__(self, progress: Progress, h: Any, span: Any):
@@ -121,15 +121,17 @@ class FirstRun:
         self.watch, self._total = Expectation(progress, self._predict, None), 0
 
     def __call__(self, done: int, total: int) -> None:
-        """Note how many steps are made of all; what `effect_influence` calls."""
+        """Update the number of completed steps; called by `effect_influence`."""
         self._total = total
         (self.watch if done <= self._steps else self._show)(done, total)
 
     @cached_property
     def _steps(self) -> int:
+        from bseries.advice.measures import whole_steps
+
         return whole_steps(float(self._span), float(self._h))
 
     def _predict(self, cost: float | None) -> Prediction:
-        from bseries.advice.prediction.run_prediction import time_only
+        from bseries.advice.predictions.prediction import time_only
 
-        return time_only(self._h, self._total, "they are what is to be measured")
+        return time_only(self._h, self._total, "they are the result of the measurement")

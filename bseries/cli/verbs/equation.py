@@ -15,7 +15,7 @@ from bseries.cli.output import takes_output
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 
@@ -37,11 +37,11 @@ def equation(
     nonzero: bool,
     output: Output,
 ) -> Table:
-    """The modified equation of a method on a scene, written out by powers of h.
+    """The modified equation of a method on a scene, in powers of h.
 
-    It is y' = f_h(y), which the numerical solution follows formally; with --modifying, the equation to which the method
-    is applied to follow y' = f(y). --order N means powers h^0 to h^(N-1). Only trees are computed whose elementary
-    differentials need not vanish on the scene; the first line says how many of how many these are.
+    The numerical solution formally solves y' = f_h(y). With --modifying: the equation for which the method solves
+    y' = f(y). --order N means powers h^0 to h^(N-1). Trees whose elementary differentials vanish on the scene are left
+    out; the first line gives the number of the others.
 
     \b
     Examples:
@@ -52,8 +52,8 @@ def equation(
       bseries equation symplectic-euler-p --ode "u' = u*(v-2); v' = v*(1-u)" --blocks "p=u;q=v" --order 3
       bseries equation strang --scene pendulum --parts "a=p;b=q" --power 2
 
-    The text of equations is in numbers, variables, parameters, + - * / ^, parentheses, sqrt, and elementary functions
-    such as sin and exp. A method that treats p and q differently takes the blocks of these names.
+    Equations consist of numbers, variables, parameters, + - * / ^, parentheses, sqrt, and elementary functions such as
+    sin and exp. A method that treats p and q differently applies to the blocks of these names.
     """
     from bseries.fields.modified_fields import modified_field, modifying_field
 

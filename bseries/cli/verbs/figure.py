@@ -13,7 +13,7 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.scene_argument import read_assignments
 from bseries.cli.output import Output
 from bseries.cli.progress import Progress
-from bseries.table import Column, Table, csv_lines, paragraphs
+from foundation.table import Column, Table, csv_lines, paragraphs
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 COLUMNS = (Column("name"), Column("lecture", True), Column("what"), Column("options"))
 PARTS = 1000
-"""Into how many parts a progress bar divides a figure among others."""
+"""Number of parts of the progress bar for each of several figures."""
 
 
 def complete_figure(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of figures that continue what is typed."""
+    """Completions of the names of figures."""
     from click.shell_completion import CompletionItem
 
     from bseries.figures.registry import figure_file, figure_names
@@ -52,9 +52,9 @@ def figure(
     everything: bool,
     format_: str | None,
 ) -> None:
-    """A figure of the lecture that this project grew from, or one beyond it.
+    """A figure of the lecture that this project grew from, or a further one.
 
-    The pictures are made for print at their own size; what there is to see in one is printed once it is drawn. --data
+    Pictures have their printed size; the caption is printed once a picture is drawn. --data
     writes the numbers that they show, a column for each quantity; columns need not be of the same length. --all -o DIR
     draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
 
@@ -70,7 +70,9 @@ def figure(
     if len(given) != 1:
         raise Refusal(f"one of NAME, --list and --all must be given, but {' and '.join(given) or 'none'} were")
     if format_ is not None and not everything:
-        raise Refusal(f"format must be left out without --all, as the ending of FILE tells it, but was {format_!r:.60}")
+        raise Refusal(
+            f"format must be left out without --all, as it follows from the suffix of FILE, but was {format_!r:.60}"
+        )
     with Progress() as progress:
         if listed:
             Output("table", None, progress).write(Table("Figures", COLUMNS, _rows(), titled=False))
@@ -95,7 +97,7 @@ def _shown(options: Mapping[str, Any]) -> str:
 def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[str], progress: Progress) -> None:
     """One figure."""
     from bseries.figures.registry import figure_file
-    from bseries.plotting import check_place, picture_format
+    from bseries.picture_files import check_place, picture_format
 
     file = figure_file(name)
     if path is None and data is None:
@@ -113,7 +115,7 @@ def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[
 def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:
     """All figures, into folders."""
     from bseries.figures.registry import figure_file, figure_names
-    from bseries.plotting import check_format
+    from bseries.picture_files import check_format
 
     if path is None or data == "-":
         raise Refusal("output must be a folder with --all, and so must data if given, but one was not")
@@ -150,15 +152,16 @@ def _make(
     advance: Callable[[int, int], None],
 ) -> None:
     """Compute the numbers of a figure, and write them, their picture or both."""
-    from bseries import plotting
+    from bseries import picture_files
     from bseries.figures.registry import compute, drawn, takes_progress
+    from foundation.plotting import picture
     from integrators.core.text_files import atomic_write
 
     numbers = compute(file, {**options, "progress": advance} if takes_progress(file) else options)
-    content = None if format_ is None else plotting.picture(drawn(file, numbers), format_)
+    content = None if format_ is None else picture(drawn(file, numbers), format_)
     if data is not None:
         columns = file.columns(numbers)
-        _write_text(csv_lines(list(columns), plotting.table(columns)), data)
+        _write_text(csv_lines(list(columns), picture_files.data_rows(columns)), data)
     if path is not None and content is not None:
         atomic_write(path, content)
 
@@ -173,7 +176,7 @@ def _write_text(pieces: Iterable[str], path: str) -> None:
 
 
 def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, Any]:
-    """What --set gives, as numbers or text like the defaults."""
+    """The options of --set, as numbers or text like the defaults."""
     from bseries.figures.registry import options_of
 
     known = options_of(file)

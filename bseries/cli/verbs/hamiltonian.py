@@ -16,12 +16,12 @@ from bseries.cli.output import takes_output
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 OF_INTEGRATION = (
-    "Found on this scene, not for all Hamiltonians: see --verdict. Where variables are angles, `bseries drift` tells "
-    "whether it is a function of them."
+    "Found on this scene, not for all Hamiltonians: see --verdict. Where variables are angles, `bseries drift` "
+    "determines whether it is a function of them."
 )
 
 
@@ -51,7 +51,7 @@ def hamiltonian(
     verdict: bool,
     output: Output,
 ) -> Table:
-    """The modified Hamiltonian of a method on a scene, written out by powers of h.
+    """The modified Hamiltonian of a method on a scene, in powers of h.
 
     The numerical solution of a symplectic method follows the Hamiltonian system of H + h H_2 + h^2 H_3 + …, that of a
     Poisson integrator likewise. Trees, brackets and generating functions lead to it independently; integration is for

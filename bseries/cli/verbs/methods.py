@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.output import takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
+
+
+HINT = "`bseries methods NAME` shows a tableau and its source; --format csv and json list all sources."
 
 
 @click.command()
@@ -34,11 +36,9 @@ def methods(method: Method | None, output: Output) -> Table:
       bseries methods --format csv -o methods.csv
       bseries methods rk4 -o mine.json
     """
-    from bseries.cli.listings import method_table, methods_table
+    from bseries.cli.listings import method_table
+    from integrators import catalogue
 
     if method is None:
-        return methods_table()
-    table = method_table(method)
-    if not table.columns and output.format not in table.own:
-        raise Refusal(f"format must be table or markdown for {method.name}, not a tableau, but was {output.format}")
-    return table
+        return catalogue().to_table().extended(notes=[HINT])
+    return method_table(method)

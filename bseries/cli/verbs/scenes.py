@@ -14,14 +14,17 @@ from bseries.cli.output import takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 
-def takes_toml(write: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb the option --toml, which a file ending in .toml stands for, too; then there is no other format."""
+HINT = "`bseries scenes NAME` shows one in detail; --format csv and json list all sources."
 
-    @click.option("--toml", is_flag=True, help="Write the scene as a file; so does -o FILE.toml.")
+
+def takes_toml(write: Callable[..., None]) -> Callable[..., None]:
+    """Add the option --toml to a verb; an output file that ends in .toml implies it, and --format excludes it."""
+
+    @click.option("--toml", is_flag=True, help="Write the scene as a TOML file; implied by -o FILE.toml.")
     @functools.wraps(write)
     def call(*, toml: bool, format_: str | None, path: str | None, **options: Any) -> None:
         toml = toml or (path or "").lower().endswith(".toml")
@@ -51,10 +54,11 @@ def scenes(scene: Scene | None, effects: Sequence[str], toml: bool, output: Outp
       bseries scenes --hamiltonian "p^2/2 - mu*cos(q)" --parameter mu=2 --toml
       bseries scenes toda --format latex
     """
-    from bseries.cli.listings import scene_table, scenes_table
+    from bseries.cli.listings import scene_table
+    from integrators import scene_catalogue
 
     if scene is None and toml:
         raise Refusal("SCENE must be given where a TOML file is written, but was not")
     if scene is None:
-        return scenes_table()
+        return scene_catalogue().to_table().extended(notes=[HINT])
     return scene.to_toml() if toml else scene_table(scene, effects)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
 
 
 def takes_series_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that all verbs about series share."""
+    """Add the common options of verbs about series."""
     options = (
         click.option("--order", type=WholeNumber(), default=5, show_default=True, help="Largest number of nodes."),
         takes_max_children,
@@ -48,7 +48,7 @@ def modified(method: Method, **options: Any) -> Table:
       bseries modified --A "0,0;1/2,0" --b "0,1" -o midpoint.json
       bseries modified ./tableau.toml --order 12 --format csv
 
-    LaTeX is the sum written out, without zeros. CSV is for large orders: it is written as it is made.
+    LaTeX is a sum of the nonzero terms. CSV suits large orders: rows are written as they are computed.
     """
     from bseries.algebra.modified import modified_equation
 
@@ -107,9 +107,7 @@ def of_method(
     **options: Any,
 ) -> Table:
     """The table of a series of a method."""
-    from bseries.algebra.stages import own_trees
-
-    max_children = own_trees(method) if max_children is None else max_children
+    max_children = method.max_children if max_children is None else max_children
     output.check_rows(count_rows(order, len(method.names), max_children))
     return answer(compute(method, order, max_children=max_children), kind, method.issues, **options)
 
@@ -122,8 +120,8 @@ def count_rows(order: int, colors: int, max_children: Any) -> int:
 
 
 def answer(s: BSeries, kind: str, issues: Sequence[str], *, nonzero: bool, as_float: bool) -> Table:
-    """The table of a series, with the contradictions in the tableaux."""
+    """The table of a series, with the inconsistencies of the tableaux."""
     found = s.to_table(kind, nonzero=nonzero, as_float=as_float)
     if not issues:
         return found
-    return found.extended([f"Beware: {issue}." for issue in issues], issues=list(issues))
+    return found.extended([f"Warning: {issue}." for issue in issues], issues=list(issues))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
 
@@ -24,9 +25,13 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="FILE", required=False, type=click.Path())
 @takes_scene(required=False)
 @click.option("--order", type=WholeNumber(), help="The largest order, 2 to 24; by default 16.")
-@click.option("--step", metavar="H", help="The step size, if FILE does not tell.")
+@click.option("--step", metavar="H", help="The step size, if FILE does not contain it.")
 @click.option("--mass", metavar="LIST", help="A mass, one for each particle or one for each coordinate; by default 1.")
-@click.option("--columns", metavar="TEXT", help='What is called how, as in "q=x*;v=vx*;U=PotEng;F=fx*".')
+@click.option(
+    "--columns",
+    metavar="TEXT",
+    help='Columns by name, pattern or place, as in "q=x*,v=vx*,U=PotEng,F=fx*" or "t=0,p=1:3,q=3:5".',
+)
 @click.option(
     "--layout",
     "where",
@@ -37,7 +42,9 @@ if TYPE_CHECKING:
 @click.option(
     "--period", metavar="LIST", help="The edge of a periodic box, or one for each dimension: unwraps positions."
 )
-@click.option("--tolerance", metavar="X", help="How far states may be from steps of the method; by default 1e-9.")
+@click.option(
+    "--tolerance", metavar="X", help="Allowed relative distance of states from steps of the method; by default 1e-9."
+)
 @click.option("--bound", metavar="E", help="Also the largest step that keeps the energy within ±E.")
 @click.option("--plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
 @functools.partial(takes_output, formats=NO_LATEX)
@@ -56,16 +63,16 @@ def shadow(
     plot: str | None,
     output: Output,
 ) -> Table:
-    """Is the step of a finished simulation too large? Does its energy drift?
+    """Is the step size of a finished simulation too large? Does its energy drift?
 
     Measures the modified ("shadow") energies of order 2 (the energy), 4, 6, … along a trajectory of velocity Verlet
-    (Störmer–Verlet, kick-drift-kick). They are constant up to ever higher powers of the step, so that they show a drift
-    which the energy hides, and what a smaller or larger step would do.
+    (Störmer–Verlet, kick-drift-kick). They are constant up to higher and higher powers of the step. So they reveal a
+    drift that is hidden by the oscillation of the energy, and the effect of a smaller or larger step.
 
     FILE is a trajectory of `bseries simulate`; an NPZ file of any program with the arrays q, p or v, U, gradU or F, and
-    perhaps t, h, mass; a text file with such columns (q1, q2, …, or x1, y1, vx1, vy1, fx1, fy1, …), or - for one on
-    standard input. Every step must be there. --scene supplies masses, potentials and forces; trajectories of
-    `bseries simulate` know their scene.
+    perhaps t, h, mass; a text or NPY file with such columns (q1, q2, …, or x1, y1, vx1, vy1, fx1, fy1, …), or - for
+    text on standard input. It must contain every step. --scene supplies masses, potentials and forces; trajectories of
+    `bseries simulate` contain their scene. Numbers with few digits need a larger --tolerance.
 
     \b
     Examples:
@@ -73,7 +80,7 @@ def shadow(
       bseries shadow run.npz
       bseries shadow run.npz --order 12 --bound 1e-4 --plot run.png
       bseries simulate toda --method stormer-verlet --step 0.1 --steps 999 --format csv | bseries shadow - --scene toda
-      bseries shadow md.csv --mass 39.948 --step 0.002 --columns "q=x*;v=vx*;U=PotEng;F=fx*"
+      bseries shadow md.csv --mass 39.948 --step 0.002 --columns "q=x*,v=vx*,U=PotEng,F=fx*"
     """
     from bseries.shadow.trajectory_energies import shadow_energy
 
@@ -83,9 +90,10 @@ def shadow(
         from bseries.shadow.report import check_picture
 
         check_picture(plot)
-    chosen = (
-        None if columns is None else read_assignments(filter(str.strip, columns.split(";")), "columns", '"q=x*;v=vx*"')
-    )
+    chosen = None
+    if columns is not None:
+        pieces = re.split(r"[;,]\s*(?=\w+\s*=)|;\s*$", columns)  # commas separate names of one role as well
+        chosen = read_assignments(filter(None, pieces), "columns", '"q=x*,v=vx*"')
     limit = None if bound is None else read_float(bound, "bound")
     report = shadow_energy(
         standard_input() if file == "-" else file,

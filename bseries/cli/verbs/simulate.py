@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,24 +15,23 @@ from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
 from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
-from bseries.cli.progress import said_warnings
 
 if TYPE_CHECKING:
     from fractions import Fraction
 
-    from bseries.advice.prediction.run_prediction import Prediction
+    from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.ensemble import EnsembleOptions
     from bseries.cli.options.method_argument import Method
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
     from integrators import Scene
 
-LOOKS = 1000
-"""The number of observations where states are not kept."""
+OBSERVATIONS = 1000
+"""The default number of observations of runs that store no states: enough for a plot."""
 
 
 def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
-    """Let -o be the file of the trajectory; the summary goes to stdout in any case."""
+    """Make -o the trajectory file of a verb; the summary is always written to stdout."""
 
     @functools.wraps(write)
     def call(*, path: str | None, format_: str | None, **options: Any) -> None:
@@ -48,23 +46,25 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
 @takes_scene(as_argument=True)
 @takes_method_option
 @takes_parts
-@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative backwards in time.")
-@click.option("--steps", type=WholeNumber(), help="How many steps.")
-@click.option("--span", metavar="T", help="How long, instead of --steps; the last step may go beyond.")
+@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative to integrate backwards.")
+@click.option("--steps", type=WholeNumber(), help="The number of steps.")
+@click.option("--span", metavar="T", help="The time span, instead of --steps; the last step may end later.")
 @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
-@click.option("--save-every", type=WholeNumber(), metavar="K", help="Keep every K-th state in FILE; by default, all.")
+@click.option("--save-every", type=WholeNumber(), metavar="K", help="Store every K-th state in FILE; by default, all.")
 @click.option(
     "--observe", "observe", metavar="NAME", multiple=True,
-    help="energy, a first integral, or invariants for all of these that hold; repeatable.",
+    help="energy, a first integral, or invariants for all that hold; repeatable.",
 )  # fmt: skip
-@click.option("--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state, not those kept.")
+@click.option(
+    "--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state; by default those stored."
+)
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
-@click.option("--checkpoint", metavar="FILE", help="Go on from FILE if it is there, and write it meanwhile.")
+@click.option("--checkpoint", metavar="FILE", help="Continue from FILE if it exists, and update it.")
 @click.option(
     "--predict/--no-predict",
     "predict",
     default=None,
-    help="Say beforehand how long it takes and what errors to expect; by default of runs longer than some seconds.",
+    help="Predict time and errors first; by default for runs of more than a few seconds.",
 )
 @takes_ensemble
 @takes_trajectory_file
@@ -88,20 +88,19 @@ def simulate(
     many: EnsembleOptions | None,
     output: Output,
 ) -> Table:
-    """Many steps of a method on a scene.
+    """Integrate a scene with a method.
 
-    Prints where the run began and ended, and what became of the energy or of what --observe names. -o FILE.npz keeps
-    the trajectory, which NumPy reads: t, y (variables, times), observed/NAME. It is written while the run lasts, so
-    that it may be larger than memory; --format csv prints it.
+    Prints the initial and final states, and the errors of the energy or of the quantities named by --observe.
+    -o FILE.npz stores the trajectory for NumPy: t, y (variables, times), observed/NAME. It is written during the run,
+    so it may be larger than memory; --format csv prints it.
 
-    With --ensemble K there are K runs, from random starts that --temperature or --spread describe, on all cores; the
-    answer is statistics of what is observed, the same whoever computes them. --checkpoint then names a folder.
+    --ensemble K integrates from K random starts, given by --temperature or --spread, on all cores. The result is
+    statistics of the observed quantities; they do not depend on the number of cores. --checkpoint then names a folder.
 
-    Of a run that takes more than some seconds a line on stderr says beforehand how long it will take, and what errors
-    of energy and solution to expect from the modified equation; the notes say how well that was met.
+    Before a run of more than a few seconds, a line on stderr predicts its time, and the errors of energy and solution
+    from the modified equation. The notes below the result compare them with the outcome.
 
-    With --checkpoint, a run that was stopped in any way goes on when the same command is given again, and ends as if it
-    had never been stopped.
+    With --checkpoint, an interrupted run continues when the same command is given again, with the same result.
 
     \b
     Examples:
@@ -113,17 +112,18 @@ def simulate(
       bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
     """
     from bseries.advice.run_summary import run_summary
+    from integrators.exact.arguments import step_count
     from integrators.runs.integration import integrate
     from integrators.steppers.states import StepError
 
     h = _number(step, "step")
-    count = _steps(h, steps, span)
+    count = step_count(h, steps, span)
     if start is not None:
         scene = read_start(start, scene)
     common: dict[str, Any] = {
         "h": h,
         "steps": count,
-        "parts": None if parts is None else read_parts(parts, method, scene),
+        "parts": read_parts(parts, method, scene),
         "observe": list(observe) or _energy(scene),
         "solver": solver,
         "checkpoint": checkpoint,
@@ -131,31 +131,28 @@ def simulate(
     if many is not None:
         if save_every is not None:
             raise Refusal(
-                "save-every must be left out with --ensemble, which keeps no states on the way, but was given"
+                "save-every must be left out with --ensemble, which stores no intermediate states, but was given"
             )
         return simulate_ensemble(
             many, scene, method, effects, observe_every=observe_every, to=to, predict=predict, output=output, **common
         )
     kept = save_every if save_every is not None or (to is None and not output.has_records) else 1
     if observe_every is None and kept is None:
-        observe_every = max(1, count // LOOKS)
+        observe_every = max(1, count // OBSERVATIONS)
 
     def expect(cost: float | None) -> Prediction:
-        from bseries.advice.prediction.run_prediction import predict_run
+        from bseries.advice.predictions.run_prediction import predict_run
 
         run = {key: value for key, value in common.items() if key != "checkpoint"}
-        return predict_run(scene, method, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)
+        return predict_run(method, scene, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)
 
     watch = Expectation(output.progress, expect, predict)
     try:
-        with said_warnings():
-            run = integrate(
-                scene, method, save_every=kept, observe_every=observe_every, progress=watch, to=to, **common
-            )
+        run = integrate(method, scene, save_every=kept, observe_every=observe_every, progress=watch, to=to, **common)
     except StepError as error:
-        raise Refusal(f"{error}" + (f"; what was kept is in {to}" if to else "")) from None
+        raise Refusal(f"{error}" + (f"; the states before it are in {to}" if to else "")) from None
     except KeyboardInterrupt:
-        where = f"; the same command goes on from {checkpoint}" if checkpoint else f"; {to} ends there" if to else ""
+        where = f"; the same command continues from {checkpoint}" if checkpoint else f"; {to} has these" if to else ""
         say("warning", f"stopped after {watch.done:,} of {count:,} steps{where}")
         raise
     if output.has_records and run.observed and run.observed_t is not run.t:
@@ -164,23 +161,11 @@ def simulate(
 
 
 def _number(text: str | None, option: str) -> Fraction:
-    """The number that an option gives, exactly; irrational ones to as many digits as doubles have."""
+    """The number given by an option: exact if it is rational, else rounded to a double."""
     from fractions import Fraction
 
     value = read_given(text, option)
     return value if isinstance(value, Fraction) else Fraction(float(value))
-
-
-def _steps(h: Fraction, steps: int | None, span: str | None) -> int:
-    """The number of steps."""
-    if (steps is None) == (span is None):
-        raise Refusal(f"steps or span must be given, but {'neither was' if steps is None else 'both were'}")
-    if steps is not None:
-        return steps
-    length = _number(span, "span")
-    if h == 0 or length < 0:
-        raise Refusal(f"span must not be negative, and step not zero, but they were {length} and {h}")
-    return math.ceil(length / abs(h))
 
 
 def _energy(scene: Scene) -> str | None:
@@ -189,7 +174,7 @@ def _energy(scene: Scene) -> str | None:
 
 
 def _with_outcome(summary: Table, scene: Scene, watch: Expectation, to: str | None, states: int) -> Table:
-    """The summary of a run with its cost and its file, and with errors and times beside the expected ones."""
+    """The summary of a run with its cost, its file, and a comparison with the prediction."""
     from bseries.advice.run_summary import energy_error
 
     facts = dict(summary.data())

@@ -11,7 +11,7 @@ from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
-    from bseries.table import Table
+    from foundation.table import Table
 
 
 @click.command()
@@ -35,11 +35,11 @@ def trees(order: int, colors: int, max_children: Any, count: bool, output: Outpu
       bseries trees --order 40 --count
       bseries trees --order 15 --format csv -o trees.csv
     """
-    from bseries.cli.listings import count_table, tree_table
     from trees import TreeTable, count_trees
+    from trees.listing import count_table
 
     counts = count_trees(order, colors, max_children)
     if count:
         return count_table(counts, colors)
     output.check_rows(sum(counts))
-    return tree_table(TreeTable(order, colors, max_children))
+    return TreeTable(order, colors, max_children).to_table()

@@ -2,79 +2,44 @@
 
 With generators such as sin q, cos q, 1/g, √g and e^g, derivatives and products of formulas are those of polynomials,
 and equal formulas have equal normal forms without a search for simplifications.
+
+The generators depend on all formulas together: sin q and sin 2q share those of q. So the arguments of functions with
+addition theorems are collected first; a lattice basis of them gives the basic arguments. Likewise the indices of all
+roots of a base are collected.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic import flint_polynomials
-from bseries.fields.symbolic.formula_rings import FormulaRing
-from bseries.fields.symbolic.sparse_polynomials import constant, exponent, generator, generators_of, primitive, total
+from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, prime_factors, primitive
+from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
 
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.symbolic.ring_generators import GeneratedRing, Pair, Quotient
-    from bseries.fields.symbolic.sparse_polynomials import Number, Terms
-
-
 MOST_MONOMIALS = 1_000_000
 
+CIRCULAR = ("sin", "cos", "tan")
+HYPERBOLIC = ("sinh", "cosh", "tanh")
+FAMILIES = {**dict.fromkeys(CIRCULAR, CIRCULAR), **dict.fromkeys(HYPERBOLIC, HYPERBOLIC), "exp": ("exp",)}
+"""Functions with addition theorems, and the families that share basic arguments."""
 
-class Element:
-    """Element of a `DifferentialRing`, with + − * for elements of the same ring, ints and Fractions."""
+MOST_MULTIPLE = 50
+"""Larger multiples of an argument count as independent, since addition theorems would be too long."""
 
-    __slots__ = ("ring", "terms")
-
-    def __init__(self, ring: DifferentialRing, terms: Terms):
-        self.ring = ring
-        self.terms = terms
-
-    @property
-    def size(self) -> int:
-        """The number of monomials."""
-        return len(self.terms)
-
-    def __bool__(self) -> bool:
-        return bool(self.terms)
-
-    def __add__(self, other: Element | Number) -> Element:
-        return self.ring.sum([(1, self), (1, self.ring.coerce(other))])
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Element | Number) -> Element:
-        return self.ring.sum([(1, self), (-1, self.ring.coerce(other))])
-
-    def __rsub__(self, other: Number) -> Element:
-        return self.ring.coerce(other) - self
-
-    def __neg__(self) -> Element:
-        return self.ring.sum([(-1, self)])
-
-    def __mul__(self, other: Element | Number) -> Element:
-        return self.ring.dot([(self, self.ring.coerce(other))])
-
-    __rmul__ = __mul__
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Element | int | Fraction):
-            return NotImplemented
-        return self.ring.is_zero(self - other)
-
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
-    def __repr__(self) -> str:
-        return f"<Element {self.ring.to_expression(self, simplify=False)!s:.60}>"
+MOST_FACTORED = 60
+"""Polynomials with more monomials are not factored, which can take seconds."""
 
 
-class DifferentialRing:
+class DifferentialRing(GeneratedRing):
     """A ring of functions of some variables that contains given formulas and all their derivatives.
 
     `bool(element)` decides exactly whether an element is zero if no two denominators or roots, and no denominator and
@@ -105,131 +70,255 @@ class DifferentialRing:
         limit: int = MOST_MONOMIALS,
         digits: int | None = None,
     ):
+        super().__init__(variables, limit, digits)
         formulas = tuple(formulas)
-        self.polynomials = FormulaRing(formulas, variables, limit, digits)
+        self._known: dict[sympy.Expr, Element] = {}
+        # Constants come last: x and x + π/3 have the basis x and π/3.
+        self._lattices = {family: Lattice(lambda m: (self._varies(m), m)) for family in FAMILIES.values()}
+        self._functions: dict[tuple[str, frozenset[Any]], Any] = {}
+        for i, variable in enumerate(self.variables):
+            k = self.add_function(variable, lambda j, i=i: self.coerce(int(i == j)))
+            self._known[variable] = self.generator(k)
+        self._plan(formulas)
         self.elements = tuple(map(self.element, formulas))
-        self.zero = Element(self, {})
 
-    @property
-    def variables(self) -> tuple[sympy.Symbol, ...]:
-        """The symbols to differentiate in."""
-        return self.polynomials.variables
+    def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
+        """Find the index of every root and the basic arguments, inner and frequent ones first."""
+        import sympy
 
-    @property
-    def generators(self) -> tuple[sympy.Expr, ...]:
-        """The expressions of the current generators."""
-        return tuple(self.polynomials.expressions)
+        arguments: Counter[tuple[int, str, Any]] = Counter()
+        for part in (part for formula in formulas for part in sympy.preorder_traversal(formula)):
+            if isinstance(part, sympy.Pow):
+                power: Any = part.exp.as_coeff_Add()[0]
+                for base in _bases(part.base):
+                    self.indices[base] = math.lcm(self.indices.get(base, 1), power.q if power.is_Rational else 1)
+            elif name := _name(part):
+                arguments[_depth(part), name, part.args[0]] += 1
+
+        def rank(key: tuple[int, str, Any]) -> tuple[Any, ...]:
+            depth, name, argument = key
+            return depth, -arguments[key], argument.could_extract_minus_sign(), name, str(argument)
+
+        for _, name, argument in sorted(arguments, key=rank):
+            self._lattices[FAMILIES[name]].insert(self.element(argument).terms)
+
+    def _varies(self, monomial: Monomial) -> bool:
+        variables = range(len(self.variables))
+        return any(self.generator_derivative(k, i) for k, _ in monomial for i in variables)
+
+    # Reading.
 
     def element(self, formula: sympy.Expr) -> Element:
         """Convert a formula to an element."""
-        return Element(self, self.polynomials.read(formula))
+        found = self._known.get(formula)
+        if found is None:
+            found = self._known[formula] = self._interpret(formula)
+        return found
 
-    def coerce(self, value: Element | Number) -> Element:
-        """Convert a number to an element, or check that an element belongs to this ring."""
-        if not isinstance(value, Element):
-            return Element(self, constant(Fraction(value)))
-        if value.ring is not self:
-            raise SeriesError("elements must be of one ring, but one was of another")
-        return value
+    def _interpret(self, formula: Any) -> Element:
+        import sympy
 
-    def load(self, element: Element) -> Element:
-        """An element in the form of this arithmetic, which is its own; see `flint_rings` for another."""
-        return element
+        if formula.is_Rational or formula.is_Float:
+            exact: Any = sympy.Rational(formula)  # floats are exact binary fractions
+            return self.coerce(Fraction(int(exact.p), int(exact.q)))
+        if formula.is_Add:
+            return self.dot((1, self.element(part)) for part in formula.args)
+        if formula.is_Mul:
+            return math.prod(map(self.element, formula.args), start=self.coerce(1))
+        if formula.is_Pow:
+            return self._power(formula)
+        name = _name(formula)
+        if name:
+            argument = formula.args[0]
+            return self._exponential(argument) if name == "exp" else self._periodic(name, argument)
+        if formula in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+            raise SeriesError(f"formula must be finite, but holds {formula}")
+        return self._opaque(formula)
 
-    unload = load
+    def _opaque(self, formula: sympy.Expr) -> Element:
+        """A parameter, or a function of which only SymPy's derivative is used."""
 
-    def derivative(self, element: Element, i: int) -> Element:
-        """The derivative with respect to the i-th variable."""
-        return Element(self, self.polynomials.derivative(element.terms, i))
+        def derivative(i: int) -> Element:
+            variable = self.variables[i]
+            return self.element(formula.diff(variable)) if variable in formula.free_symbols else self.zero
 
-    def dot(self, pairs: Iterable[tuple[Element, Element]]) -> Element:
-        """A sum of products, reduced once."""
-        return Element(self, self.polynomials.dot((a.terms, b.terms) for a, b in pairs))
+        return self.generator(self.add_function(formula, derivative))
 
-    def denominator(self, elements: Iterable[Element]) -> int:
-        """A common denominator, since integers multiply faster than fractions."""
-        return math.lcm(*(x.denominator for element in elements for x in element.terms.values()))
+    def _power(self, formula: Any) -> Element:
+        base, power = formula.args
+        shift, rest = power.as_coeff_Add()
+        if power.is_Rational:
+            return self._rational_power(formula, base, Fraction(int(power.p), int(power.q)))
+        if shift.is_Rational and shift:
+            return self.element(base**shift) * self.element(base**rest)
+        multiple, rest = power.as_coeff_Mul()
+        if multiple.is_Integer and multiple != 1:
+            return self.raised(self.element(base**rest), Fraction(int(multiple)))
+        return self._opaque(formula)
 
-    def sum(self, parts: Iterable[tuple[Number, Element]]) -> Element:
-        """A linear combination."""
-        return Element(self, total((factor, element.terms) for factor, element in parts))
+    def _rational_power(self, formula: Any, base: Any, power: Fraction) -> Element:
+        if power.denominator > 1 and base.is_negative and base.is_number:
+            return self._opaque(formula)  # the principal value is not real
+        if power.denominator > 1 and _is_positive_integer(base):
+            return self.raised_number(Fraction(int(base)), power)
+        return self.raised(self.element(base), power, self.indices.get(base, 1), base)
 
-    def is_zero(self, element: Element) -> bool:
-        """Whether an element is zero by the relations of the ring (see the class)."""
-        return not any(part.numerator for part in self.polynomials.quotients(element.terms))
+    def _coordinates(self, name: str, argument: sympy.Expr) -> list[tuple[dict[Monomial, Any], int]]:
+        """The argument of a function as a sum of multiples of basic arguments."""
+        terms = self.element(argument).terms
+        found = self._lattices[FAMILIES[name]].coordinates(terms)
+        return found if all(abs(multiple) <= MOST_MULTIPLE for _, multiple in found) else [(terms, 1)]
+
+    def _exponential(self, argument: sympy.Expr) -> Element:
+        import sympy
+
+        result = self.coerce(1)
+        for row, multiple in self._coordinates("exp", argument):
+            key = "exp", frozenset(row.items())
+            if key not in self._functions:
+                basic = self.from_terms(row)
+                self._functions[key] = self.add_exponential(sympy.exp(self.expression(basic)), basic)
+            result = result * self.raised(self.generator(self._functions[key]), Fraction(multiple))
+        return result
+
+    def _periodic(self, name: str, argument: sympy.Expr) -> Element:
+        """sin, cos or tan of an argument, by (c + i s)(d + i t) = (c d − s t) + i (s d + c t); j² = 1 if hyperbolic."""
+        family = FAMILIES[name]
+        minus = -1 if family is CIRCULAR else 1
+        s, c = self.zero, self.coerce(1)
+        for row, multiple in self._coordinates(name, argument):
+            t, d = self._basic_pair(row, family)
+            t = t if multiple > 0 else -t
+            for _ in range(abs(multiple)):
+                s, c = self.dot([(s, d), (c, t)]), self.dot([(c, d), (minus * s, t)])
+        if name == family[2]:
+            return s * self.raised(c, Fraction(-1))
+        return s if name == family[0] else c
+
+    def _basic_pair(self, row: dict[Monomial, Any], family: Sequence[str]) -> tuple[Element, Element]:
+        """sin b and cos b of a basic argument: generators, or algebraic numbers."""
+        import sympy
+
+        key = family[0], frozenset(row.items())
+        if key not in self._functions:
+            basic = self.from_terms(row)
+            sine, cosine = (getattr(sympy, name)(self.expression(basic)) for name in family[:2])
+            if sine.is_algebraic and cosine.is_algebraic:
+                self._functions[key] = self.element(sine), self.element(cosine)
+            else:
+                pair = self.add_pair(sine, cosine, basic, 1 if family is CIRCULAR else -1)
+                self._functions[key] = self.generator(pair.sine), self.generator(pair.cosine)
+        return self._functions[key]
+
+    # Writing.
 
     def to_expression(self, element: Element, *, simplify: bool = True) -> sympy.Expr:
-        """The SymPy expression: with common denominators and factored, or expanded."""
-        if simplify and self.polynomials.digits is None:
-            return factored(self.polynomials, element.terms)
-        return self.polynomials.expression(element.terms)
+        """The SymPy expression: with common denominators and factored if that is not too large, or expanded."""
+        import sympy
+
+        if simplify and self.digits is None:
+            with suppress(TooLarge):
+                return sympy.Add(*map(self._factored, self.quotients(element, grow=False)))
+        return self.expression(element)
+
+    def _factored(self, part: Quotient) -> sympy.Expr:
+        import sympy
+
+        if not part.numerator:
+            return sympy.Integer(0)
+        numerator = reduce(self._shorter, self.pairs, part.numerator)
+        monomial = Element(self, numerator.polynomial.term_content())
+        content, rest = primitive(Element(self, numerator.polynomial / monomial.polynomial))
+        factors = (self.expression(factor) ** e for factor, e in self._factors(rest))
+        roots = (self.generators[k] ** e for k, e in part.roots.items())
+        return sympy.Mul(self.expression(content * monomial), *factors, *roots)
+
+    def _factors(self, element: Element) -> list[tuple[Element, int]]:
+        """The irreducible factors of a primitive polynomial with their exponents, if the polynomial is short."""
+        if element.size == 1 or element.size > MOST_FACTORED:
+            return [(element, 1)]
+        return [(primitive(Element(self, factor))[1], e) for factor, e in element.polynomial.factor()[1]]
+
+    def _shorter(self, element: Element, pair: Pair) -> Element:
+        """A polynomial with cos² replaced by 1 − sin² (or cosh² by 1 + sinh²) where that makes it shorter."""
+        found: Counter[Monomial] = Counter()
+        for monomial, x in element.terms.items():
+            powers = {pair.sine: 0, pair.cosine: 0, **dict(monomial)}
+            half, powers[pair.cosine] = divmod(powers[pair.cosine], 2)
+            for j in range(half + 1):
+                replaced = {**powers, pair.sine: powers[pair.sine] + 2 * j}
+                key = tuple(sorted(((k, e) for k, e in replaced.items() if e), reverse=True))
+                found[key] += x * math.comb(half, j) * (-pair.sign) ** j
+        replaced = self.from_terms(found)
+        return replaced if replaced.size < element.size else element
 
 
-MOST_FACTORED = 60
-"""Polynomials with more monomials are not factored, which can take SymPy seconds."""
+def _is_positive_integer(base: Any) -> bool:
+    return bool(base.is_Integer and base.is_positive)
 
 
-def factored(ring: GeneratedRing, terms: Terms) -> sympy.Expr:
-    """The SymPy expression of an element, with common denominators and factored."""
+def _bases(base: Any) -> list[Any]:
+    """The bases of the factors of a power: the base, or its prime factors."""
+    return [prime for prime, _ in prime_factors(int(base))] if _is_positive_integer(base) else [base]
+
+
+def _depth(formula: sympy.Basic) -> int:
+    """The nesting depth of functions with addition theorems."""
+    return max(map(_depth, formula.args), default=0) + bool(_name(formula))
+
+
+def _name(formula: sympy.Basic) -> str:
+    """The name of a function with addition theorems; empty for others, including user functions with such a name."""
     import sympy
 
-    common = math.lcm(*(x.denominator for x in terms.values()))  # integers multiply faster
-    integers: Terms = {m: int(x * common) for m, x in terms.items()}
-    return sympy.Add(*(_quotient_expression(ring, part, common) for part in ring.quotients(integers, grow=False)))
+    name = type(formula).__name__
+    return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
 
 
-def _quotient_expression(ring: GeneratedRing, part: Quotient, divisor: int) -> sympy.Expr:
-    import sympy
+class Lattice:
+    """Lattice of integer combinations of polynomials, with a basis in echelon form.
 
-    if not part.numerator:
-        return sympy.Integer(0)
-    numerator = reduce(_shorter, ring.pairs, part.numerator)
-    monomial = sum(generator(k, min(exponent(m, k) for m in numerator)) for k in generators_of(numerator))
-    content, rest = primitive({m - monomial: x for m, x in numerator.items()})
-    factors = (ring.expression(factor) ** e for factor, e in _factors(rest))
-    roots = (ring.expressions[k] ** e for k, e in part.roots.items())
-    return sympy.Mul(ring.expression({monomial: content / divisor}), *factors, *roots)
+    Each row has its own pivot, the monomial with the largest `priority`.
 
+    Example:
+        >>> lattice = Lattice()
+        >>> for vector in ({1: 2}, {1: 3}, {1: 1, 0: 5}):
+        ...     lattice.insert(vector)
+        >>> lattice.coordinates({1: 4, 0: -10})
+        [({1: 1}, 4), ({0: 5}, -2)]
+    """
 
-def _shorter(terms: Terms, pair: Pair) -> Terms:
-    """A polynomial with cos² replaced by 1 − sin² (or cosh² by 1 + sinh²) where that makes it shorter."""
-    replaced = total((x, _without_squares(monomial, pair)) for monomial, x in terms.items())
-    return replaced if len(replaced) < len(terms) else terms
+    def __init__(self, priority: Callable[[Any], Any] = int) -> None:
+        self._priority = priority
+        self._rows: dict[Any, dict[Any, Any]] = {}
 
+    def insert(self, vector: dict[Any, Any]) -> None:
+        """Extend the lattice by a vector, by Euclid's algorithm on every pivot."""
+        while vector:
+            pivot = max(vector, key=self._priority)
+            row = self._rows.get(pivot)
+            if row is None:
+                self._rows[pivot] = vector
+                return
+            vector = _reduced(vector, row, vector[pivot] // row[pivot])
+            if pivot in vector:
+                self._rows[pivot], vector = vector, row
 
-def _without_squares(monomial: int, pair: Pair) -> Terms:
-    half = exponent(monomial, pair.cosine) // 2
-    rest = monomial - generator(pair.cosine, 2 * half)
-    return {rest + generator(pair.sine, 2 * j): math.comb(half, j) * (-pair.sign) ** j for j in range(half + 1)}
-
-
-def _factors(terms: Terms) -> list[tuple[Terms, int]]:
-    """The irreducible factors of a primitive polynomial with their exponents, if the polynomial is short."""
-    if len(terms) == 1 or len(terms) > MOST_FACTORED:
-        return [(terms, 1)]
-    integers: Terms = {m: int(x) for m, x in terms.items()}
-    by_flint = flint_polynomials.flint() is not None
-    found = flint_polynomials.irreducible_factors(integers) if by_flint else _factors_by_sympy(integers)
-    return [(primitive(factor)[1], e) for factor, e in found]
-
-
-def _factors_by_sympy(terms: Terms) -> list[tuple[Terms, int]]:
-    import sympy
-
-    present = generators_of(terms)
-    polynomials = sympy.ring([f"g{k}" for k in present], sympy.ZZ)[0]
-    polynomial = polynomials.from_dict({tuple(exponent(m, k) for k in present): x for m, x in terms.items()})
-    return [
-        ({sum(map(generator, present, m)): int(x) for m, x in factor.items()}, e)
-        for factor, e in _factor_list(polynomial)
-    ]
+    def coordinates(self, vector: dict[Any, Any]) -> list[tuple[dict[Any, Any], int]]:
+        """A vector as an integer combination of rows; a remainder becomes a new row where possible."""
+        found: list[tuple[dict[Any, Any], int]] = []
+        while vector:
+            pivot = max(vector, key=self._priority)
+            row = self._rows.setdefault(pivot, vector)
+            if vector[pivot] % row[pivot]:
+                return [*found, (vector, 1)]
+            multiple = int(vector[pivot] // row[pivot])
+            found.append((row, multiple))
+            vector = _reduced(vector, row, multiple)
+        return found
 
 
-def _factor_list(polynomial: Any) -> list[tuple[Any, int]]:
-    """The factors; a polynomial linear in a generator is split by a greatest common divisor, which is faster."""
-    for x, degree in zip(polynomial.ring.gens, polynomial.degrees(), strict=True):
-        if degree == 1:
-            derivative = polynomial.diff(x)
-            common = derivative.gcd(polynomial - derivative * x)
-            return [*_factor_list(common), (polynomial.exquo(common), 1)]
-    return polynomial.factor_list()[1]
+def _reduced(vector: dict[Any, Any], row: dict[Any, Any], multiple: int) -> dict[Any, Any]:
+    """vector − multiple · row."""
+    found = {m: vector.get(m, 0) - multiple * row.get(m, 0) for m in {**vector, **row}}
+    return {m: x for m, x in found.items() if x}

@@ -12,7 +12,8 @@ from bseries.exceptions import SeriesError
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+    from bseries.fields.symbolic.differential_rings import DifferentialRing
+    from bseries.fields.symbolic.polynomials import Element
 
 MOST_POWERS = 60
 """Higher powers of sines or of polynomials are not expanded."""
@@ -123,29 +124,23 @@ def _by_parts(m: int, wave: Any, x: Any) -> Any:
 
 
 def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
-    """A product of powers of sines and cosines as a trigonometric sum, by addition theorems."""
+    """A product of powers of sines and cosines as a trigonometric sum, by cos b = (e^(ib) + e^(−ib))/2."""
     import sympy
 
-    half = sympy.Rational(1, 2)
-    total: dict[tuple[Any, Any], Any] = {(sympy.cos, sympy.Integer(0)): sympy.Integer(1)}
+    total: dict[Any, Any] = {sympy.Integer(0): sympy.Integer(1)}  # coefficients of e^(ia) by argument a
     for base, times in waves:
-        b = base.args[0]
+        plus, minus = (1, 1) if isinstance(base, sympy.cos) else (-sympy.I, sympy.I)
         for _ in range(times):
             longer: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
-            for (kind, a), c in total.items():
-                if isinstance(base, sympy.cos):
-                    products = ((kind, a + b, half), (kind, a - b, half))
-                elif kind is sympy.cos:
-                    products = ((sympy.sin, a + b, half), (sympy.sin, a - b, -half))
-                else:
-                    products = ((sympy.cos, a - b, half), (sympy.cos, a + b, -half))
-                for other, argument, weight in products:
-                    longer[other, argument] += weight * c
+            for a, c in total.items():
+                longer[a + base.args[0]] += plus * c / 2
+                longer[a - base.args[0]] += minus * c / 2
             total = longer
     found: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
-    for (kind, argument), c in total.items():
-        sign, wave = kind(argument).as_coeff_Mul()
-        found[wave] += sign * c
+    for a, c in total.items():
+        for formula, factor in ((sympy.cos(a), sympy.re(c)), (sympy.sin(a), -sympy.im(c))):
+            sign, wave = formula.as_coeff_Mul()
+            found[wave] += sign * factor
     return {wave: c for wave, c in found.items() if c}
 
 

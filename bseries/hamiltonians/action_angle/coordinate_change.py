@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,8 @@ import numpy as np
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.fields.symbolic.sparse_polynomials import TooLarge
+from bseries.fields.symbolic.polynomials import TooLarge
+from bseries.hamiltonians.action_angle.newton import newton
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
@@ -23,68 +24,6 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     import numpy as np
     import sympy
-
-
-MOST_STEPS = 50
-CONVERGED = 1e-10
-"""An iteration with smaller steps has converged; it continues until steps no longer decrease."""
-
-
-class CoordinateMaps:
-    """The map ψ and its inverse for arrays (variables,) or (variables, n).
-
-    Args:
-        formulas: The formulas of ψ.
-        symbols: The variables z.
-        brackets: The matrix Ω⁻¹ of brackets of the new variables.
-        inverse: The inverse Ω of the matrix of brackets of the old variables.
-    """
-
-    def __init__(
-        self,
-        formulas: Iterable[sympy.Expr],
-        symbols: Sequence[sympy.Symbol],
-        brackets: Sequence[Sequence[int]],
-        inverse: Sequence[Sequence[int]],
-    ):
-        import sympy
-
-        self._size = len(symbols)
-        self._brackets, self._inverse = np.array(brackets, float), np.array(inverse, float)
-        rows = list(formulas)
-        derivatives = [row.diff(symbol) for row in rows for symbol in symbols]
-        self._psi, self._derivatives = (
-            sympy.lambdify(symbols, entries, "numpy", cse=True, dummify=True) for entries in (rows, derivatives)
-        )
-
-    def to_old(self, z: Any) -> np.ndarray:
-        """Evaluate ψ(z)."""
-        states, shape = read_states(z, self._size)
-        return self._value(self._psi, states.T).reshape(shape)
-
-    def to_new(self, y: Any, near: Any) -> np.ndarray:
-        """Solve ψ(z) = y by Newton's method, from one initial guess for all points or one for each."""
-        states, shape = read_states(y, self._size)
-        guesses, _ = read_states(near, self._size)
-        if len(guesses) not in (1, len(states)):
-            raise SeriesError(f"near must be one point or {len(states)}, but was {len(guesses)}")
-        wanted = states.T
-        z = np.broadcast_to(guesses.T, wanted.shape).copy()
-        moved = np.inf
-        for _ in range(MOST_STEPS):
-            jacobian = self._value(self._derivatives, z).reshape(self._size, *z.shape)
-            residual = self._value(self._psi, z) - wanted
-            # The inverse of the symplectic matrix ψ' is Ω⁻¹ ψ'ᵀ Ω.
-            step = np.einsum("ij,kjn,kl,ln->in", self._brackets, jacobian, self._inverse, residual)
-            z -= step
-            last, moved = moved, float(np.max(np.abs(step) / (1 + np.abs(z)), initial=0.0))
-            if moved == 0 or moved >= last < CONVERGED:
-                return z.reshape(shape)
-        raise SeriesError("near must be closer to the solution, but from there Newton's method did not converge")
-
-    def _value(self, function: Any, z: np.ndarray) -> np.ndarray:
-        with np.errstate(all="ignore"):
-            return np.array([np.broadcast_to(entry, z.shape[1:]) for entry in function(*z)], float)
 
 
 class CoordinateChange(ImmutableValue):
@@ -299,7 +238,8 @@ class CoordinateChange(ImmutableValue):
         Raises:
             SeriesError: `z` has the wrong shape, or a parameter is a symbol.
         """
-        return self._maps.to_old(z)
+        states, shape = read_states(z, len(self.symbols))
+        return self._evaluated(states)[0].T.reshape(shape)
 
     def to_new(self, y: Any, near: Any) -> np.ndarray:
         """Solve ψ(z) = y by Newton's method.
@@ -312,18 +252,41 @@ class CoordinateChange(ImmutableValue):
             SeriesError: An argument has the wrong shape, or the iteration does not converge.
         """
         self.check()
-        z = self._maps.to_new(y, near)
+        states, shape = read_states(y, len(self.symbols))
+        guesses, _ = read_states(near, len(self.symbols))
+        if len(guesses) not in (1, len(states)):
+            raise SeriesError(f"near must be one point or {len(states)}, but was {len(guesses)}")
+
+        def equations(z: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, jacobian = self._evaluated(z)
+            return value - states[k], jacobian
+
+        z = newton(equations, np.broadcast_to(guesses, states.shape)).T
+        if not np.isfinite(z).all():
+            raise SeriesError("near must be closer to the solution, but from there Newton's method did not converge")
         for name, row in zip(names_of(self.new), z, strict=True):
             if name in self.positive and not (row > 0).all():
                 raise SeriesError(f"near must be closer to the solution, but from there {name} was not positive")
-        return z
+        return z.reshape(shape)
+
+    def _evaluated(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """ψ and the matrix ψ' at each row."""
+        size = len(self.symbols)
+        with np.errstate(all="ignore"):
+            columns = [np.broadcast_to(column, len(z)) for column in self._functions(*z.T)]
+        values = np.array(columns, float).T
+        return values[:, :size], values[:, size:].reshape(-1, size, size)
 
     @cached_property
-    def _maps(self) -> CoordinateMaps:
+    def _functions(self) -> Callable[..., list[Any]]:
+        """The entries of ψ and, row by row, of ψ' as functions of NumPy's arrays."""
+        import sympy
+
         if self.parameters:
             raise SeriesError(f"parameters must be numbers, but {self.parameters[0]} is a symbol: see with_parameters")
-        inverse = [[-x for x in row] for row in poisson_matrix(self.old)]
-        return CoordinateMaps(self.formulas.values(), self.symbols, poisson_matrix(self.new), inverse)
+        rows = list(self.formulas.values())
+        derivatives = [row.diff(symbol) for row in rows for symbol in self.symbols]
+        return sympy.lambdify(self.symbols, rows + derivatives, "numpy", cse=True, dummify=True)
 
 
 MOST_MONOMIALS = 10_000

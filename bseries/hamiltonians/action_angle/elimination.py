@@ -19,7 +19,7 @@ from functools import cache
 from typing import NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import Element
+from bseries.fields.symbolic.polynomials import Element
 from bseries.hamiltonians.action_angle.fourier import FourierPolynomial, FourierRing, Mode
 
 Exponents: TypeAlias = tuple[int, ...]
@@ -95,7 +95,7 @@ class Elimination:
 
     def _denominator(self, k: Exponents) -> Element:
         """The denominator k·ω(b)."""
-        return self.fourier.coefficients.sum(zip(k, self._frequencies, strict=True))
+        return self.fourier.coefficients.dot(zip(k, self._frequencies, strict=True))
 
     def _find_reciprocal(self, k: Exponents) -> Element | None:
         """1/(k·ω(b)); None for a resonance."""

@@ -13,8 +13,8 @@ from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing, Element
-from bseries.fields.symbolic.sparse_polynomials import exponents
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
 
 if TYPE_CHECKING:
     import sympy
@@ -133,7 +133,7 @@ class FourierRing:
         for factor, f in parts:
             for mode, x in f.items():
                 gathered[mode].append((factor, x))
-        return self._clean({mode: self.coefficients.sum(summands) for mode, summands in gathered.items()})
+        return self._clean({mode: self.coefficients.dot(summands) for mode, summands in gathered.items()})
 
     def dot(self, pairs: Iterable[tuple[FourierPolynomial, FourierPolynomial]]) -> FourierPolynomial:
         """A sum of products."""
@@ -144,7 +144,7 @@ class FourierRing:
                     xy = x * y
                     for factor, mode in _superposition(left, right):
                         gathered[mode].append((factor, xy))
-        return self._clean({mode: self.coefficients.sum(summands) for mode, summands in gathered.items()})
+        return self._clean({mode: self.coefficients.dot(summands) for mode, summands in gathered.items()})
 
     def _product(self, factors: Iterable[FourierPolynomial]) -> FourierPolynomial:
         result: FourierPolynomial = {self.constant: self.coefficients.coerce(1)}
@@ -176,8 +176,7 @@ class FourierRing:
         import mpmath
         import sympy
 
-        monomials = [(number, list(exponents(monomial))) for monomial, number in x.terms.items()]
-        used = sorted({k for _, powers in monomials for k, _ in powers})
+        used = x.generators
         formulas = [self.coefficients.generators[k] for k in used]
         symbols = sorted(set().union(*(formula.free_symbols for formula in formulas)), key=str)
         with mpmath.workdps(DIGITS + 20):
@@ -189,7 +188,7 @@ class FourierRing:
                 return False
             summands = [
                 mpmath.mpf(number.numerator) / number.denominator * mpmath.fprod(values[k] ** n for k, n in powers)
-                for number, powers in monomials
+                for powers, number in x.terms.items()
             ]
             return bool(abs(mpmath.fsum(summands)) <= mpmath.fsum(map(abs, summands)) * mpmath.mpf(10) ** -DIGITS)
 
@@ -201,7 +200,7 @@ class FourierRing:
         value: Any = ring.to_expression(x)
         if value.is_number:
             return ring.element(sympy.radsimp(1 / value))
-        return Element(ring, ring.polynomials.raised(x.terms, Fraction(-1)))
+        return ring.raised(x, Fraction(-1))
 
 
 def _canonical(k: tuple[int, ...], is_sine: bool) -> Iterator[tuple[int, Mode]]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, in_threads, read_states, read_step, read_symbolic_step
-from bseries.fields.symbolic.sparse_polynomials import TooLarge
+from bseries.fields.symbolic.polynomials import TooLarge
 from bseries.hamiltonians.action_angle.coordinate_change import read_pair
 from bseries.hamiltonians.action_angle.elimination import Elimination
 from bseries.hamiltonians.action_angle.fourier import FourierRing
 from integrators.core.arguments import items
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
 from integrators.scenes.particles.expansion import filled
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
+    from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
     from integrators.scenes.model.blocks import Block
 
 
@@ -171,23 +173,23 @@ class NormalForm:
         return self._mapped(True, y, eps, workers)
 
     @cached_property
-    def compiled(self) -> ModuleType:
-        """A module with compiled functions ``to_normal(y, eps, out)`` and ``from_normal(y, eps, out)``.
+    def _maps(self) -> NormalFormMaps:
+        from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
 
-        Their arguments are contiguous arrays; results are nan where Newton's method does not converge.
-        """
-        from bseries.hamiltonians.action_angle.normal_form_maps import compiled_maps
-
-        return compiled_maps(self._elimination, self._blocks, self.parameter)
+        return NormalFormMaps(self._elimination)
 
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
         import numpy as np
 
-        from bseries.hamiltonians.action_angle.normal_form_maps import map_states
-
         states, shape = read_states(y, self.scene.dimension)
-        value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self.compiled
-        in_threads(lambda k: map_states(maps, is_back, states[k], value, out[k]), len(states), workers)
+        value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self._maps
+        actions, angles = (slice(block.offset, block.end) for block in self._blocks)
+
+        def work(rows: slice) -> None:
+            given = states[rows, actions], states[rows, angles]
+            out[rows, actions], out[rows, angles] = maps.images(is_back, *given, value)
+
+        in_threads(work, len(states), workers)
         failed = np.flatnonzero(~np.isfinite(out).all(axis=1))
         if failed.size:
             raise SeriesError(
@@ -242,7 +244,7 @@ MOST_MONOMIALS = 100_000
 
 
 def lindstedt_poincare(
-    scene: Scene,
+    scene: Scene | str,
     order: int,
     *,
     parameter: str = "eps",
@@ -291,6 +293,7 @@ def lindstedt_poincare(
         HLW, section X.2; E. Hairer, lecture on long-time behaviour, section 7; for resonant modes F. G. Gustavson,
         Astron. J. 71 (1966) 670, doi:10.1086/110172.
     """
+    scene = as_scene(scene)
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise SeriesError(f"order must be a whole number ≥ 1, but was {order!r:.60}")
     blocks = _action_angle_blocks(scene)

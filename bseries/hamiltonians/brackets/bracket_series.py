@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import accumulate
 from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from bseries.algebra.presentation import latex_number, number_text
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power
 from bseries.scene_text import ENERGY, align, span
-from bseries.table import Column, Table, listed
+from foundation.numbers import latex_number, number_text
+from foundation.table import MOST_ROWS, Column, Table, listed, short_latex
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
@@ -24,7 +26,7 @@ BRACES, COMMUTATORS = "{}", "[]"
 
 
 class BracketSeries(Mapping[Bracket, Any]):
-    """Sum of right-nested brackets of the parts of a Hamiltonian; brackets with n letters have the factor h^(n−1).
+    """Sum of nested brackets of the parts of a Hamiltonian; brackets with n letters have the factor h^(n−1).
 
     As a mapping it contains a basis of all brackets up to the order, with exact coefficients; ``s["{T,{T,U}}"]`` and
     ``s["T", "T", "U"]`` are equal. For methods published as decimals, coefficients within their uncertainty are 0.
@@ -37,6 +39,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         label: The name of the method.
         domain: The smallest domain that contains the coefficients.
         digits: The significant digits of a method published as decimals.
+        basis: ``nested``: a word stands for the right-nested bracket; ``lyndon``: for the bracket of a Lyndon word.
 
     Example:
         >>> from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
@@ -59,6 +62,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         digits: int | None = None,
         errors: Mapping[Bracket, float] = MappingProxyType({}),
         fences: str = BRACES,
+        basis: str = "nested",
     ):
         self.parts = tuple(parts)
         self.kinetic = kinetic
@@ -67,9 +71,9 @@ class BracketSeries(Mapping[Bracket, Any]):
         self.digits = digits
         self._terms = tuple(map(dict, terms))
         self._values = {word: value for term in self._terms for word, value in term.items()}
-        self._words = {bracket_text(word, fences): word for word in self._values}
         self._errors = errors
         self._fences = fences
+        self.basis = basis
 
     @property
     def order(self) -> int:
@@ -84,6 +88,15 @@ class BracketSeries(Mapping[Bracket, Any]):
         """
         check_power(k, self.order - 1)
         return {word: value for word, value in self._terms[k].items() if value}
+
+    @cached_property
+    def _words(self) -> dict[str, Bracket]:
+        return {self._text(word): word for word in self._values}
+
+    def _text(self, word: Bracket, fences: Sequence[str] = ()) -> str:
+        if self.basis == "nested":
+            return bracket_text(word, fences or self._fences)
+        return lyndon_text(word, fences or self._fences, self.parts)
 
     def _word(self, bracket: object) -> Any:
         return self._words.get(bracket.replace(" ", "")) if isinstance(bracket, str) else bracket
@@ -117,9 +130,15 @@ class BracketSeries(Mapping[Bracket, Any]):
         return f"<BracketSeries{of}: {len(self)} brackets of {', '.join(self.parts)} to order {self.order}>"
 
     def __str__(self) -> str:
-        rows = (f"h^{k:<3} {self.term_text(k)}" for k in range(self.order) if self.term(k))
+        powers = self._short_powers()
+        rows = [f"h^{k:<3} {self.term_text(k)}" for k in powers if self.term(k)]
         title = self.label if self._fences == COMMUTATORS else f"modified Hamiltonian of {self.label}"
-        return "\n".join([title, *rows])
+        return "\n".join([title, *rows, *(["…"] if len(powers) < self.order else [])])
+
+    def _short_powers(self) -> range:
+        """The first powers of h, with at most `MOST_ROWS` brackets."""
+        counts = accumulate(len(self.term(k)) for k in range(self.order))
+        return range(sum(count <= MOST_ROWS for count in counts))
 
     def term_text(self, k: int) -> str:
         """The coefficient of h^k as text.
@@ -127,7 +146,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         Raises:
             SeriesError: The power is out of range.
         """
-        return _sum((self._number_text(word), bracket_text(word, self._fences)) for word in self.term(k))
+        return _sum((self._number_text(word), self._text(word)) for word in self.term(k))
 
     def _number_text(self, word: Bracket) -> str:
         return number_text(self._values[word], self._digits(word))
@@ -147,17 +166,19 @@ class BracketSeries(Mapping[Bracket, Any]):
         """
         left, right = ("\\" + fence if fence in BRACES else fence for fence in self._fences)
         return _sum(
-            (latex_number(x, self._digits(word)), bracket_text(word, (left, right))) for word, x in self.term(k).items()
+            (latex_number(x, self._digits(word)), self._text(word, (left, right))) for word, x in self.term(k).items()
         )
 
-    def to_latex(self) -> str:
-        """The sum as LaTeX."""
-        terms = [(k, self.term_latex(k)) for k in range(self.order) if self.term(k)]
-        powers = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
-        return " + ".join(f"{powers[k]} \\left({text}\\right)" if k else text for k, text in terms) or "0"
+    def to_latex(self, powers: Sequence[int] | None = None) -> str:
+        """The sum as LaTeX; by default all powers of h."""
+        shown = range(self.order) if powers is None else powers
+        terms = [(k, self.term_latex(k)) for k in shown if self.term(k)]
+        steps = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
+        return " + ".join(f"{steps[k]} \\left({text}\\right)" if k else text for k, text in terms) or "0"
 
-    def _repr_latex_(self) -> str:
-        return f"$\\displaystyle {self.to_latex()}$"
+    def _repr_latex_(self) -> str | None:
+        powers = self._short_powers()
+        return short_latex(self.to_latex(powers) + (" + \\cdots" if len(powers) < self.order else ""))
 
     def to_dict(self) -> dict[str, Any]:
         """The sum as plain data."""
@@ -172,10 +193,12 @@ class BracketSeries(Mapping[Bracket, Any]):
         }
         if self.digits is not None:
             data["digits"] = self.digits
+        if self.basis != "nested":
+            data["basis"] = self.basis
         data["terms"] = [
             {
                 "power": k,
-                "bracket": bracket_text(word, self._fences),
+                "bracket": self._text(word),
                 "letters": list(word),
                 "coefficient": self._number_text(word),
             }
@@ -222,6 +245,20 @@ def bracket_text(word: Sequence[str], fences: Sequence[str] = BRACES) -> str:
     return opening + word[-1] + right * (len(word) - 1)
 
 
+def lyndon_text(word: Sequence[str], fences: Sequence[str], letters: Sequence[str]) -> str:
+    """The bracket [P_u, P_v] of a Lyndon word uv, where v is its smallest proper suffix, as text.
+
+    Example:
+        >>> lyndon_text("AABB", "[]", "AB")
+        '[A,[[A,B],B]]'
+    """
+    if len(word) == 1:
+        return word[0]
+    cut = min(range(1, len(word)), key=lambda start: [letters.index(x) for x in word[start:]])
+    left, right = (lyndon_text(part, fences, letters) for part in (word[:cut], word[cut:]))
+    return f"{fences[0]}{left},{right}{fences[1]}"
+
+
 def _sum(terms: Any) -> str:
     """A sum of numbers times brackets, as text."""
     text = ""
@@ -254,8 +291,8 @@ def _notes(brackets: BracketSeries, issues: Sequence[str], *, nonzero: bool) -> 
             "brackets that vanish are left out."
         )
     if brackets.digits is not None:
-        yield f"The method is published as decimals with {brackets.digits} digits: numbers show what these tell."
+        yield f"The method is published as decimals with {brackets.digits} digits, and so are these numbers."
     if nonzero:
-        yield "What is zero is left out."
+        yield "Zero terms are left out."
     for issue in issues:
-        yield f"Beware: {issue}."
+        yield f"Warning: {issue}."

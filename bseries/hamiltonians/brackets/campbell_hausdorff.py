@@ -15,30 +15,29 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.flow_chains import FlowChain
 from bseries.algebra.modified import series
-from bseries.algebra.stages import auxiliary_colors, check_method, inputs_of, own_trees
-from bseries.analysis.conjugation import field_elements
-from bseries.analysis.order import trusted
-from bseries.analysis.structure_conditions import SEPARABLE
-from bseries.analysis.verdicts import failing, fields_of
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
+from bseries.analysis.order import field_elements, fields_of, trusted
+from bseries.analysis.structure_conditions import SEPARABLE, failing
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries
 from bseries.hamiltonians.brackets.lie_algebra import TALL, LieAlgebra, lie_algebra
+from bseries.hamiltonians.brackets.lyndon_basis import MOST_LETTERS, bch_terms
+from integrators.methods.catalogue.registry import as_method
 from integrators.methods.kinds.splitting import Splitting
-from integrators.methods.program.program_method import read_parts
+from integrators.methods.programs.builder import read_parts
 from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
 from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from trees.table import TreeTable
 
 
 def bracket_hamiltonian(
-    method: Method | BSeries, order: int | None = None, *, quadratic_kinetic: bool | str | None = None
+    method: Method | BSeries | str, order: int | None = None, *, quadratic_kinetic: bool | str | None = None
 ) -> BracketSeries:
     """The modified Hamiltonian of a splitting method as a sum of nested brackets, for all Hamiltonians.
 
@@ -73,6 +72,7 @@ def bracket_hamiltonian(
         HLW, sections III.4.2 and IX.9; E. Hairer, lecture on long-time behaviour, example 6;
         R. I. McLachlan, B. Ryland, J. Math. Phys. 44 (2003) 3071–3087, doi:10.1063/1.1576904.
     """
+    method = as_method(method)
     if isinstance(method, BSeries):
         if quadratic_kinetic is not None:
             raise SeriesError(f"quadratic_kinetic must be None for a series, but was {quadratic_kinetic!r:.60}")
@@ -81,25 +81,29 @@ def bracket_hamiltonian(
         return _in_brackets(fields_of(method, order), method.names, label)
     _check_parts(check_method(method).names, method.name)
     if quadratic_kinetic is None:
-        kinetic = kinetic_of(own_trees(method), len(method.names))
+        kinetic = kinetic_of(method.max_children, len(method.names))
     else:
         kinetic = read_kinetic(quadratic_kinetic, method.names)
     return in_brackets(method, order, kinetic)
 
 
-def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = False) -> BracketSeries:
+def bch(
+    order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = False, basis: str = "nested"
+) -> BracketSeries:
     """The Baker–Campbell–Hausdorff series log(exp A exp B) in commutators.
 
     Args:
-        order: Largest number of letters.
+        order: Largest number of letters: about 12 for two letters, and 20 in the Lyndon basis.
         names: Two or more letters; log(exp A exp B exp C) for three.
         symmetric: Whether to compute log(exp(A/2) exp B exp(A/2)), or log(exp(A/2) exp(B/2) exp C …) for more letters.
+        basis: ``nested`` for right-nested commutators; ``lyndon`` for the brackets of Lyndon words in two letters: the
+            word uv with its longest proper Lyndon suffix v stands for [P_u, P_v].
 
     Returns:
         The sum, in a basis of commutators.
 
     Raises:
-        SeriesError: The order is too large.
+        SeriesError: The order is too large, or the basis is unknown or not available for so many letters.
         IntegratorError: `names` are not at least two different names.
         TreeError: The order is not a whole number ≥ 1.
 
@@ -110,9 +114,12 @@ def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = Fals
         h^1   1/2 [A,B]
         h^2   1/12 [A,[A,B]] + 1/12 [B,[B,A]]
         h^3   -1/24 [B,[A,[A,B]]]
+        >>> print(bch(4, basis="lyndon").term_text(3))
+        1/24 [A,[[A,B],B]]
 
     References:
-        HLW, sections III.4.2 (formula (4.11)) and III.4.3 (symmetric).
+        HLW, sections III.4.2 (formula (4.11)) and III.4.3 (symmetric); F. Casas, A. Murua, J. Math. Phys. 50 (2009)
+        033513, doi:10.1063/1.3078418, and H. Hofstätter, arXiv:2102.06570 (Lyndon basis).
     """
     *others, last = read_parts(names)
     if symmetric:
@@ -121,8 +128,15 @@ def bch(order: int, names: Sequence[str] = ("A", "B"), *, symmetric: bool = Fals
     else:
         flows = [(last, "1"), *((name, "1") for name in reversed(others))]  # the last factor acts first
     factors = (f"exp {name}" if x == "1" else f"exp({name}/2)" for name, x in reversed(flows))
-    splitting = Splitting(flows, parts=names, name=f"log({' '.join(factors)})")
-    return in_brackets(splitting, order, None, fences=COMMUTATORS)
+    label = f"log({' '.join(factors)})"
+    if basis == "nested":
+        return in_brackets(Splitting(flows, parts=names, name=label), order, None, fences=COMMUTATORS)
+    if basis != "lyndon" or len(names) != 2:
+        raise SeriesError(f"basis must be nested, or lyndon for two letters, but was {basis!r:.60} for {len(names)}")
+    if check_order(order) > MOST_LETTERS:
+        raise SeriesError(f"order must be at most {MOST_LETTERS} in the Lyndon basis, but was {order}")
+    terms = bch_terms(order, names, symmetric=symmetric)
+    return BracketSeries(names, terms, label=label, fences=COMMUTATORS, basis=basis)
 
 
 def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown: Any) -> BracketSeries:
@@ -205,7 +219,7 @@ def bracket_table(method: Method, order: int | None, kinetic: int | None) -> Tre
     brackets = sum(count_lyndon_words(min(check_order(order), 40), colors))
     if brackets > MOST_BRACKETS:
         raise SeriesError(f"order must be smaller: there are {brackets} brackets to order {order}")
-    own = own_trees(method)
+    own = method.max_children
     if kinetic is not None:
         bounds: Any = _nystrom_bounds(colors, kinetic)
     elif is_chain(method):

@@ -12,21 +12,20 @@ from functools import cache
 from itertools import chain
 from typing import TYPE_CHECKING, Any, cast
 
-from bseries.algebra.stages import check_method, own_trees
+from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.flint_rings import fastest
 from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
-from integrators.scenes.particles.degrees import Piece, degrees
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
-from integrators.scenes.particles.parts import check_kind, pieces_of
+from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
 
 if TYPE_CHECKING:
     import sympy
 
+    from bseries.fields.symbolic.polynomials import Element
     from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000
@@ -49,8 +48,8 @@ def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -
     if len(check_method(method).names) < 2:
         raise SeriesError(f"method must treat parts of the field differently, but {method.name} has one part only")
     pieces = pieces_of(method.names, scene, parts)
-    check_kind(method.name, own_trees(method), pieces, scene)
-    own = own_trees(method)
+    own = method.max_children
+    check_kind(method.name, own, pieces, scene)
     kinetic = kinetic_of(degrees(scene, pieces) if own is None else own, len(pieces))
     if kinetic is None and not is_chain(method):
         _check_separable(method.name, pieces, scene)
@@ -107,28 +106,22 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
     digits = None if brackets.digits is None else max(1, min(brackets.digits - 1, FLOAT_DIGITS))
     with refusing_large(MOST_MONOMIALS):
         ring = DifferentialRing(formulas, scene.symbols, digits=digits)
-        arithmetic = fastest(ring)
         backwards = {
-            name: [(i, arithmetic.load(-ring.element(entry))) for i, entry in enumerate(flow) if entry]
-            for name, flow in flows.items()
+            name: [(i, -ring.element(entry)) for i, entry in enumerate(flow) if entry] for name, flow in flows.items()
         }
 
         @cache
-        def nested(word: Bracket) -> Any:
+        def nested(word: Bracket) -> Element:
             if len(word) == 1:
-                return arithmetic.load(ring.element(energies[word[0]]))
+                return ring.element(energies[word[0]])
             inner = nested(word[1:])
-            return arithmetic.dot((arithmetic.derivative(inner, i), entry) for i, entry in backwards[word[0]])
+            return ring.dot((ring.derivative(inner, i), entry) for i, entry in backwards[word[0]])
 
         def term(k: int) -> sympy.Expr:
             terms = brackets.term(k).items()
             if k == 0 and all(x == 1 for _, x in terms):
                 return sympy.Add(*energies.values())  # without expansion
-            factors = [ring.coerce(x) if isinstance(x, Fraction) else ring.element(x) for _, x in terms]
-            total = arithmetic.dot(
-                (arithmetic.load(x), nested(word)) for x, (word, _) in zip(factors, terms, strict=True)
-            )
-            element = arithmetic.unload(total)
+            element = ring.dot((x if isinstance(x, Fraction) else ring.element(x), nested(word)) for word, x in terms)
             return ring.to_expression(element, simplify=element.size <= MOST_SIMPLIFIED)
 
         return tuple(map(term, range(brackets.order)))

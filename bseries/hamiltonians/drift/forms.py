@@ -11,6 +11,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.integration import antiderivative
 from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
 from bseries.hamiltonians.hamiltonian_verdict import hamiltonian_order
+from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
     import sympy
@@ -177,7 +178,7 @@ def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Exp
     return sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0)
 
 
-def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
+def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
     """∫ U‴ U′² dq over a period of the potential U of a scene H = T(p) + U(q) with one degree of freedom.
 
     With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′². In
@@ -205,6 +206,7 @@ def takahashi_imada_integral(scene: Scene) -> sympy.Expr:
     References:
         E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019.
     """
+    scene = as_scene(scene)
     potential, q = _potential(scene)
     period = common_period([potential], q)
     if period is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -25,11 +24,15 @@ from bseries.hamiltonians.drift.statistics import (
     rate_statistics,
 )
 from bseries.hamiltonians.from_trees import energy_trees
+from integrators.core.arguments import read_steps
+from integrators.exact.arguments import read_number, read_vector
+from integrators.methods.catalogue.registry import as_method
+from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 STEPS = 100_000
@@ -38,14 +41,14 @@ CHUNK = 8192
 REASONS = {
     LINEAR: "the mean of dH~/dt along the trajectory is not zero",
     SQUARE_ROOT: "the mean of dH~/dt along the trajectory is zero within its error, but its integral spreads",
-    UNDECIDED: "the trajectory is too short, or its energy is lost: dH~/dt does not have the same law all the time",
+    UNDECIDED: "the trajectory is too short, or its energy is lost: dH~/dt is not stationary",
     BOUNDED: "along the trajectory no drift is seen: the mean of dH~/dt is zero within its error",
 }
 
 
 def energy_drift(
-    method: Method | BSeries,
-    scene: Scene,
+    method: Method | BSeries | str,
+    scene: Scene | str,
     order: int | None = None,
     *,
     y0: Any = None,
@@ -81,8 +84,8 @@ def energy_drift(
         The report.
 
     Raises:
-        SeriesError: The scene has no Hamiltonian, or an argument does not fit.
-        IntegratorError: A step failed, or `y0` does not fit.
+        SeriesError: The scene has no Hamiltonian, or `h` is 0.
+        IntegratorError: A step failed, or `y0`, `h` or `steps` does not fit.
 
     Example:
         >>> import bseries as bs
@@ -97,14 +100,17 @@ def energy_drift(
         E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019;
         E. Faou, E. Hairer, T.-L. Pham, BIT 44 (2004) 699–709; E. Hairer, lecture on long-time behaviour, section 4.
     """
-    order_of_method, least_steps = _order_of(method), BLOCKS * 2**HALVINGS
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < least_steps:
-        raise SeriesError(f"steps must be a whole number from {least_steps} on, but was {steps!r:.60}")
+    method = as_method(method)
+    scene = as_scene(scene)
+    order_of_method, steps = _order_of(method), read_steps(steps, "steps", BLOCKS * 2**HALVINGS)
+    size = None if h is None else read_number(h, "h")
+    if size == 0:
+        raise SeriesError("h must be a number other than 0, but was 0")
     if order is None and not isinstance(method, BSeries):
         order = max(7, order_of_method + 3)
     r = Perturbation(method, scene, order, parts=parts)
     far = f"through h^{r.field.order - 1}"
-    report = DriftReport(r, _step_size(h), BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
+    report = DriftReport(r, size, BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
     least = order_of_method
     if scene.poisson is None:
         found = energy_trees(method, scene, r.field.order, parts).verdict
@@ -132,44 +138,25 @@ def _order_of(method: Method | BSeries) -> int:
     return next((tree.order - 1 for tree, value in method.items() if tree.order > 1 and value), method.order)
 
 
-def _step_size(h: Any) -> float | None:
-    if h is None:
-        return None
-    try:
-        size = float(h)
-    except (TypeError, ValueError, OverflowError):
-        size = 0.0
-    if isinstance(h, bool) or not 0 < abs(size) < math.inf:
-        raise SeriesError(f"h must be a number other than 0, but was {h!r:.60}")
-    return size
-
-
-def _state(scene: Scene, y0: Any) -> list[float]:
-    """A start as floats; that of the scene if it is None."""
-    if y0 is None:
-        return scene.y0.tolist()
-    import numpy as np
-
-    try:
-        start = np.array([float(x) for x in y0])
-    except (TypeError, ValueError, OverflowError):
-        start = np.array([])
-    if start.shape != (scene.dimension,) or not np.isfinite(start).all():
-        raise SeriesError(f"y0 must be {scene.dimension} finite numbers, but was {y0!r:.60}")
-    return start.tolist()
+def _start(scene: Scene, y0: Any) -> list[float] | None:
+    """A start as floats: `y0`, or that of the scene if it has one."""
+    if y0 is not None:
+        return read_vector(y0, "y0", scene.dimension).tolist()
+    return None if scene.start is None else scene.y0.tolist()
 
 
 def _gains(broken: Violation) -> str:
-    gains = (f"{turn.gain} h^{broken.power} with every forward turn of {turn.variable}" for turn in broken.turns)
+    gains = (f"{turn.gain} h^{broken.power} in every forward period of {turn.variable}" for turn in broken.turns)
     return " and ".join(gains)
 
 
 def _on_one_orbit(report: DriftReport, found: Iterable[Violation], order: int, y0: Any) -> DriftReport:
     """The verdict with one degree of freedom on the orbit through y0: the first nonzero mean rate."""
     r, last = report.perturbation, report.perturbation.field.order - 1
-    if y0 is None and r.scene.start is None:
+    start = _start(r.scene, y0)
+    if start is None:
         return report._replace(verdict=UNDECIDED, reason="the mean rate depends on the orbit: y0 must be given")
-    orbit, means = closed_orbit(r.scene, _state(r.scene, y0), angle_periods(r.scene)), list[tuple[int, Any]]()
+    orbit, means = closed_orbit(r.scene, start, angle_periods(r.scene)), list[tuple[int, Any]]()
     for broken in found:
         if not broken.is_closed:
             last = min(broken.power + order - 1, last)
@@ -181,7 +168,7 @@ def _on_one_orbit(report: DriftReport, found: Iterable[Violation], order: int, y
                 return report._replace(verdict=LINEAR, reason=reason, orbit=orbit, means=tuple(means))
     reason = f"the mean of dH~/dt along the orbit vanishes through h^{last}"
     if report.broken is not None and report.turns:
-        reason += f"; the energy gains {_gains(report.broken)}, but the orbit makes no such turn"
+        reason += f"; the energy gains {_gains(report.broken)}, but the orbit completes no period"
     return report._replace(reason=reason, orbit=orbit, means=tuple(means))
 
 
@@ -200,11 +187,12 @@ def _along_trajectory(
 ) -> DriftReport:
     """The verdict with several degrees of freedom, from the rates along a trajectory of the method."""
     r, h = report.perturbation, report.h
-    if (y0 is None and r.scene.start is None) or h is None or isinstance(method, BSeries):
+    start = _start(r.scene, y0)
+    if start is None or h is None or isinstance(method, BSeries):
         reason = "mean rates are taken along a trajectory: a method, a step size and a start must be given"
         return report._replace(verdict=UNDECIDED, reason=reason)
     powers = list(filter(r.has_terms, powers))
-    rates = _rates(r, powers, method, _state(r.scene, y0), h, steps, parts)
+    rates = _rates(r, powers, method, start, h, steps, parts)
     found: list[tuple[int, RateStatistics]] = []
     for k, row in zip(powers, rates, strict=True):
         found.append((k, rate_statistics(row, abs(h))))
@@ -226,7 +214,7 @@ def _rates(
 
     pieces = []
     for made in range(0, steps, CHUNK):
-        y = integrate(r.scene, method, h=h, steps=min(CHUNK, steps - made), y0=state, parts=parts).y
+        y = integrate(method, r.scene, h=h, steps=min(CHUNK, steps - made), y0=state, parts=parts).y
         pieces.append([r.rates(y[:, :-1], k) for k in powers])
         state = y[:, -1]
     return np.hstack(pieces)

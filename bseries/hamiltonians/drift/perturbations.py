@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.algebra.bseries import BSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing, Element
+    from bseries.fields.symbolic.differential_rings import DifferentialRing
+    from bseries.fields.symbolic.polynomials import Element
     from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
-from bseries.scene_text import latex_formula, place
-from bseries.table import Column, Table, as_html, latex_text
+from bseries.scene_text import place
+from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.errors import shorten
+from integrators.scenes.latex import latex_formula
 
 if TYPE_CHECKING:
     import sympy
@@ -123,38 +124,6 @@ class DriftReport(NamedTuple):
         power, diffusion = self.spread
         return abs(h) ** power * (2 * diffusion * abs(t)) ** 0.5
 
-    def __str__(self) -> str:
-        return "\n".join([f"{self._title}: {self.verdict}", f"  {self.reason}", *self._lines()])
-
-    @property
-    def _title(self) -> str:
-        r = self.perturbation
-        return f"{r.field.label} on {r.scene.title}, to h^{r.field.order - 1}"
-
-    def _lines(self) -> Iterator[str]:
-        r = self.perturbation
-        if self.breaks is not None:
-            names = r.field.series.names
-            yield f"  not Hamiltonian for every H: {self.breaks.text(names if len(names) > 1 else None)}"
-        if self.power is not None:
-            if r.twin is not None:
-                yield f"  symplectic but for a perturbation: {r.twin.name}"
-            if r.has_formulas:
-                yield f"  dH~/dt = h^{self.power} * {_short(self.rate)} + ..."
-        for turn in self.turns:
-            how = "" if turn.digits is None else f" (by quadrature, {turn.digits} digits)"
-            yield f"  gain of the energy in a turn of {turn.variable} by {turn.period}: {turn.gain} h^{self.power}{how}"
-        if self.orbit is not None:
-            yield f"  orbit through {list(self.orbit.y0)}: {self.orbit.kind}, period {float(self.orbit.period):.10g}"
-        for k, mean in self.means:
-            yield f"  mean of dH~/dt along it at h^{k}: {shown_number(mean)}"
-        for k, s in self.statistics:
-            yield f"  mean of dH~/dt at h^{k}, over t = {s.time:.6g}: {s.mean:.4g} ± {s.error:.2g}: {s.kind}"
-            yield f"  variance of its integral: 2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
-        if self.h is not None and self.drift is not None:
-            slope = shown_number(self.drift[1] * self.h ** self.drift[0], LEADING_DIGITS)
-            yield f"  predicted slope at h = {self.h:g}, to leading order: {slope}"
-
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data."""
         r = self.perturbation
@@ -193,14 +162,31 @@ class DriftReport(NamedTuple):
         Args:
             effects: Effects for the title; by default those that are on.
         """
-        return _table(self, effects)
+        field, scene = self.perturbation.field, self.perturbation.scene
 
-    _repr_html_ = as_html
+        def latex(fact: _Fact) -> str:
+            value = fact[1]
+            return latex_text(value) if isinstance(value, str) else f"${latex_formula(value, scene)}$"
 
+        def data() -> dict[str, Any]:
+            slope = _slope(self)
+            return self.to_dict() | ({} if slope is None else {"h": self.h, "slope": str(slope)})
 
-def _short(formula: Any) -> str:
-    text = f"({formula})"
-    return text if len(text) <= LONGEST_FORMULA else f"{text[:LONGEST_FORMULA]}..."
+        what, facts = Column("what"), list(_facts(self))
+        method = field.label.removeprefix("the modified equation of ")
+        return Table(
+            f"Energy of {place(method, scene, effects)}: {self.verdict}",
+            [what, Column("value", get=lambda fact: shorten(str(fact[1]), LONGEST_FORMULA), latex=latex)],
+            facts,
+            [f"Looked at through h^{field.order - 1}."],
+            data=data,
+            records=Table("", [what, Column("value")], facts),
+        )
+
+    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
+
+    def __repr__(self) -> str:
+        return f"<DriftReport of {self.perturbation.field.label}: {self.verdict}>"
 
 
 def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
@@ -211,29 +197,6 @@ def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
 _Fact = tuple[str, "str | sympy.Expr"]
 
 
-def _table(report: DriftReport, effects: Sequence[str] | None) -> Table:
-    field, scene = report.perturbation.field, report.perturbation.scene
-
-    def latex(fact: _Fact) -> str:
-        value = fact[1]
-        return latex_text(value) if isinstance(value, str) else f"${latex_formula(value, scene)}$"
-
-    def data() -> dict[str, Any]:
-        slope = _slope(report)
-        return report.to_dict() | ({} if slope is None else {"h": report.h, "slope": str(slope)})
-
-    what, facts = Column("what"), list(_facts(report))
-    method = field.label.removeprefix("the modified equation of ")
-    return Table(
-        f"Energy of {place(method, scene, effects)}: {report.verdict}",
-        [what, Column("value", get=lambda fact: shorten(str(fact[1]), LONGEST_FORMULA), latex=latex)],
-        facts,
-        [f"Looked at through h^{field.order - 1}."],
-        data=data,
-        records=Table("", [what, Column("value")], facts),
-    )
-
-
 def _facts(report: DriftReport) -> Iterator[_Fact]:
     """The rows of the table: text, or formulas."""
     yield "verdict", report.verdict
@@ -242,31 +205,27 @@ def _facts(report: DriftReport) -> Iterator[_Fact]:
         names = report.perturbation.field.series.names
         yield "not Hamiltonian for every H, by", report.breaks.text(names if len(names) > 1 else None)
     if report.power is not None:
-        yield from _break_facts(report)
+        yield "not Hamiltonian on this scene at", f"h^{report.power}"
+        if report.perturbation.twin is not None:
+            yield "but for a perturbation of", report.perturbation.twin.name
+        if report.perturbation.has_formulas and report.rate is not None:
+            yield f"dH~/dt at h^{report.power}", report.rate
+    for turn in report.turns:
+        how = "" if turn.digits is None else f", by quadrature to {turn.digits} digits"
+        yield f"gain of the energy at h^{report.power} in a period {turn.period} of {turn.variable}{how}", turn.gain
     if report.orbit is not None:
         yield f"orbit through {list(report.orbit.y0)}", f"{report.orbit.kind}, period {float(report.orbit.period):.10g}"
     for k, mean in report.means:
         yield f"mean of dH~/dt at h^{k}", shown_number(mean)
     for k, s in report.statistics:
         yield f"mean of dH~/dt at h^{k}", f"{s.mean:.4g} ± {s.error:.2g} over t = {s.time:.6g}: {s.kind}"
+        yield "variance of its integral over t", f"2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
     slope = _slope(report, LEADING_DIGITS)
     if slope is not None:
         yield f"leading slope of the energy at h = {report.h:g}", slope
     if report.h is not None and report.spread is not None:
         coefficient = shown_number(report.deviation(1.0), LEADING_DIGITS)
         yield f"deviation of the energy after t, h = {report.h:g}", f"{coefficient}*sqrt(t)"
-
-
-def _break_facts(report: DriftReport) -> Iterator[_Fact]:
-    """The terms that are not Hamiltonian on the scene."""
-    yield "not Hamiltonian on this scene at", f"h^{report.power}"
-    if report.perturbation.twin is not None:
-        yield "but for a perturbation of", report.perturbation.twin.name
-    if report.perturbation.has_formulas and report.rate is not None:
-        yield f"dH~/dt at h^{report.power}", report.rate
-    for turn in report.turns:
-        how = "" if turn.digits is None else f", by quadrature to {turn.digits} digits"
-        yield f"gain of the energy at h^{report.power} in a turn of {turn.variable} by {turn.period}{how}", turn.gain
 
 
 def _slope(report: DriftReport, digits: int = 10) -> str | sympy.Expr | None:

@@ -67,7 +67,7 @@ def _reasons(node: ast.AST, local: set[str]) -> Iterator[str]:
         if node.keywords or any(isinstance(x, ast.Starred) for x in node.args):
             yield "has more than positional arguments"
         if not isinstance(node.func, ast.Name) or node.func.id in local:
-            yield "calls what is no function of the module"
+            yield "calls a name that is no function of the module"
     if isinstance(node, ast.Compare) and len(node.ops) > 1:
         yield "compares more than two"
 
@@ -80,12 +80,7 @@ class Value(NamedTuple):
 
 
 class Target:
-    """Functions that generated functions call, each looked up once for the types of its arguments.
-
-    Args:
-        context: Numba's target.
-        typing: Numba's signatures.
-    """
+    """Functions that generated functions call, each looked up once for the types of its arguments."""
 
     def __init__(self, context: Any, typing: Any):
         self.context, self.typing = context, typing
@@ -110,11 +105,6 @@ class Expressions(ast.NodeVisitor):
 
     Names are variables in memory, which LLVM moves to registers. Each keeps the type of its first value, except that
     it may change between a pointer and a number.
-
-    Args:
-        target: The functions that may be called.
-        made: The function in LLVM.
-        function: The function in Python.
     """
 
     def __init__(self, target: Target, made: Any, function: Any):

@@ -26,14 +26,7 @@ MOST_STACK = 8192
 
 
 class Statements(Expressions):
-    """Writes the body of a function.
-
-    Args:
-        target: The functions that may be called.
-        made: The function in LLVM.
-        function: The function in Python.
-        result: The type of its result.
-    """
+    """Writes the body of a function."""
 
     def __init__(self, target: Target, made: Any, function: Any, result: Any):
         super().__init__(target, made, function)
@@ -176,13 +169,7 @@ class Statements(Expressions):
 
 
 class Unit(Target):
-    """Functions in one LLVM module.
-
-    Args:
-        context: Numba's target.
-        typing: Numba's signatures.
-        module: The LLVM module.
-    """
+    """Functions in one LLVM module."""
 
     def __init__(self, context: Any, typing: Any, module: Any):
         super().__init__(context, typing)
@@ -194,10 +181,7 @@ class Unit(Target):
     def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
         """The LLVM function of a Python function, and the type of its result.
 
-        Args:
-            function: The function, whose source must be available.
-            arguments: The types of its arguments.
-            result: The type of its result; by default a double, or none if it returns nothing.
+        The result is by default a double, or none if the function returns nothing; its source must be available.
         """
         key = function, arguments, result
         if key not in self._functions:

@@ -42,10 +42,6 @@ class UnsuitedError(Exception):
 class VectorExpressions(ast.NodeVisitor):
     """Writes the expressions in the body of a loop, as vectors of doubles or integers.
 
-    Args:
-        scalars: The writer of expressions that do not depend on the counter.
-        node: The loop.
-
     Attributes:
         vectors: The local variables of the loop.
         first, width: The counter of the first lane, and the number of lanes.

@@ -6,16 +6,14 @@ is symplectic (Hairer, Lubich, Wanner, Geometric Numerical Integration, Theorem 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
-from integrators.methods.catalogue.collocation import gauss, lobatto_iiia, lobatto_iiib
-from integrators.methods.catalogue.entry import MethodEntry
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.catalogue.implicit import gauss, lobatto_iiia, lobatto_iiib
+from integrators.methods.catalogue.registry import MethodEntry
+from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), §II.2 and §VI.3–VI.4, doi:10.1007/3-540-30666-8"
 VERLET = (
@@ -27,105 +25,38 @@ SUN = (
 )
 
 
-def _fixed(matrix: list[list[str]], weights: list[str]) -> Callable[..., RungeKutta]:
-    """Builder of one part from its tableau."""
-
-    def build(*, name: str, reference: str) -> RungeKutta:
-        from integrators.methods.tableaux.runge_kutta import RungeKutta
-
-        return RungeKutta(matrix, weights, name=name, reference=reference)
-
-    return build
+def _pair(p: Callable[..., RungeKutta], q: Callable[..., RungeKutta], **labels: Any) -> PartitionedRungeKutta:
+    """The pair of methods of two builders; families have ``stages`` among the labels."""
+    parts = {key: build(**labels | {"name": f"{labels['name']}, {key}"}) for key, build in (("p", p), ("q", q))}
+    return PartitionedRungeKutta(parts, name=labels["name"], reference=labels["reference"])
 
 
-def _pair(p: Callable[..., RungeKutta], q: Callable[..., RungeKutta]) -> Callable[..., PartitionedRungeKutta]:
-    """Builder of a pair from the builders of its parts; ``stages`` is passed to families."""
-
-    def build(*, name: str, reference: str, **stages: int) -> PartitionedRungeKutta:
-        from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
-
-        parts = {
-            part: build_part(name=f"{name}, {part}", reference=reference, **stages)
-            for part, build_part in (("p", p), ("q", q))
-        }
-        return PartitionedRungeKutta(parts, name=name, reference=reference)
-
-    return build
-
-
-EXPLICIT_EULER = _fixed([["0"]], ["1"])
-IMPLICIT_EULER = _fixed([["1"]], ["1"])
+EXPLICIT_EULER = partial(RungeKutta, [["0"]], ["1"])
+IMPLICIT_EULER = partial(RungeKutta, [["1"]], ["1"])
 # Both stages of the half-step part are at the midpoint; the stages of the other part are at the two end points.
-HALF_STEP = _fixed([["1/2", "0"], ["1/2", "0"]], ["1/2", "1/2"])
-END_POINTS = _fixed([["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"])
+HALF_STEP = partial(RungeKutta, [["1/2", "0"], ["1/2", "0"]], ["1/2", "1/2"])
+END_POINTS = partial(RungeKutta, [["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"])
 
 METHODS = (
-    MethodEntry(
-        "symplectic-euler-p",
-        "partitioned",
-        1,
-        1,
-        "implicit in p: p1 = p0 - h H_q(p1, q0), q1 = q0 + h H_p(p1, q0)",
-        HLW,
-        _pair(IMPLICIT_EULER, EXPLICIT_EULER),
-    ),
-    MethodEntry(
-        "symplectic-euler-q",
-        "partitioned",
-        1,
-        1,
-        "implicit in q: p1 = p0 - h H_q(p0, q1), q1 = q0 + h H_p(p0, q1)",
-        HLW,
-        _pair(EXPLICIT_EULER, IMPLICIT_EULER),
-    ),
-    MethodEntry(
-        "stormer-verlet-kdk",
-        "partitioned",
-        2,
-        2,
-        "kick-drift-kick: half a step in p, a step in q, half a step in p; lobatto-iiia-iiib2",
-        VERLET,
-        _pair(HALF_STEP, END_POINTS),
-        ("stormer-verlet", "velocity-verlet", "leapfrog", "UTU"),
-    ),
-    MethodEntry(
-        "stormer-verlet-dkd",
-        "partitioned",
-        2,
-        2,
-        "drift-kick-drift: half a step in q, a step in p, half a step in q; lobatto-iiib-iiia2",
-        VERLET,
-        _pair(END_POINTS, HALF_STEP),
-        ("position-verlet", "TUT"),
-    ),
-    MethodEntry(
-        "lobatto-iiia-iiib",
-        "partitioned",
-        None,
-        "2s-2",
-        "q by Lobatto IIIA and p by Lobatto IIIB, so that two stages are stormer-verlet-kdk",
-        SUN,
-        _pair(lobatto_iiib, lobatto_iiia),
-        least_stages=2,
-    ),
-    MethodEntry(
-        "lobatto-iiib-iiia",
-        "partitioned",
-        None,
-        "2s-2",
-        "q by Lobatto IIIB and p by Lobatto IIIA, so that two stages are stormer-verlet-dkd",
-        SUN,
-        _pair(lobatto_iiia, lobatto_iiib),
-        least_stages=2,
-    ),
-    MethodEntry(
-        "gauss-gauss",
-        "partitioned",
-        None,
-        "2s",
-        "p and q by the same Gauss method, which is its own symplectic conjugate",
-        HLW,
-        _pair(gauss, gauss),
-        aliases=("partitioned-gauss", "gauss-pair"),
-    ),
-)
+    MethodEntry("symplectic-euler-p", "partitioned", 1, 1,
+        "implicit in p: p1 = p0 - h H_q(p1, q0), q1 = q0 + h H_p(p1, q0)", HLW,
+        partial(_pair, IMPLICIT_EULER, EXPLICIT_EULER)),
+    MethodEntry("symplectic-euler-q", "partitioned", 1, 1,
+        "implicit in q: p1 = p0 - h H_q(p0, q1), q1 = q0 + h H_p(p0, q1)", HLW,
+        partial(_pair, EXPLICIT_EULER, IMPLICIT_EULER)),
+    MethodEntry("stormer-verlet-kdk", "partitioned", 2, 2,
+        "kick-drift-kick: half a step in p, a step in q, half a step in p; lobatto-iiia-iiib2", VERLET,
+        partial(_pair, HALF_STEP, END_POINTS), ("stormer-verlet", "velocity-verlet", "leapfrog", "UTU")),
+    MethodEntry("stormer-verlet-dkd", "partitioned", 2, 2,
+        "drift-kick-drift: half a step in q, a step in p, half a step in q; lobatto-iiib-iiia2", VERLET,
+        partial(_pair, END_POINTS, HALF_STEP), ("position-verlet", "TUT")),
+    MethodEntry("lobatto-iiia-iiib", "partitioned", None, "2s-2",
+        "q by Lobatto IIIA and p by Lobatto IIIB, so that two stages are stormer-verlet-kdk", SUN,
+        partial(_pair, lobatto_iiib, lobatto_iiia), least_stages=2),
+    MethodEntry("lobatto-iiib-iiia", "partitioned", None, "2s-2",
+        "q by Lobatto IIIB and p by Lobatto IIIA, so that two stages are stormer-verlet-dkd", SUN,
+        partial(_pair, lobatto_iiia, lobatto_iiib), least_stages=2),
+    MethodEntry("gauss-gauss", "partitioned", None, "2s",
+        "p and q by the same Gauss method, which is its own symplectic conjugate", HLW, partial(_pair, gauss, gauss),
+        aliases=("partitioned-gauss", "gauss-pair")),
+)  # fmt: skip

@@ -1,36 +1,176 @@
-"""Methods by name, with aliases, numbers of stages and parameters. Files of this folder declare methods in METHODS."""
+"""Methods by name, with aliases, numbers of stages and parameters.
+
+Files of this folder declare methods in METHODS; other distributions add theirs as entry points of `GROUP`.
+"""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from integrators.core.catalogues import declared_entries, index_by_name, spelling
+from foundation.table import Column, Table, Tabular, listed
+from integrators.core.catalogues import declared_entries, index_by_name, plug_in_entries, spelling
 from integrators.core.errors import IntegratorError
-from integrators.methods.catalogue.entry import KINDS, MethodEntry
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Method
+    from collections.abc import Callable, Sequence
 
-ENTRIES: tuple[MethodEntry, ...] = tuple(
-    sorted(declared_entries(__package__ or "", "METHODS"), key=lambda entry: KINDS.index(entry.kind))
+    from integrators.methods.programs.program import Method
+
+T = TypeVar("T")
+
+
+TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned")
+PROGRAM_KINDS = (
+    *("continuous stage", "nystrom", "force gradient", "nystrom splitting", "splitting"),
+    *("two-derivative", "additive", "exponential", "rosenbrock", "w-method"),
 )
+KINDS = (*TABLEAU_KINDS, *PROGRAM_KINDS)
+"""All kinds, in the order of the catalogue."""
+GROUP = "bseries.methods"
+"""The group of entry points by which other distributions add methods."""
+METHOD_FIELDS = ("name", "kind", "stages", "order", "description", "aliases", "parameters", "reference")
+"""The fields of an entry in JSON and CSV."""
+
+
+class MethodEntry(NamedTuple):
+    """A method or a family of methods before it is built.
+
+    A sequence of entries is what another distribution names as an entry point ``bseries.methods``.
+
+    Attributes:
+        name: The name; a family's name is followed by its number of stages.
+        kind: One of `KINDS`.
+        stages: The number of stages; None for a family, whose name is followed by this number.
+        order: The order claimed by the source; for a family its formula, such as ``"2s-1"``.
+        description: One line about the method.
+        reference: The source.
+        build: Builds the method from ``name`` and ``reference``, and from ``stages`` (families) and the parameters.
+        aliases: Other names of the method.
+        parameters: Names of its free parameters.
+        least_stages: The smallest number of stages of a family.
+        options: Names of parameters with a customary value.
+
+    Example:
+        >>> from functools import partial
+        >>> from integrators import RungeKutta
+        >>> build = partial(RungeKutta, [[0, 0], ["2/3", 0]], ["1/4", "3/4"])
+        >>> entry = MethodEntry("mine", "explicit", 2, 2, "two stages, order 2", "K. Heun, 1900", build)
+        >>> entry.is_tableau, entry.is_family, entry.build(name=entry.name, reference=entry.reference).c
+        (True, False, (Fraction(0, 1), Fraction(2, 3)))
+    """
+
+    name: str
+    kind: str
+    stages: int | None
+    order: int | str
+    description: str
+    reference: str
+    build: Callable[..., Method]
+    aliases: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    least_stages: int = 1
+    options: tuple[str, ...] = ()
+
+    @property
+    def is_tableau(self) -> bool:
+        """Whether the method is a `RungeKutta` or `PartitionedRungeKutta`."""
+        return self.kind in TABLEAU_KINDS
+
+    @property
+    def is_family(self) -> bool:
+        """Whether the number of stages follows the name, as in ``gauss3``."""
+        return self.stages is None
+
+
+def lower_rows(rows: Sequence[str], columns: int) -> list[list[str]]:
+    """The rows of a lower triangular matrix, padded with zeros; entries are separated by spaces."""
+    return [[*row.split(), *["0"] * (columns - len(row.split()))] for row in rows]
+
+
 MAX_STAGES = 50
 """The cost grows with the cube of the number of stages, and exact numbers have hundreds of digits."""
 _DIGITS = "0123456789"
 
 
-def catalogue() -> tuple[MethodEntry, ...]:
+class MethodCatalogue(Tabular, tuple["MethodEntry", ...]):
+    """The entries of the catalogue, shown as a table."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<MethodCatalogue: {len(self)} entries>"
+
+    def to_table(self) -> Table:
+        """Names, stages, orders and descriptions; records have sources too."""
+        fields: dict[str, Any] = {field: attrgetter(field) for field in METHOD_FIELDS}
+        fields |= {"name": _shown_name, "stages": lambda entry: entry.stages or "s"}
+
+        def data() -> dict[str, Any]:
+            records = [{field: get(entry) for field, get in fields.items()} for entry in self]
+            return {"schema": 1, "kind": "methods", "methods": records}
+
+        columns = (
+            Column("name", get=_shown_name),
+            Column("stages", True, _shown_stages),
+            Column("order", True, lambda entry: entry.order),
+            Column("description", get=_shown_description),
+        )
+        return Table(
+            "Methods",
+            columns,
+            self,
+            data=data,
+            items="methods",
+            section=lambda entry: entry.kind.upper(),
+            records=listed(fields.items(), self),
+            titled=False,
+        )
+
+
+def _shown_name(entry: MethodEntry) -> str:
+    return entry.name + "{s}" * entry.is_family
+
+
+def _shown_stages(entry: MethodEntry) -> object:
+    return entry.stages or (f"s ≥ {entry.least_stages}" if entry.least_stages > 1 else "s")
+
+
+def _shown_description(entry: MethodEntry) -> str:
+    lists = (("also", entry.aliases), ("parameters", entry.parameters))
+    return "\n".join([entry.description, *(f"{what}: {', '.join(names)}" for what, names in lists if names)])
+
+
+def catalogue() -> MethodCatalogue:
     """List the catalogue.
 
     Returns:
-        One entry for each method and each family of methods, none of them built.
+        A tuple with an entry for each method and each family of methods, none of them built.
 
     Example:
         >>> [entry.name for entry in catalogue() if entry.kind == "diagonally implicit"][:3]
         ['implicit-euler', 'implicit-midpoint', 'trapezoidal']
     """
-    return ENTRIES
+    return _entries()
+
+
+@cache
+def _entries() -> MethodCatalogue:
+    added = plug_in_entries(GROUP, MethodEntry, _built_in(), _check_entry)
+    return MethodCatalogue(sorted([*_declared(), *added], key=lambda entry: KINDS.index(entry.kind)))
+
+
+@cache
+def _declared() -> list[MethodEntry]:
+    return declared_entries(__package__ or "", "METHODS")  # these files import this one
+
+
+def _check_entry(entry: MethodEntry) -> None:
+    if entry.kind not in KINDS:
+        raise IntegratorError(f"kind of {entry.name} must be one of {', '.join(KINDS)}, but was {entry.kind!r:.60}")
+    if not callable(entry.build):
+        raise IntegratorError(f"build of {entry.name} must be a function, but was {entry.build!r:.60}")
 
 
 def method(name: str, /, **parameters: Any) -> Method:
@@ -70,6 +210,11 @@ def method(name: str, /, **parameters: Any) -> Method:
     return _build(entry, stages)
 
 
+def as_method(value: str | T) -> Method | T:
+    """The method of a name, or the value itself: arguments are methods, series, or names of methods."""
+    return method(value) if isinstance(value, str) else value
+
+
 @cache
 def _build(entry: MethodEntry, stages: int | None) -> Method:
     if stages is None:
@@ -79,7 +224,12 @@ def _build(entry: MethodEntry, stages: int | None) -> Method:
 
 @cache
 def _index() -> dict[str, tuple[MethodEntry, str]]:
-    return index_by_name(ENTRIES)
+    return index_by_name(_entries())
+
+
+@cache
+def _built_in() -> dict[str, tuple[MethodEntry, str]]:
+    return index_by_name(_declared())
 
 
 def _find(name: str) -> tuple[MethodEntry, int | None]:
@@ -87,13 +237,15 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
     if not isinstance(name, str):
         raise IntegratorError(f"name must be the name of a method, but was {name!r:.60}")
     key = spelling(name)
-    entry, _ = _index().get(key, (None, ""))
+    stem = key.rstrip(_DIGITS)
+    # The entry points of all distributions are read only for names that are not built in.
+    index = _built_in() if key in _built_in() or stem in _built_in() else _index()
+    entry, _ = index.get(key, (None, ""))
     if entry is not None:
         if entry.is_family:
             raise IntegratorError(f"{entry.name} needs a number of stages, for example {entry.name}3")
         return entry, None
-    stem = key.rstrip(_DIGITS)
-    family, _ = _index().get(stem, (None, ""))
+    family, _ = index.get(stem, (None, ""))
     if family is None or not family.is_family:
         raise IntegratorError(_miss(name, key))
     digits = key[len(stem) :].lstrip("0") or "0"
@@ -119,3 +271,54 @@ def _miss(name: str, key: str) -> str:
             near.setdefault(entry.name, alias + "{s}" * entry.is_family)
     hint = f"; the nearest are {', '.join(list(near.values())[:4])}" if near else ""
     return f"name must be a method of the catalogue, but was {name!r:.60}{hint}"
+
+
+RECOMMENDED = {
+    "splitting": {
+        4: "blanes-moan4",
+        6: "blanes-moan6",
+        8: "sofroniou-spaletta8",
+        10: "sofroniou-spaletta10",
+    },
+    "nystrom splitting": {4: "blanes-moan-rkn4", 6: "blanes-moan-rkn6", 8: "blanes-casas-rkn8"},
+    "composition": {
+        4: "suzuki4",
+        6: "sofroniou-spaletta6",
+        8: "sofroniou-spaletta8",
+        10: "sofroniou-spaletta10",
+    },
+}
+
+
+def recommended(order: int, kind: str = "splitting") -> str:
+    """The method of the catalogue with the smallest effective error.
+
+    The effective error is s ‖e‖^(1/p) for a method of order p with s stages (flows of the part with fewer flows). The
+    leading errors e are the coefficients minus those of the exact flow, at all words in two letters or at all trees of
+    a second-order equation. Methods of equal order and effective error are equally accurate for equal work. The errors
+    for a given problem also depend on which part begins.
+
+    Args:
+        order: The order: 4, 6, 8, or 10.
+        kind: ``"splitting"`` for two arbitrary parts, ``"nystrom splitting"`` for q'' = g(q), ``"composition"`` for the
+            schemes of `symmetric_composition`.
+
+    Returns:
+        Its name.
+
+    Raises:
+        IntegratorError: The kind is unknown, or the catalogue has no such method of that order.
+
+    Example:
+        >>> recommended(6), recommended(6, "nystrom splitting")
+        ('blanes-moan6', 'blanes-moan-rkn6')
+
+    References:
+        S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313–330, doi:10.1016/S0377-0427(01)00492-7.
+    """
+    if not isinstance(kind, str) or kind not in RECOMMENDED:
+        raise IntegratorError(f"kind must be one of {', '.join(RECOMMENDED)}, but was {kind!r:.60}")
+    names = RECOMMENDED[kind]
+    if isinstance(order, bool) or not isinstance(order, int) or order not in names:
+        raise IntegratorError(f"order must be one of {', '.join(map(str, names))}, but was {order!r:.60}")
+    return names[order]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
 
-from integrators.methods.catalogue.entry import MethodEntry, lower_rows
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from integrators.methods.kinds.force_gradient import ForceGradient, TakahashiImada
-    from integrators.methods.kinds.nystrom import RungeKuttaNystrom
+from integrators.methods.catalogue.registry import MethodEntry, lower_rows
+from integrators.methods.kinds.second_order import ForceGradient, RungeKuttaNystrom, TakahashiImada
 
 NYSTROM = (
     "E. J. Nyström, Acta Soc. Sci. Fennicae 50 (1925) 1–55; Hairer, Nørsett, Wanner, Solving Ordinary Differential "
@@ -26,130 +22,40 @@ def _nystrom(
     positions: tuple[str, ...], b_bar: str, b: str, c: str, momenta: tuple[str, ...] = ()
 ) -> Callable[..., RungeKuttaNystrom]:
     """Builder of an explicit method from its matrices below the diagonal."""
-
-    def build(*, name: str, reference: str) -> RungeKuttaNystrom:
-        from integrators.methods.kinds.nystrom import RungeKuttaNystrom
-
-        stages = len(positions)
-        A = lower_rows(momenta, stages) or None
-        rows = lower_rows(positions, stages), b_bar.split(), b.split(), c.split()
-        return RungeKuttaNystrom(*rows, A=A, name=name, reference=reference)
-
-    return build
+    stages = len(positions)
+    rows = lower_rows(positions, stages), b_bar.split(), b.split(), c.split()
+    return partial(RungeKuttaNystrom, *rows, A=lower_rows(momenta, stages) or None)
 
 
-def _takahashi_imada(*, simplified: bool) -> Callable[..., TakahashiImada]:
-    def build(*, name: str, reference: str, alpha: Any = "1/12") -> TakahashiImada:
-        from integrators.methods.kinds.force_gradient import TakahashiImada
-
-        return TakahashiImada(alpha, simplified=simplified, name=name, reference=reference)
-
-    return build
-
-
-def _force_gradient(drifts: str, kicks: str, gradients: str) -> Callable[..., ForceGradient]:
-    def build(*, name: str, reference: str) -> ForceGradient:
-        from integrators.methods.kinds.force_gradient import ForceGradient
-
-        return ForceGradient(drifts.split(), kicks.split(), gradients.split(), name=name, reference=reference)
-
-    return build
+def _force_gradient(*coefficients: str) -> Callable[..., ForceGradient]:
+    """Builder of a method from its drifts, kicks and gradients."""
+    return partial(ForceGradient, *map(str.split, coefficients))
 
 
 METHODS = (
-    MethodEntry(
-        "rkn-verlet",
-        "nystrom",
-        2,
-        2,
-        "the Störmer-Verlet method for q'' = g(q), as a Nyström method",
-        VERLET,
-        _nystrom(("", "1/2"), "1/2 0", "1/2 1/2", "0 1"),
-        ("nystrom-verlet",),
-    ),
-    MethodEntry(
-        "rkn-nystrom4",
-        "nystrom",
-        3,
-        4,
-        "Nyström's method of order 4 for q'' = g(q)",
-        NYSTROM,
-        _nystrom(("", "1/8", "0 1/2"), "1/6 1/3 0", "1/6 2/3 1/6", "0 1/2 1"),
-    ),
-    MethodEntry(
-        "rkn-nystrom5",
-        "nystrom",
-        4,
-        5,
-        "Nyström's method of order 5 for q'' = g(q)",
-        NYSTROM,
-        _nystrom(
-            ("", "1/50", "-1/27 7/27", "3/10 -2/35 9/35"),
-            "14/336 100/336 54/336 0",
-            "14/336 125/336 162/336 35/336",
-            "0 1/5 2/3 1",
-        ),
-    ),
-    MethodEntry(
-        "rkn-nystrom4-general",
-        "nystrom",
-        4,
-        4,
-        "Nyström's method of order 4 for q'' = g(q, q'), with the nodes and weights of rk4",
-        NYSTROM,
-        _nystrom(
-            ("", "1/8", "1/8 0", "0 0 1/2"),
-            "1/6 1/6 1/6 0",
-            "1/6 1/3 1/3 1/6",
-            "0 1/2 1/2 1",
-            ("", "1/2", "0 1/2", "0 0 1"),
-        ),
-    ),
-    MethodEntry(
-        "takahashi-imada",
-        "force gradient",
-        2,
-        2,
+    MethodEntry("rkn-verlet", "nystrom", 2, 2, "the Störmer-Verlet method for q'' = g(q), as a Nyström method", VERLET,
+        _nystrom(("", "1/2"), "1/2 0", "1/2 1/2", "0 1"), ("nystrom-verlet",)),
+    MethodEntry("rkn-nystrom4", "nystrom", 3, 4, "Nyström's method of order 4 for q'' = g(q)", NYSTROM,
+        _nystrom(("", "1/8", "0 1/2"), "1/6 1/3 0", "1/6 2/3 1/6", "0 1/2 1")),
+    MethodEntry("rkn-nystrom5", "nystrom", 4, 5, "Nyström's method of order 5 for q'' = g(q)", NYSTROM,
+        _nystrom(("", "1/50", "-1/27 7/27", "3/10 -2/35 9/35"), "14/336 100/336 54/336 0",
+            "14/336 125/336 162/336 35/336", "0 1/5 2/3 1")),
+    MethodEntry("rkn-nystrom4-general", "nystrom", 4, 4,
+        "Nyström's method of order 4 for q'' = g(q, q'), with the nodes and weights of rk4", NYSTROM,
+        _nystrom(("", "1/8", "1/8 0", "0 0 1/2"), "1/6 1/6 1/6 0", "1/6 1/3 1/3 1/6", "0 1/2 1/2 1",
+            ("", "1/2", "0 1/2", "0 0 1"))),
+    MethodEntry("takahashi-imada", "force gradient", 2, 2,
         "Störmer-Verlet with the force f + alpha h^2 f' f, alpha = 1/12: symplectic, conjugate to a method of order 4",
-        TAKAHASHI_IMADA,
-        _takahashi_imada(simplified=False),
-        options=("alpha",),
-    ),
-    MethodEntry(
-        "simplified-takahashi-imada",
-        "force gradient",
-        2,
-        2,
+        TAKAHASHI_IMADA, TakahashiImada, options=("alpha",)),
+    MethodEntry("simplified-takahashi-imada", "force gradient", 2, 2,
         "Störmer-Verlet with the force f(q + alpha h^2 f(q)), alpha = 1/12: preserves volume, not symplectic",
-        SIMPLIFIED,
-        _takahashi_imada(simplified=True),
-        options=("alpha",),
-    ),
-    MethodEntry(
-        "chin4a",
-        "force gradient",
-        3,
-        4,
-        "kicks h/6, 2h/3, h/6, the one in the middle with its gradient; no step backwards in time",
-        CHIN,
-        _force_gradient("0 1/2 1/2 0", "1/6 2/3 1/6", "0 1/36 0"),
-    ),
-    MethodEntry(
-        "chin4b",
-        "force gradient",
-        2,
-        4,
-        "two kicks h/2 with gradients; no step backwards in time",
-        CHIN,
-        _force_gradient("1/2-sqrt(3)/6 sqrt(3)/3 1/2-sqrt(3)/6", "1/2 1/2", "1/12-sqrt(3)/24 1/12-sqrt(3)/24"),
-    ),
-    MethodEntry(
-        "chin4c",
-        "force gradient",
-        3,
-        4,
-        "kicks 3h/8, h/4, 3h/8, the one in the middle with its gradient; no step backwards in time, small errors",
-        CHIN,
-        _force_gradient("1/6 1/3 1/3 1/6", "3/8 1/4 3/8", "0 1/96 0"),
-    ),
-)
+        SIMPLIFIED, partial(TakahashiImada, simplified=True), options=("alpha",)),
+    MethodEntry("chin4a", "force gradient", 3, 4,
+        "kicks h/6, 2h/3, h/6, the one in the middle with its gradient; no step backwards in time", CHIN,
+        _force_gradient("0 1/2 1/2 0", "1/6 2/3 1/6", "0 1/36 0")),
+    MethodEntry("chin4b", "force gradient", 2, 4, "two kicks h/2 with gradients; no step backwards in time", CHIN,
+        _force_gradient("1/2-sqrt(3)/6 sqrt(3)/3 1/2-sqrt(3)/6", "1/2 1/2", "1/12-sqrt(3)/24 1/12-sqrt(3)/24")),
+    MethodEntry("chin4c", "force gradient", 3, 4,
+        "kicks 3h/8, h/4, 3h/8, the one in the middle with its gradient; no step backwards in time, small errors", CHIN,
+        _force_gradient("1/6 1/3 1/3 1/6", "3/8 1/4 3/8", "0 1/96 0")),
+)  # fmt: skip

@@ -6,13 +6,15 @@ for order 10. Schemes with more steps have smaller |γ_i|, and errors that decre
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from itertools import zip_longest
-from typing import TYPE_CHECKING
 
-from integrators.methods.catalogue.entry import MethodEntry
+from integrators.methods.catalogue.registry import MethodEntry
 from integrators.methods.kinds.composition_schemes import (
     FOREST_RUTH,
+    MCLACHLAN,
     SCHEMES,
     SUZUKI,
     YOSHIDA,
@@ -21,17 +23,12 @@ from integrators.methods.kinds.composition_schemes import (
 )
 from integrators.methods.kinds.splitting import NystromSplitting, Splitting, strang
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-
 HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), §II.5, doi:10.1007/3-540-30666-8"
-MCLACHLAN = "R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151–168, doi:10.1137/0916010"
 BLANES_MOAN = "S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313–330, doi:10.1016/S0377-0427(01)00492-7"
 MCLACHLAN_ATELA = "R. I. McLachlan, P. Atela, Nonlinearity 5 (1992) 541–562, doi:10.1088/0951-7715/5/2/011"
 OKUNBOR_SKEEL = (
     "D. I. Okunbor, R. D. Skeel, J. Comput. Appl. Math. 51 (1994) 375–382, doi:10.1016/0377-0427(92)00119-T; "
-    "R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151–168, doi:10.1137/0916010"
+    f"{MCLACHLAN}"
 )
 BLANES_CASAS = "S. Blanes, F. Casas, A. Escorihuela-Tomàs (2022), doi:10.48550/arXiv.2202.01541"
 
@@ -39,11 +36,7 @@ BLANES_CASAS = "S. Blanes, F. Casas, A. Escorihuela-Tomàs (2022), doi:10.48550/
 def symmetric_flows(first: str, second: str, x: str, y: str) -> list[tuple[str, Fraction]]:
     """The flows x_1, y_1, x_2, y_2, … of a palindromic method; the last number occurs once, in the middle of the step.
 
-    Args:
-        first: the first part, with the coefficients x.
-        second: the other part, with the coefficients y.
-        x: the numbers x_i except the last, which follows from the sum 1 over the step.
-        y: the numbers y_i, likewise.
+    The last x_i and the last y_i are left out, since they follow from the sum 1 over the step.
 
     Example:
         >>> [(part, str(time)) for part, time in symmetric_flows("a", "b", "1/8", "")]
@@ -58,25 +51,11 @@ def symmetric_flows(first: str, second: str, x: str, y: str) -> list[tuple[str, 
     return [*there, *there[-2::-1]]
 
 
-def _given(*flows: tuple[str, str]) -> Callable[..., Splitting]:
-    """Builder of a method from all its flows."""
-
-    def build(*, name: str, reference: str) -> Splitting:
-        return Splitting(flows, name=name, reference=reference)
-
-    return build
-
-
 def _symmetric(first: str, x: str, y: str, *, digits: int) -> Callable[..., Splitting]:
     """Builder of a palindromic method in the parts a, b or p, q."""
     kind, parts = (Splitting, ("a", "b")) if first in "ab" else (NystromSplitting, ("p", "q"))
     (second,) = set(parts) - {first}
-
-    def build(*, name: str, reference: str) -> Splitting:
-        flows = symmetric_flows(first, second, x, y)
-        return kind(flows, parts=parts, name=name, reference=reference, digits=digits)
-
-    return build
+    return partial(kind, symmetric_flows(first, second, x, y), parts=parts, digits=digits)
 
 
 def _mclachlan4(*, name: str, reference: str) -> Splitting:
@@ -88,238 +67,116 @@ def _mclachlan4(*, name: str, reference: str) -> Splitting:
 
 def _kicks_and_drifts(kicks: str, drifts: str, *, digits: int) -> Callable[..., NystromSplitting]:
     """Builder of a method from all its kicks and drifts."""
-
-    def build(*, name: str, reference: str) -> NystromSplitting:
-        pairs = zip(kicks.split(), drifts.split(), strict=True)
-        flows = [flow for b, a in pairs for flow in (("p", b), ("q", a))]
-        return NystromSplitting(flows, name=name, reference=reference, digits=digits)
-
-    return build
+    pairs = zip(kicks.split(), drifts.split(), strict=True)
+    return partial(NystromSplitting, [flow for b, a in pairs for flow in (("p", b), ("q", a))], digits=digits)
 
 
-def _composed(scheme: str) -> Callable[..., Splitting]:
-    """Builder of a composition of the Strang splitting."""
-
-    def build(*, name: str, reference: str) -> Splitting:
-        composed = symmetric_composition(strang(), scheme)
-        assert isinstance(composed, Splitting)
-        return Splitting(composed.flows, name=name, reference=reference, digits=composed.digits)
-
-    return build
+def _composed(scheme: str, **labels: str) -> Splitting:
+    """A composition of the Strang splitting."""
+    composed = symmetric_composition(strang(), scheme)
+    assert isinstance(composed, Splitting)
+    return Splitting(composed.flows, digits=composed.digits, **labels)
 
 
 def _composition_entry(name: str, scheme: Scheme) -> MethodEntry:
     about = f"{scheme.steps} Strang steps, {scheme.about}"
     flows = 2 * scheme.steps + 1
-    return MethodEntry(name, "splitting", flows, scheme.order, about, scheme.reference, _composed(name))
+    return MethodEntry(name, "splitting", flows, scheme.order, about, scheme.reference, partial(_composed, name))
 
 
 METHODS = (
-    MethodEntry("lie-trotter", "splitting", 2, 1, "a step of a, then a step of b", HLW, _given(("a", "1"), ("b", "1"))),
-    MethodEntry(
-        "strang",
-        "splitting",
-        3,
-        2,
-        "half a step of a, a step of b, half a step of a",
+    MethodEntry("lie-trotter", "splitting", 2, 1, "a step of a, then a step of b", HLW,
+        partial(Splitting, [("a", "1"), ("b", "1")])),
+    MethodEntry("strang", "splitting", 3, 2, "half a step of a, a step of b, half a step of a",
         f"G. Strang, SIAM J. Numer. Anal. 5 (1968) 506–517, doi:10.1137/0705041; {HLW}",
-        _given(("a", "1/2"), ("b", "1"), ("a", "1/2")),
-        ("strang-splitting", "marchuk"),
-    ),
-    MethodEntry(
-        "ruth3",
-        "splitting",
-        6,
-        3,
-        "three steps of each part, with rational coefficients",
+        partial(Splitting, [("a", "1/2"), ("b", "1"), ("a", "1/2")]), ("strang-splitting", "marchuk")),
+    MethodEntry("ruth3", "splitting", 6, 3, "three steps of each part, with rational coefficients",
         "R. D. Ruth, IEEE Trans. Nucl. Sci. 30 (1983) 2669–2671, doi:10.1109/TNS.1983.4332919",
-        _given(("a", "7/24"), ("b", "2/3"), ("a", "3/4"), ("b", "-2/3"), ("a", "-1/24"), ("b", "1")),
-    ),
-    MethodEntry(
-        "mclachlan4",
-        "splitting",
-        11,
-        4,
-        "ten Lie-Trotter steps, every other one adjoint, with small errors",
-        MCLACHLAN,
-        _mclachlan4,
-    ),
-    MethodEntry(
-        "pefrl4",
-        "splitting",
-        9,
-        4,
+        partial(Splitting, [("a", "7/24"), ("b", "2/3"), ("a", "3/4"), ("b", "-2/3"), ("a", "-1/24"), ("b", "1")])),
+    MethodEntry("mclachlan4", "splitting", 11, 4, "ten Lie-Trotter steps, every other one adjoint, with small errors",
+        MCLACHLAN, _mclachlan4),
+    MethodEntry("pefrl4", "splitting", 9, 4,
         "Forest and Ruth's method with one more stage and smaller errors, as 16-digit decimals",
         "I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 146 (2002) 188–202, "
         "doi:10.1016/S0010-4655(02)00451-4",
         _symmetric("b", "0.1786178958448091 -0.06626458266981849", "0.7123418310626054", digits=15),
-        ("pefrl", "omelyan4"),
-    ),
-    MethodEntry(
-        "blanes-moan4",
-        "splitting",
-        13,
-        4,
-        "six stages with very small errors, as 15-digit decimals; recommended for order 4",
-        BLANES_MOAN,
-        _symmetric(
-            "a",
-            "0.0792036964311957 0.353172906049774 -0.0420650803577195",
-            "0.209515106613362 -0.143851773179818",
-            digits=15,
-        ),
-    ),
+        ("pefrl", "omelyan4")),
+    MethodEntry("blanes-moan4", "splitting", 13, 4,
+        "six stages with very small errors, as 15-digit decimals; recommended for order 4", BLANES_MOAN,
+        _symmetric("a", "0.0792036964311957 0.353172906049774 -0.0420650803577195",
+            "0.209515106613362 -0.143851773179818", digits=15)),
     # Printed with 15 digits. The order conditions leave one free parameter, the second number, used as printed. The
     # other coefficients are the solution of the conditions nearest to the printed values.
-    MethodEntry(
-        "blanes-moan6",
-        "splitting",
-        21,
-        6,
-        "ten stages, as 15-digit decimals refined to 32; recommended for order 6",
-        BLANES_MOAN,
-        _symmetric(
-            "a",
+    MethodEntry("blanes-moan6", "splitting", 21, 6,
+        "ten stages, as 15-digit decimals refined to 32; recommended for order 6", BLANES_MOAN,
+        _symmetric("a",
             "0.0502627644003926658937494455486448 0.413514300428344 0.0450798897943980363898651731542663 "
             "-0.1880548538195690771124424466686314 0.5419606784507802019155816322331577",
             "0.1488164479010432053333931406648383 -0.1323858657677835879043958615671915 "
             "0.0673076046921844904199612816920070 0.4326664025781735350222165239488431",
-            digits=32,
-        ),
-        ("blanes-moan-s10",),
-    ),
-    MethodEntry(
-        "triple-jump4",
-        "splitting",
-        7,
-        4,
-        "three Strang steps with 1/(2 - 2^(1/3)); Forest and Ruth's method",
-        f"{FOREST_RUTH}; {SUZUKI}; {YOSHIDA}",
-        _composed("triple-jump4"),
-        ("triple-jump", "forest-ruth", "yoshida4"),
-    ),
-    MethodEntry(
-        "suzuki4",
-        "splitting",
-        11,
-        4,
-        "five Strang steps with 1/(4 - 4^(1/3)); recommended to compose for order 4",
-        SUZUKI,
-        _composed("suzuki4"),
-        ("suzuki-fractal4",),
-    ),
+            digits=32),
+        ("blanes-moan-s10",)),
+    MethodEntry("triple-jump4", "splitting", 7, 4, "three Strang steps with 1/(2 - 2^(1/3)); Forest and Ruth's method",
+        f"{FOREST_RUTH}; {SUZUKI}; {YOSHIDA}", partial(_composed, "triple-jump4"),
+        ("triple-jump", "forest-ruth", "yoshida4")),
+    MethodEntry("suzuki4", "splitting", 11, 4,
+        "five Strang steps with 1/(4 - 4^(1/3)); recommended to compose for order 4", SUZUKI,
+        partial(_composed, "suzuki4"), ("suzuki-fractal4",)),
     *(_composition_entry(name, scheme) for name, scheme in SCHEMES.items()),
     # Blanes and Moan print 15 or 16 digits. Their free parameters are used as printed; the other coefficients are the
     # solution of the order conditions nearest to the printed values. Okunbor and Skeel's method is an isolated one.
-    MethodEntry(
-        "mclachlan-atela4",
-        "nystrom splitting",
-        8,
-        4,
-        "four forces and small errors, not symmetric, as 18-digit decimals",
-        MCLACHLAN_ATELA,
-        _kicks_and_drifts(
-            "0.1344961992774310892 -0.2248198030794208058 0.7563200005156682911 0.3340036032863214255",
-            "0.5153528374311229364 -0.085782019412973646 0.4415830236164665242 0.1288461583653841854",
-            digits=17,
-        ),
-    ),
-    MethodEntry(
-        "blanes-moan-rkn4",
-        "nystrom splitting",
-        13,
-        4,
-        "six forces and very small errors, as 15-digit decimals refined to 32; recommended for order 4",
-        BLANES_MOAN,
-        _symmetric(
-            "p",
-            "0.0829844064174048729189656253433127 0.396309801498368 -0.0390563049223483952772822867670530",
-            "0.245298957184271 0.604872665711080",
-            digits=32,
-        ),
-        ("srkn6b",),
-    ),
-    MethodEntry(
-        "mclachlan-atela5",
-        "nystrom splitting",
-        12,
-        5,
-        "six forces, not symmetric, as 17-digit decimals",
+    MethodEntry("mclachlan-atela4", "nystrom splitting", 8, 4,
+        "four forces and small errors, not symmetric, as 18-digit decimals", MCLACHLAN_ATELA,
+        _kicks_and_drifts("0.1344961992774310892 -0.2248198030794208058 0.7563200005156682911 0.3340036032863214255",
+            "0.5153528374311229364 -0.085782019412973646 0.4415830236164665242 0.1288461583653841854", digits=17)),
+    MethodEntry("blanes-moan-rkn4", "nystrom splitting", 13, 4,
+        "six forces and very small errors, as 15-digit decimals refined to 32; recommended for order 4", BLANES_MOAN,
+        _symmetric("p", "0.0829844064174048729189656253433127 0.396309801498368 -0.0390563049223483952772822867670530",
+            "0.245298957184271 0.604872665711080", digits=32),
+        ("srkn6b",)),
+    MethodEntry("mclachlan-atela5", "nystrom splitting", 12, 5, "six forces, not symmetric, as 17-digit decimals",
         MCLACHLAN_ATELA,
         _kicks_and_drifts(
             "0.1193900292875672758 0.6989273703824752308 -0.1713123582716007754 0.4012695022513534480 "
             "0.0107050818482359840 -0.0589796254980311632",
             "0.339839625839110000 -0.088601336903027329 0.5858564768259621188 -0.603039356536491888 "
             "0.3235807965546976394 0.4423637942197494587",
-            digits=16,
-        ),
-    ),
-    MethodEntry(
-        "okunbor-skeel6",
-        "nystrom splitting",
-        15,
-        6,
-        "the fewest forces for order 6, seven, as 19-digit decimals refined to 32",
-        OKUNBOR_SKEEL,
-        _symmetric(
-            "q",
+            digits=16)),
+    MethodEntry("okunbor-skeel6", "nystrom splitting", 15, 6,
+        "the fewest forces for order 6, seven, as 19-digit decimals refined to 32", OKUNBOR_SKEEL,
+        _symmetric("q",
             "-1.0130879789171747298149045784889559 1.1874295737325427070242933206374022 "
             "-0.0183358520964605903443874884097306",
             "0.0001660069265000989421747072427970 -0.3796242142637736060819469079990921 "
             "0.6891374118518106367408016646578030",
-            digits=29,
-        ),
-    ),
-    MethodEntry(
-        "blanes-moan-rkn6",
-        "nystrom splitting",
-        29,
-        6,
+            digits=29)),
+    MethodEntry("blanes-moan-rkn6", "nystrom splitting", 29, 6,
         "fourteen forces and very small errors, as 15-digit decimals refined to 32; recommended for order 6",
         BLANES_MOAN,
-        _symmetric(
-            "q",
+        _symmetric("q",
             "0.0378593198406112130445478858122580 0.102635633102435 -0.0258678882665576356567479605658334 "
             "0.314241403071447 -0.130144459517415 0.106417700369543 -0.0087942431285100469743295414980519",
             "0.09171915262446165 0.183983170005006 -0.0565343658328904459050907390129056 "
             "0.0049146887747116556462100123840291 0.1437611271683631211334211026097398 0.328567693746804",
-            digits=31,
-        ),
-        ("srkn14a",),
-    ),
-    MethodEntry(
-        "blanes-moan-rkn6-11",
-        "nystrom splitting",
-        23,
-        6,
-        "eleven forces and very small errors, as 15-digit decimals refined to 32",
-        BLANES_MOAN,
-        _symmetric(
-            "p",
+            digits=31),
+        ("srkn14a",)),
+    MethodEntry("blanes-moan-rkn6-11", "nystrom splitting", 23, 6,
+        "eleven forces and very small errors, as 15-digit decimals refined to 32", BLANES_MOAN,
+        _symmetric("p",
             "0.0414649985182632264944041748381757 0.198128671918067 -0.0400061921041524120577599260588067 "
             "0.0752539843015800630713085428162013 -0.0115113874206877895274713990696617",
             "0.1232297759462719267843141580037645 0.290553797799558 -0.1270492126254174480393202678221216 "
             "-0.246331761062075 0.357208872795928",
-            digits=31,
-        ),
-        ("srkn11b",),
-    ),
-    MethodEntry(
-        "blanes-casas-rkn8",
-        "nystrom splitting",
-        39,
-        8,
-        "nineteen forces, as 30-digit decimals; recommended for order 8",
-        BLANES_CASAS,
-        _symmetric(
-            "q",
+            digits=31),
+        ("srkn11b",)),
+    MethodEntry("blanes-casas-rkn8", "nystrom splitting", 39, 8,
+        "nineteen forces, as 30-digit decimals; recommended for order 8", BLANES_CASAS,
+        _symmetric("q",
             "0.0505805 0.149999 -0.0551795510771615573511026950361 0.423755898835337951482264998051 "
             "-0.213495353584659048059672194633 -0.0680769774574032619111630736274 0.227917056974013435948887201671 "
             "-0.235373619381058906524740047732 0.387413869179878047816794031058",
             "0.129478606560536730662493794395 0.222257260092671143423043559581 -0.0577514893325147204757023246320 "
             "-0.0578312262103924910221345032763 0.103087297437175356747933252265 -0.140819612554090768205554103887 "
             "0.0234462603492826276699713718626 0.134854517356684096617882205068 0.0287973821073779306345172160211",
-            digits=28,
-        ),
-    ),
-)
+            digits=28)),
+)  # fmt: skip

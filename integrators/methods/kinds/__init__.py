@@ -1,1 +1,1 @@
-"""Kinds of methods other than Butcher tableaux, one file each."""
+"""Kinds of methods other than Butcher tableaux."""

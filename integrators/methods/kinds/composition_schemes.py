@@ -5,15 +5,15 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.methods.kinds.compositions import adjoint_method, composition
 from integrators.methods.kinds.splitting import NystromSplitting, Splitting
-from integrators.methods.program.program import Program
+from integrators.methods.programs.program import Program
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.program import Method
+    from integrators.methods.programs.program import Method
 
 MAX_ORDER = 30
 
@@ -27,7 +27,7 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
         name: the name of the result in messages.
 
     Returns:
-        A method of order p + 1; if the method is symmetric, it is so, too, and has order p + 2.
+        A method of order p + 1; a symmetric one of order p + 2 if `method` is symmetric.
 
     Raises:
         IntegratorError: `method` is not a method, or `order` is not an even number.
@@ -42,23 +42,13 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
         (1990) 262–268, doi:10.1016/0375-9601(90)90092-3; Hairer, Lubich, Wanner, *Geometric Numerical Integration*,
         formula (II.4.4).
     """
-    gamma = _inverse_of_difference(2, _even(order) + 1)
-    return composition([(method, x) for x in _around(gamma, 1)], name=name or f"triple jump of {_name(method)}")
+    return _steps_around_a_remainder(method, order, 1, name or f"triple jump of {_name(method)}")
 
 
 def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Program | Splitting:
     """Five steps of γh, γh, (1−4γ)h, γh, γh with γ = 1/(4 − 4^(1/(p+1))), all shorter than h.
 
-    Args:
-        method: a method of even order p.
-        order: its order p.
-        name: the name of the result in messages.
-
-    Returns:
-        A method of order p + 1; if the method is symmetric, it is so, too, and has order p + 2.
-
-    Raises:
-        IntegratorError: `method` is not a method, or `order` is not an even number.
+    The arguments, the order of the result and the errors raised are those of `triple_jump`.
 
     Example:
         >>> from integrators import method
@@ -69,8 +59,25 @@ def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Pr
         M. Suzuki, Phys. Lett. A 146 (1990) 319–323, doi:10.1016/0375-9601(90)90962-N; Hairer, Lubich, Wanner,
         *Geometric Numerical Integration*, formula (II.4.5).
     """
-    gamma = _inverse_of_difference(4, _even(order) + 1)
-    return composition([(method, x) for x in _around(gamma, 2)], name=name or f"Suzuki's fractal of {_name(method)}")
+    return _steps_around_a_remainder(method, order, 2, name or f"Suzuki's fractal of {_name(method)}")
+
+
+def _steps_around_a_remainder(method: Method, order: Any, count: int, name: str) -> Program | Splitting:
+    """Steps γh, `count` times before and after the remainder to h, with γ = 1/(m − m^(1/(p+1))), m = 2 · count.
+
+    γ is written as Σ_k m^(p−k) x^k / (m^(p+1) − m) with x = m^(1/(p+1)), a normal form with a rational denominator.
+    """
+    if isinstance(order, bool) or not isinstance(order, int) or order % 2 or not 2 <= order <= MAX_ORDER:
+        raise IntegratorError(f"order must be an even number from 2 to {MAX_ORDER}, but was {shown(order)}")
+    import sympy
+
+    m, n = 2 * count, order + 1
+    x = sympy.root(m, n)
+    terms = (sympy.Rational(m ** (n - 1 - k), m**n - m) * x**k for k in range(n))
+    gamma = read_entry(sympy.Add(*terms), "gamma")
+    outer = [gamma] * count
+    rest = sum_entries((Fraction(1), multiply_entries(gamma, Fraction(-m))))
+    return composition([(method, step) for step in (*outer, rest, *outer)], name=name)
 
 
 def symmetric_composition(method: Method, scheme: str, *, name: str | None = None) -> Program | Splitting:
@@ -104,7 +111,7 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
     if key in exact:
         return exact[key](method, 2, name=title)
     if key not in SCHEMES:
-        raise IntegratorError(f"scheme must be one of {', '.join((*exact, *SCHEMES))}, but was {shorten(repr(scheme))}")
+        raise IntegratorError(f"scheme must be one of {', '.join((*exact, *SCHEMES))}, but was {shown(scheme)}")
     outer = [Fraction(step) for step in SCHEMES[key].outer.split()]
     steps = [*outer, 1 - 2 * sum(outer), *outer[::-1]]
     return _with_digits(composition([(method, x) for x in steps], name=title), SCHEMES[key].digits)
@@ -157,32 +164,9 @@ def _with_digits(composed: Program | Splitting, digits: int | None) -> Program |
     known = [count for count in (composed.digits, digits) if count is not None]
     if not known or composed.digits == min(known):
         return composed
-    labels = {"name": composed.name, "digits": min(known)}
     if isinstance(composed, Splitting):
-        return Splitting(composed.flows, parts=composed.names, **labels)
-    parts = {"parts": composed.names, "auxiliary": composed.auxiliary, "max_children": composed.max_children}
-    return Program(composed.evaluations, composed.result, **parts, **labels)
-
-
-def _inverse_of_difference(m: int, degree: int) -> Entry:
-    """1/(m − m^(1/n)) = Σ_k m^(n−1−k) x^k / (m^n − m) with x = m^(1/n), a normal form with a rational denominator."""
-    import sympy
-
-    x = sympy.root(m, degree)
-    terms = (sympy.Rational(m ** (degree - 1 - k), m**degree - m) * x**k for k in range(degree))
-    return read_entry(sympy.Add(*terms), "gamma")
-
-
-def _around(gamma: Entry, count: int) -> list[Entry]:
-    """The steps γ, `count` times, then the remainder to 1, then γ again, `count` times."""
-    rest = sum_entries((Fraction(1), multiply_entries(gamma, Fraction(-2 * count))))
-    return [*[gamma] * count, rest, *[gamma] * count]
-
-
-def _even(order: Any) -> int:
-    if isinstance(order, bool) or not isinstance(order, int) or order % 2 or not 2 <= order <= MAX_ORDER:
-        raise IntegratorError(f"order must be an even number from 2 to {MAX_ORDER}, but was {shorten(repr(order))}")
-    return order
+        return Splitting(composed.flows, parts=composed.names, name=composed.name, digits=min(known))
+    return composed.changed(digits=min(known))
 
 
 def _name(method: Any) -> str:
@@ -228,106 +212,61 @@ class Scheme(NamedTuple):
 # Suzuki and Umeno's scheme is an isolated solution of the order conditions; so are McLachlan's for given first steps
 # (0.1867 and 25/194). Their coefficients, printed with about 20 digits, were recomputed from the conditions.
 SCHEMES = {
-    "yoshida6": Scheme(
-        6,
-        26,
-        "0.78451361047755726381949763 0.23557321335935813368479318 -1.17767998417887100694641568",
-        "the fewest for order 6, as 26-digit decimals",
-        f"{YOSHIDA}; {HLW} (V.3.11)",
-    ),
-    "kahan-li6": Scheme(
-        6,
-        25,
+    "yoshida6": Scheme(6, 26, "0.78451361047755726381949763 0.23557321335935813368479318 -1.17767998417887100694641568",
+        "the fewest for order 6, as 26-digit decimals", f"{YOSHIDA}; {HLW} (V.3.11)"),
+    "kahan-li6": Scheme(6, 25,
         "0.39216144400731413927925056 0.33259913678935943859974864 -0.70624617255763935980996482 "
         "0.08221359629355080023149045",
-        "as 26-digit decimals",
-        f"{KAHAN_LI}; {HLW} (V.3.12)",
-    ),
-    "mclachlan6": Scheme(
-        6,
-        32,
+        "as 26-digit decimals", f"{KAHAN_LI}; {HLW} (V.3.12)"),
+    "mclachlan6": Scheme(6, 32,
         "0.1867 0.5554970237124783991569135436283912 0.1294669489134753580560452092102048 "
         "-0.8432656233877346085491427813848150",
-        "as 20-digit decimals refined to 32",
-        MCLACHLAN,
-    ),
-    "sofroniou-spaletta6": Scheme(
-        6,
-        30,
+        "as 20-digit decimals refined to 32", MCLACHLAN),
+    "sofroniou-spaletta6": Scheme(6, 30,
         "0.21375583945878254555518066964857 0.18329381407425713911385974425217 0.17692819473098943794898811709929 "
         "-0.44329082681170215849622829626258 0.11728560432865935385403585669136",
-        "with small errors, as 32-digit decimals; recommended to compose for order 6",
-        SOFRONIOU_SPALETTA,
-    ),
-    "sofroniou-spaletta6-13": Scheme(
-        6,
-        30,
+        "with small errors, as 32-digit decimals; recommended to compose for order 6", SOFRONIOU_SPALETTA),
+    "sofroniou-spaletta6-13": Scheme(6, 30,
         "0.13861930854051695245808013042625 0.13346562851074760407046858832209 0.13070531011449225190542755785015 "
         "0.12961893756907034772505366537091 -0.35000324893920896516170830911323 0.11805530653002387170273438954049",
-        "as 32-digit decimals",
-        SOFRONIOU_SPALETTA,
-    ),
-    "suzuki-umeno8": Scheme(
-        8,
-        32,
+        "as 32-digit decimals", SOFRONIOU_SPALETTA),
+    "suzuki-umeno8": Scheme(8, 32,
         "0.7416703643506129534482278017838063 -0.4091008258000315939973000958935634 "
         "0.1907547102962383799538762564503717 -0.5738624711160822666563877266355357 "
         "0.2990641813036559238444635406886030 0.3346249182452981837849579798821822886 "
         "0.3152930923967665966320566638110024",
-        "the fewest for order 8, as 26-digit decimals refined to 32",
-        f"{SUZUKI_UMENO}; {MCLACHLAN}; {HLW} (V.3.13)",
-    ),
-    "kahan-li8": Scheme(
-        8,
-        25,
+        "the fewest for order 8, as 26-digit decimals refined to 32", f"{SUZUKI_UMENO}; {MCLACHLAN}; {HLW} (V.3.13)"),
+    "kahan-li8": Scheme(8, 25,
         "0.13020248308889008087881763 0.56116298177510838456196441 -0.38947496264484728640807860 "
         "0.15884190655515560089621075 -0.39590389413323757733623154 0.18453964097831570709183254 "
         "0.25837438768632204729397911 0.29501172360931029887096624",
-        "as 26-digit decimals",
-        f"{KAHAN_LI}; {HLW} (V.3.14)",
-    ),
-    "mclachlan8": Scheme(
-        8,
-        32,
+        "as 26-digit decimals", f"{KAHAN_LI}; {HLW} (V.3.14)"),
+    "mclachlan8": Scheme(8, 32,
         "25/194 0.5815140871052509624302422782038137 -0.4101753714698501375324061500890487 "
         "0.1851469357165877326532719498634895 -0.4095523434208514193398451736889093 "
         "0.1444059410800120410600751871569277 0.2783355003936796513091070628124172 "
         "0.3149566839162948578902813119729508819",
-        "as 20-digit decimals refined to 32",
-        MCLACHLAN,
-    ),
-    "sofroniou-spaletta8": Scheme(
-        8,
-        30,
+        "as 20-digit decimals refined to 32", MCLACHLAN),
+    "sofroniou-spaletta8": Scheme(8, 30,
         "0.10647728984550031823931967854896 0.10837408645835726397433410591546 0.35337821052654342419534541324080 "
         "-0.23341414023165082198780281128319 -0.24445266791528841269462171413216 0.11317848435755633314700952515599 "
         "0.11892905625000350062692972283951 0.12603912321825988140305670268365 0.12581718736176041804392391641587 "
         "0.11699135019217642180722881433533",
-        "with small errors, as 32-digit decimals; recommended for order 8",
-        SOFRONIOU_SPALETTA,
-    ),
-    "kahan-li10": Scheme(
-        10,
-        24,
+        "with small errors, as 32-digit decimals; recommended for order 8", SOFRONIOU_SPALETTA),
+    "kahan-li10": Scheme(10, 24,
         "0.09040619368607278492161150 0.53591815953030120213784983 0.35123257547493978187517736 "
         "-0.31116802097815835426086544 -0.52556314194263510431065549 0.14447909410225247647345695 "
         "0.02983588609748235818064083 0.17786179923739805133592238 0.09826906939341637652532377 "
         "0.46179986210411860873242126 -0.33377845599881851314531820 0.07095684836524793621031152 "
         "0.23666960070126868771909819 -0.49725977950660985445028388 -0.30399616617237257346546356 "
         "0.05246957188100069574521612",
-        "as 26-digit decimals",
-        f"{KAHAN_LI}; {HLW.replace('2006', '2002')} (V.3.15)",
-    ),
-    "sofroniou-spaletta10": Scheme(
-        10,
-        30,
+        "as 26-digit decimals", f"{KAHAN_LI}; {HLW.replace('2006', '2002')} (V.3.15)"),
+    "sofroniou-spaletta10": Scheme(10, 30,
         "0.078795722521686419263907679337684 0.31309610341510852776481247192647 0.027918383235078066109520273275299 "
         "-0.22959284159390709415121339679655 0.13096206107716486317465685927961 -0.26973340565451071434460973222411 "
         "0.074973343155891435666137105641410 0.11199342399981020488957508073640 0.36613344954622675119314812353150 "
         "-0.39910563013603589787862981058340 0.10308739852747107731580277001372 0.41143087395589023782070411897608 "
         "-0.0048663605831352617621956593099771 -0.39203335370863990644808193642610 "
         "0.051942502962449647037182904015976 0.050665090759924496335874344156866 0.049674370639729879054568800279461",
-        "with small errors, as 32-digit decimals; recommended for order 10",
-        f"{SOFRONIOU_SPALETTA}; {HLW} (V.3.15)",
-    ),
-}
+        "with small errors, as 32-digit decimals; recommended for order 10", f"{SOFRONIOU_SPALETTA}; {HLW} (V.3.15)"),
+}  # fmt: skip

@@ -8,19 +8,24 @@ from functools import reduce
 from math import prod
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import is_listed, items, read_whole
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import certainly_differs, multiply_entries, read_entry, relative_error, sum_entries
 from integrators.methods.kinds.splitting import Splitting
-from integrators.methods.program.child_bounds import common_bounds
-from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Method, Program
-from integrators.methods.program.transformations import appended, reversed_step
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import (
+    Method,
+    Program,
+    RepeatedProgram,
+    appended,
+    common_bounds,
+    reversed_step,
+)
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.methods.program.evaluations import Evaluation
+    from integrators.methods.programs.evaluations import Evaluation
+    from integrators.methods.programs.program import ChildBounds
 
 MAX_STEPS = 1000
 
@@ -121,7 +126,10 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
     """
     count = _read_count(count, "count")
     method = _read_method(method, "method")
-    return composition([(method, Fraction(1, count))] * count, name=name or f"{count} steps of {method.name}")
+    name = name or f"{count} steps of {method.name}"
+    if isinstance(method, Splitting):
+        return composition([(method, Fraction(1, count))] * count, name=name)
+    return RepeatedProgram(method.program, count, name)
 
 
 def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program:
@@ -246,8 +254,8 @@ def _read_pairs(pairs: Any, argument: str, number: str) -> list[tuple[Method, En
     """The methods and numbers of a sequence of pairs, all with the same parts."""
     read: list[tuple[Method, Entry]] = []
     for i, pair in enumerate(items(pairs, argument), 1):
-        if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
-            raise IntegratorError(f"{argument}[{i}] must be a method and its {number}, but was {shorten(repr(pair))}")
+        if not is_listed(pair) or len(pair) != 2:
+            raise IntegratorError(f"{argument}[{i}] must be a method and its {number}, but was {shown(pair)}")
         method = _read_method(pair[0], f"{argument}[{i}]")
         read.append((method, read_entry(pair[1], f"{number} of {argument}[{i}]")))
         first, program = read[0][0].program, method.program
@@ -267,11 +275,9 @@ def _parts(program: Program) -> str:
 
 def _read_method(method: Any, argument: str) -> Method:
     if not isinstance(method, Method):
-        raise IntegratorError(f"{argument} must be a method, but was {shorten(repr(method))}")
+        raise IntegratorError(f"{argument} must be a method, but was {shown(method)}")
     return method
 
 
 def _read_count(count: object, argument: str) -> int:
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MAX_STEPS:
-        raise IntegratorError(f"{argument} must be an integer from 1 to {MAX_STEPS}, but was {shorten(repr(count))}")
-    return count
+    return read_whole(count, argument, f"an integer from 1 to {MAX_STEPS}", 1, MAX_STEPS)

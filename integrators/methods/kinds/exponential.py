@@ -7,16 +7,16 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import multiply_entries, sum_entries
-from integrators.methods.program.program_method import ProgramMethod, read_parts
+from integrators.methods.programs.builder import ProgramMethod, read_parts
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.program import ProgramBuilder
+    from integrators.methods.programs.builder import ProgramBuilder
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import ChildBounds
 
 
 class LawsonMethod(ProgramMethod):
@@ -53,15 +53,11 @@ class LawsonMethod(ProgramMethod):
     tableau: RungeKutta
 
     def __init__(
-        self,
-        tableau: RungeKutta,
-        *,
-        parts: Sequence[str] = ("L", "N"),
-        name: str | None = None,
+        self, tableau: RungeKutta, *, parts: Sequence[str] = ("L", "N"), name: str | None = None,
         reference: str | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if not isinstance(tableau, RungeKutta) or not tableau.is_explicit:
-            raise IntegratorError(f"tableau must be an explicit RungeKutta, but was {shorten(repr(tableau))}")
+            raise IntegratorError(f"tableau must be an explicit RungeKutta, but was {shown(tableau)}")
         labels = {"name": name, "reference": reference, "digits": tableau.digits}
         self._set({"tableau": tableau}, parts=read_parts(parts, count=2), **labels)
 

@@ -8,15 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
-from integrators.methods.program.evaluations import combination
-from integrators.methods.program.program_method import ProgramMethod, read_parts
+from integrators.methods.programs.builder import ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import combination
 from integrators.methods.tableaux.tableau_input import check_triangular, read_matrix, read_row
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.program import ProgramBuilder
+    from integrators.methods.programs.builder import ProgramBuilder
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import ChildBounds
     from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
 
 
@@ -54,16 +54,9 @@ class Rosenbrock(ProgramMethod):
     b: EntryRow
 
     def __init__(
-        self,
-        alpha: Any,
-        gamma: Any,
-        b: Any,
-        *,
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        digits: int | None = None,
-    ) -> None:
+        self, alpha: Any, gamma: Any, b: Any, *, parameters: Iterable[str] = (), name: str | None = None,
+        reference: str | None = None, digits: int | None = None,
+    ) -> None:  # fmt: skip
         coefficients = _read_coefficients(alpha, gamma, b, parameters)
         self._set(coefficients, name=name, reference=reference, digits=digits)
 
@@ -164,17 +157,9 @@ class WMethod(Rosenbrock):
     """
 
     def __init__(
-        self,
-        alpha: Any,
-        gamma: Any,
-        b: Any,
-        *,
-        parts: Sequence[str] = ("f", "W"),
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        digits: int | None = None,
-    ) -> None:
+        self, alpha: Any, gamma: Any, b: Any, *, parts: Sequence[str] = ("f", "W"), parameters: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, digits: int | None = None,
+    ) -> None:  # fmt: skip
         coefficients = _read_coefficients(alpha, gamma, b, parameters)
         self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference, digits=digits)
 

@@ -8,17 +8,19 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from foundation.numbers import number_text
+from foundation.table import Column, Table, as_text
+from integrators.core.arguments import is_listed, items
+from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import read_entry, sum_entries
-from integrators.methods.program.program_method import ProgramMethod, read_parts
+from integrators.methods.programs.builder import ProgramMethod, read_parts
 from integrators.methods.tableaux.tableau_input import in_color_order
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.child_bounds import ChildBounds
-    from integrators.methods.program.evaluations import LinearForm
-    from integrators.methods.program.program import ProgramBuilder
+    from integrators.methods.programs.builder import ProgramBuilder
+    from integrators.methods.programs.evaluations import LinearForm
+    from integrators.methods.programs.program import ChildBounds
 
 
 class Splitting(ProgramMethod):
@@ -42,10 +44,13 @@ class Splitting(ProgramMethod):
     Example:
         >>> strang = Splitting([("a", "1/2"), ("b", 1), ("a", "1/2")])
         >>> print(strang)
-        k1 = z(1) - z(0), z' = 1/2 h f_a(z), z(0) = y
-        k2 = z(1) - z(0), z' = h f_b(z), z(0) = y + k1
-        k3 = z(1) - z(0), z' = 1/2 h f_a(z), z(0) = y + k1 + k2
-        y1 = y + k1 + k2 + k3
+        custom
+        <BLANKLINE>
+        step  flow of  coefficient of h
+        ────  ───────  ────────────────
+           1  a        1/2
+           2  b        1
+           3  a        1/2
 
     References:
         R. I. McLachlan, G. R. W. Quispel, Acta Numerica 11 (2002) 341–434, doi:10.1017/S0962492902000053;
@@ -55,15 +60,9 @@ class Splitting(ProgramMethod):
     flows: tuple[tuple[str, Entry], ...]
 
     def __init__(
-        self,
-        flows: Iterable[tuple[str, Any]],
-        *,
-        parts: Sequence[str] | None = None,
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        digits: int | None = None,
-    ) -> None:
+        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] | None = None, parameters: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, digits: int | None = None,
+    ) -> None:  # fmt: skip
         symbols = tuple(parameters)
         pairs = [_read_flow(flow, i, symbols) for i, flow in enumerate(items(flows, "flows"), 1)]
         names = read_parts(in_color_order(dict.fromkeys(part for part, _ in pairs)) if parts is None else parts)
@@ -77,6 +76,19 @@ class Splitting(ProgramMethod):
     def stages(self) -> int:
         """The number of flows."""
         return len(self.flows)
+
+    def to_table(self) -> Table:
+        """The flows: their parts and coefficients."""
+        rows = [(n, part, number_text(x, self.digits)) for n, (part, x) in enumerate(self.flows, 1)]
+        columns = (Column("step", True), Column("flow of"), Column("coefficient of h"))
+        return Table(self.name, columns, rows, self.remarks, data=self.to_dict)
+
+    __str__ = as_text
+
+    def to_dict(self) -> dict[str, Any]:
+        """The method as plain data."""
+        flows = [{"part": part, "coefficient": number_text(x, self.digits)} for part, x in self.flows]
+        return {"schema": 1, "kind": "method", "name": self.name, "flows": flows}
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         y = builder.y
@@ -106,11 +118,8 @@ class NystromSplitting(Splitting):
 
     Example:
         >>> method = NystromSplitting([("q", "1/2"), ("p", 1), ("q", "1/2")])
-        >>> print(method)
-        k1 = z(1) - z(0), z' = 1/2 h f_q(z), z(0) = y
-        k2 = z(1) - z(0), z' = h f_p(z), z(0) = y + k1
-        k3 = z(1) - z(0), z' = 1/2 h f_q(z), z(0) = y + k1 + k2
-        y1 = y + k1 + k2 + k3
+        >>> method.flows
+        (('q', Fraction(1, 2)), ('p', Fraction(1, 1)), ('q', Fraction(1, 2)))
         >>> method.max_children
         ((0, None), (1, 0))
 
@@ -120,15 +129,9 @@ class NystromSplitting(Splitting):
     """
 
     def __init__(
-        self,
-        flows: Iterable[tuple[str, Any]],
-        *,
-        parts: Sequence[str] = ("p", "q"),
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        digits: int | None = None,
-    ) -> None:
+        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] = ("p", "q"), parameters: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, digits: int | None = None,
+    ) -> None:  # fmt: skip
         names = read_parts(parts, count=2)
         super().__init__(flows, parts=names, parameters=parameters, name=name, reference=reference, digits=digits)
 
@@ -179,6 +182,6 @@ def strang(parts: Sequence[str] = ("a", "b")) -> Splitting:
 
 
 def _read_flow(flow: Any, i: int, symbols: Sequence[str]) -> tuple[str, Entry]:
-    if isinstance(flow, str) or not isinstance(flow, Sequence) or len(flow) != 2 or not isinstance(flow[0], str):
-        raise IntegratorError(f"flows[{i}] must be a part and its coefficient, but was {shorten(repr(flow))}")
+    if not is_listed(flow) or len(flow) != 2 or not isinstance(flow[0], str):
+        raise IntegratorError(f"flows[{i}] must be a part and its coefficient, but was {shown(flow)}")
     return flow[0], read_entry(flow[1], f"flows[{i}]", symbols)

@@ -11,16 +11,23 @@ Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``,
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from decimal import Decimal
-from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.core.text_files import FORMATS, atomic_write, check_keys, json_text, parse_json, parse_toml, read_text
+from integrators.core.text_files import (
+    FORMATS,
+    atomic_write,
+    check_keys,
+    errors_from,
+    json_text,
+    parse_json,
+    parse_toml,
+    read_text,
+)
 from integrators.exact.entries import read_entry
-from integrators.exact.expressions import decimal_text, format_number
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
@@ -31,8 +38,6 @@ if TYPE_CHECKING:
 LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
-LARGEST_NUMBER = 2**53
-"""Larger integers are written as text, since many JSON readers convert numbers to doubles."""
 
 
 def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
@@ -63,18 +68,7 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
 
 
 def loads_method(text: str, format: str, *, source: str = "text") -> Method:
-    """Read a method from text.
-
-    Args:
-        text: the content of a tableau file.
-        format: ``"json"`` or ``"toml"``.
-        source: the name of the text in messages.
-
-    Returns:
-        The method; a `TableauWarning` is emitted for each of its issues.
-
-    Raises:
-        IntegratorError: the text is not JSON or TOML, or contains no tableau.
+    """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`.
 
     Example:
         >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
@@ -87,12 +81,8 @@ def loads_method(text: str, format: str, *, source: str = "text") -> Method:
 
 def _read(text: str, format: str, source: str) -> Method:
     parse = {"json": parse_json, "toml": parse_toml}[_checked_format(format)]
-    try:
+    with errors_from(source):
         return _read_method(parse(text))
-    except RecursionError:
-        raise IntegratorError(f"{shorten(source, 200)}: nesting must be flat, but was too deep") from None
-    except IntegratorError as error:
-        raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
 
 
 def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:
@@ -121,17 +111,7 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
 
 
 def dumps_method(method: Method, format: str) -> str:
-    """A method as the text of a tableau file.
-
-    Args:
-        method: the method.
-        format: ``"json"`` or ``"toml"``.
-
-    Returns:
-        The text.
-
-    Raises:
-        IntegratorError: the format is unknown.
+    """A method as the text of a tableau file in JSON or TOML.
 
     Example:
         >>> print(dumps_method(RungeKutta([["1/2"]], [1], name="implicit-midpoint"), "json"), end="")
@@ -144,7 +124,9 @@ def dumps_method(method: Method, format: str) -> str:
           "c": ["1/2"]
         }
     """
-    data = _write_method(method)
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
+    data = method.to_dict()
     if _checked_format(format) == "json":
         return json_text(data) + "\n"
     import tomli_w
@@ -172,15 +154,11 @@ def _read_method(data: Any) -> Method:
     if not isinstance(partitions, dict):
         raise IntegratorError(f"partitions must map names to tableaux, but was {shown(partitions)}")
     parameters = items(data.get("parameters", ()), "parameters")
-    parts = {name: _prefixed(name, _read_tableau, part, parameters) for name, part in partitions.items()}
+    parts = {}
+    for name, part in partitions.items():
+        with errors_from(f"partition {shorten(name)}"):
+            parts[name] = _read_tableau(part, parameters)
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
-
-
-def _prefixed(name: str, read: Callable[..., RungeKutta], *arguments: Any) -> RungeKutta:
-    try:
-        return read(*arguments)
-    except IntegratorError as error:
-        raise IntegratorError(f"partition {shorten(name)}: {error}") from None
 
 
 def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
@@ -224,51 +202,3 @@ def _read_algebra(data: Any) -> StageAlgebra:
     polynomial, b = (items(data[key], f"algebra.{key}") for key in ("polynomial", "b"))
     read = [[read_entry(value, "an entry of algebra") for value in row] for row in (polynomial, b, *rows)]
     return StageAlgebra(read[0], read[2:], read[1])
-
-
-def _write_method(method: Method) -> dict[str, Any]:
-    """The method as the dictionary of a file, without absent entries."""
-    if isinstance(method, PartitionedRungeKutta):
-        partitions = dict(zip(method.names, map(_write_method, method.partitions), strict=True))
-        return {**_labels(method), "partitions": partitions}
-    if not isinstance(method, RungeKutta):
-        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
-    algebra = method.algebra
-    if algebra is not None:
-        polynomial, b = _numbers(algebra.polynomial), _numbers(algebra.b)
-        return {
-            **_labels(method),
-            "algebra": {"polynomial": polynomial, "A": [_numbers(row) for row in algebra.A], "b": b},
-        }
-    data = _labels(method)
-    if method.parameters:
-        data["parameters"] = list(method.parameters)
-    if method.digits is not None:
-        data["digits"] = method.digits
-    if method.domain == "float":
-        data["domain"] = "float"
-    write = decimal_text if method.domain == "decimal" else format_number
-    data |= {"A": [_numbers(row, write) for row in method.A], "b": _numbers(method.b, write)}
-    # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
-    if method.domain not in ("algebraic", "symbolic") or method.c != method.row_sums:
-        data["c"] = _numbers(method.c, write)
-    if method.embedded:
-        data["embedded"] = [_numbers(row, write) for row in method.embedded]
-    return data
-
-
-def _labels(method: Method) -> dict[str, Any]:
-    labels = {"name": method.name, "reference": method.reference}
-    return {key: value for key, value in labels.items() if value is not None}
-
-
-def _numbers(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
-    """Doubles unchanged, small integers as numbers, everything else as text."""
-    return [
-        value
-        if isinstance(value, float)
-        else int(value)
-        if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER
-        else write(value)
-        for value in values
-    ]

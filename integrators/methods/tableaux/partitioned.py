@@ -7,14 +7,23 @@ from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
+from foundation.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.methods.program.program import Method
-from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
+from integrators.core.text_files import errors_from
+from integrators.methods.programs.program import Method
+from integrators.methods.tableaux.runge_kutta import (
+    RungeKutta,
+    are_symmetric,
+    check_known,
+    emit,
+    tableau_program,
+    tableau_table,
+)
 from integrators.methods.tableaux.tableau_input import in_color_order
 
 if TYPE_CHECKING:
-    from integrators.methods.program.program import Program
+    from integrators.methods.programs.program import Program
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, ascending."""
@@ -55,14 +64,9 @@ class PartitionedRungeKutta(Method):
     partitions: tuple[RungeKutta, ...]
 
     def __init__(
-        self,
-        partitions: Mapping[str, RungeKutta | Mapping[str, Any]],
-        *,
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        reference: str | None = None,
-        warn: bool = True,
-    ) -> None:
+        self, partitions: Mapping[str, RungeKutta | Mapping[str, Any]], *, parameters: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, warn: bool = True,
+    ) -> None:  # fmt: skip
         if not isinstance(partitions, Mapping) or len(partitions) < 2:
             raise IntegratorError(f"partitions must map two or more names to tableaux, but was {shown(partitions)}")
         check_partition_names(partitions)
@@ -96,6 +100,22 @@ class PartitionedRungeKutta(Method):
         return "".join(
             f"<div>{name}</div>{part._repr_html_()}" for name, part in zip(self.names, self.partitions, strict=True)
         )
+
+    def to_latex(self) -> str:
+        """The tableaus as LaTeX arrays."""
+        return "\n".join(part.to_latex() for part in self.partitions)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of a tableau file; see `load_method`."""
+        labels = {"name": self.name} | ({} if self.reference is None else {"reference": self.reference})
+        return {
+            **labels,
+            "partitions": {name: p.to_dict() for name, p in zip(self.names, self.partitions, strict=True)},
+        }
+
+    def to_table(self) -> Table:
+        """The tableaus as rows."""
+        return tableau_table(self, self.to_latex)
 
     @property
     def stages(self) -> int:
@@ -224,7 +244,5 @@ def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:
         raise IntegratorError(
             f"partition {name} must be a RungeKutta or have A, b and perhaps c, but was {shown(part)}"
         )
-    try:
+    with errors_from(f"partition {name}"):
         return RungeKutta(**part, parameters=parameters, name=name, warn=False)
-    except IntegratorError as error:
-        raise IntegratorError(f"partition {name}: {error}") from None

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
+from foundation.numbers import latex_number
+from foundation.table import Column, Table
 from integrators.core.arguments import read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import LARGEST_NUMBER, json_text
 from integrators.exact import entries
-from integrators.exact.expressions import format_number
-from integrators.methods.program.evaluations import combination
-from integrators.methods.program.program import Method, ProgramBuilder
+from integrators.exact.expressions import decimal_text, format_number
+from integrators.methods.programs.builder import ProgramBuilder
+from integrators.methods.programs.evaluations import combination
+from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 from integrators.methods.tableaux.tableau_input import read_tableau
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
-    from integrators.methods.program.program import Program
+    from integrators.methods.programs.program import Program
     from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
 
 
@@ -68,18 +72,9 @@ class RungeKutta(Method):
     algebra: StageAlgebra | None
 
     def __init__(
-        self,
-        A: Any,
-        b: Any,
-        c: Any = None,
-        *,
-        embedded: Any = None,
-        parameters: Iterable[str] = (),
-        name: str | None = None,
-        digits: int | None = None,
-        reference: str | None = None,
-        warn: bool = True,
-    ) -> None:
+        self, A: Any, b: Any, c: Any = None, *, embedded: Any = None, parameters: Iterable[str] = (),
+        name: str | None = None, digits: int | None = None, reference: str | None = None, warn: bool = True,
+    ) -> None:  # fmt: skip
         matrix, weights, nodes, extra = read_tableau(A, b, c, embedded, parameters, digits)
         nodes = tuple(map(entries.sum_entries, matrix)) if nodes is None else nodes
         self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)
@@ -124,6 +119,47 @@ class RungeKutta(Method):
 
     def _repr_html_(self) -> str:
         return tableau_html(self)
+
+    def to_latex(self) -> str:
+        """The tableau as a LaTeX array; long irrational entries are rounded to floats.
+
+        Example:
+            >>> print(RungeKutta([[0, 0], ["1/2", 0]], [0, 1]).to_latex())
+            \\begin{array}{c|cc}
+            0 & 0 & 0 \\\\
+            \\frac{1}{2} & \\frac{1}{2} & 0 \\\\ \\hline
+             & 0 & 1 \\\\
+            \\end{array}
+        """
+        return tableau_latex(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of a tableau file, without absent entries; see `load_method`."""
+        data: dict[str, Any] = {"name": self.name}
+        if self.reference is not None:
+            data["reference"] = self.reference
+        if self.algebra is not None:
+            polynomial, b = plain_entries(self.algebra.polynomial), plain_entries(self.algebra.b)
+            rows = [plain_entries(row) for row in self.algebra.A]
+            return {**data, "algebra": {"polynomial": polynomial, "A": rows, "b": b}}
+        if self.parameters:
+            data["parameters"] = list(self.parameters)
+        if self.digits is not None:
+            data["digits"] = self.digits
+        if self.domain == "float":
+            data["domain"] = "float"
+        write = decimal_text if self.domain == "decimal" else format_number
+        data |= {"A": [plain_entries(row, write) for row in self.A], "b": plain_entries(self.b, write)}
+        # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
+        if self.domain not in ("algebraic", "symbolic") or self.c != self.row_sums:
+            data["c"] = plain_entries(self.c, write)
+        if self.embedded:
+            data["embedded"] = [plain_entries(row, write) for row in self.embedded]
+        return data
+
+    def to_table(self) -> Table:
+        """The tableau as rows."""
+        return tableau_table(self, self.to_latex)
 
     @cached_property
     def _exact(self) -> tuple[Matrix, EntryRow, EntryRow]:
@@ -176,11 +212,6 @@ class RungeKutta(Method):
     def parameters(self) -> tuple[str, ...]:
         """The names of the symbols in the tableau, sorted."""
         return entries.symbol_names(self._entries) if self.domain == "symbolic" else ()
-
-    @property
-    def precision(self) -> Fraction | float:
-        """The relative error of the entries: 0 if they are exact."""
-        return entries.relative_error(self.domain, self.digits)
 
     @cached_property
     def program(self) -> Program:
@@ -356,13 +387,7 @@ class RungeKutta(Method):
 def tableau_program(tableaux: Sequence[RungeKutta], names: Sequence[str], **labels: Any) -> Program:
     """The program of k^ν_i = h f^ν(y + Σ_μ Σ_j a^μ_ij k^μ_j), y1 = y + Σ_ν Σ_i b^ν_i k^ν_i.
 
-    Args:
-        tableaux: one tableau for each part, with equally many stages.
-        names: the names of the parts; unused if there is one part.
-        labels: name, reference and digits, as for `ProgramBuilder.program`.
-
-    Returns:
-        The program; stage by stage, and within a stage part by part.
+    Its order is stage by stage, and within a stage part by part; `labels` are those of `ProgramBuilder.program`.
     """
     count, stages = len(tableaux), tableaux[0].stages
     parts = tuple(names) if count > 1 else ()
@@ -430,6 +455,8 @@ def emit(issues: Iterable[str]) -> None:
 
 
 DIGITS = 10
+MOST_EXACT_STAGES = 3
+"""Methods with irrational entries and more stages are shown in floats."""
 
 
 def tableau_text(method: RungeKutta) -> str:
@@ -451,6 +478,50 @@ def tableau_html(method: RungeKutta) -> str:
         first, *others = (f'<td style="{top}%stext-align:left">{cell}</td>' for cell in cells)
         rows.append("<tr>" + first % "border-right:1px solid;" + "".join(other % "" for other in others) + "</tr>")
     return f'<table style="border-collapse:collapse">{"".join(rows)}</table>'
+
+
+def tableau_latex(method: RungeKutta) -> str:
+    """The tableau as a LaTeX array."""
+    part = _readable(method)
+    rows = [(c, *row) for c, row in zip(part.c, part.A, strict=True)]
+    lines = [" & ".join(latex_number(x, part.digits) for x in row) + r" \\" for row in rows]
+    lines[-1] += r" \hline"
+    lines += [" & ".join(["", *(latex_number(x, part.digits) for x in w)]) + r" \\" for w in (part.b, *part.embedded)]
+    return "\n".join([f"\\begin{{array}}{{c|{'c' * part.stages}}}", *lines, r"\end{array}"])
+
+
+def plain_entries(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
+    """Doubles unchanged, small integers as numbers, everything else as text."""
+    return [
+        value
+        if isinstance(value, float)
+        else int(value)
+        if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER
+        else write(value)
+        for value in values
+    ]
+
+
+def tableau_table(method: Any, latex: Callable[[], str]) -> Table:
+    """The tableaus of all parts as rows."""
+    rows = [row for name, part in zip(method.names, method.partitions, strict=True) for row in _rows(name, part)]
+    columns = [Column(heading) for heading in ("part", "row", "node", *map(str, range(1, method.stages + 1)))]
+    own = {"latex": lambda width: latex() + "\n", "json": lambda width: json_text(method.to_dict()) + "\n"}
+    return Table(method.name, columns, rows, method.remarks, own=own)
+
+
+def _rows(name: str, method: RungeKutta) -> Iterator[tuple[Any, ...]]:
+    part = _readable(method)
+    for i, row in enumerate(part.A):
+        yield name, f"A{i + 1}", part.c[i], *row
+    for label, weights in [("b", part.b), *(("embedded", row) for row in part.embedded)]:
+        yield name, label, "", *weights
+
+
+def _readable(method: RungeKutta) -> RungeKutta:
+    """The method, in floats if its exact entries are roots of high degree, which are very long."""
+    is_long = method.algebra is not None and method.domain != "QQ" and method.stages > MOST_EXACT_STAGES
+    return method.to_float() if is_long else method
 
 
 def _cell_texts(method: RungeKutta) -> list[list[str]]:

@@ -9,7 +9,7 @@ from integrators.core.arguments import check_digits, items
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import find_domain, read_entry, round_entry
 from integrators.exact.expressions import check_names
-from integrators.methods.program.program import MAX_STAGES
+from integrators.methods.programs.program import MAX_STAGES
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -92,17 +92,7 @@ def in_color_order(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: int | None = None) -> EntryRow:
-    """A row of entries.
-
-    Args:
-        values: a sequence or array of arguments of `read_entry`.
-        argument: the name of the row in messages.
-        names: symbols allowed in formulas.
-        count: the number of entries; None for one or more.
-
-    Raises:
-        IntegratorError: `values` is not a sequence, has another length, or has an invalid entry.
-    """
+    """A row of entries in the symbols `names`: `count` entries, or one or more if None."""
     row = items(values, argument)
     if count is not None and len(row) != count:
         raise IntegratorError(f"{argument} must have {_entry_count(count)}, but has {len(row)}")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from math import cos, pi
 from typing import Any
 
-from integrators.scenes.catalogue.entry import SceneEntry
-from integrators.scenes.catalogue.options import read_count, read_positive
-from integrators.scenes.catalogue.particles import FLAT_SITES
+from integrators.scenes.catalogue.particles import FLAT_SITES, read_count, read_positive
+from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.blocks import MAX_VARIABLES
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
@@ -89,19 +88,12 @@ def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
 
 
 SCENES = (
-    SceneEntry(
-        "toda",
-        toda,
-        "the periodic Toda lattice of n particles, completely integrable",
+    SceneEntry("toda", toda, "the periodic Toda lattice of n particles, completely integrable",
         "M. Toda, J. Phys. Soc. Japan 22 (1967) 431–436; H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925; "
         "HLW, section X.1.5; E. Hairer, lecture on long-time behaviour, example 9",
-        aliases=("toda-lattice",),
-    ),
-    SceneEntry(
-        "fermi-pasta-ulam",
-        fermi_pasta_ulam,
+        aliases=("toda-lattice",)),
+    SceneEntry("fermi-pasta-ulam", fermi_pasta_ulam,
         "2m masses joined by soft quartic and stiff linear springs in turn; oscillatory energies over long times",
         "L. Galgani, A. Giorgilli, A. Martinoli, S. Vanzini, Physica D 59 (1992) 334–348; HLW, section I.5.1",
-        aliases=("fpu",),
-    ),
-)
+        aliases=("fpu",)),
+)  # fmt: skip

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
-from integrators.scenes.catalogue.entry import SceneEntry
+from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
@@ -151,63 +151,28 @@ def lorenz() -> Scene:
 
 
 SCENES = (
-    SceneEntry(
-        "riccati",
-        riccati,
-        "y' = y², with the solution 1/(1 − t)",
-        "HLW, example IX.1.1; E. Hairer, lecture on long-time behaviour, example 1 and figure 1",
-    ),
-    SceneEntry(
-        "linear",
-        linear,
-        "y' = A y with any matrix A; the harmonic oscillator if none is given",
-        "E. Hairer, lecture on long-time behaviour, example 3",
-        aliases=("harmonic-oscillator",),
-    ),
-    SceneEntry(
-        "nonlinear-oscillator",
-        nonlinear_oscillator,
+    SceneEntry("riccati", riccati, "y' = y², with the solution 1/(1 − t)",
+        "HLW, example IX.1.1; E. Hairer, lecture on long-time behaviour, example 1 and figure 1"),
+    SceneEntry("linear", linear, "y' = A y with any matrix A; the harmonic oscillator if none is given",
+        "E. Hairer, lecture on long-time behaviour, example 3", aliases=("harmonic-oscillator",)),
+    SceneEntry("nonlinear-oscillator", nonlinear_oscillator,
         "a rotation with angular velocity 1/|u|², which keeps |u|²",
-        "H. Ranocha, D. I. Ketcheson, SIAM J. Numer. Anal. 58 (2020), doi:10.1137/19M1290346",
-    ),
-    SceneEntry(
-        "lotka-volterra",
-        lotka_volterra,
-        "prey p and predators q: closed orbits of a Poisson system",
+        "H. Ranocha, D. I. Ketcheson, SIAM J. Numer. Anal. 58 (2020), doi:10.1137/19M1290346"),
+    SceneEntry("lotka-volterra", lotka_volterra, "prey p and predators q: closed orbits of a Poisson system",
         "HLW, sections I.1.1 and VII.2; E. Hairer, lecture on long-time behaviour, example 2 and exercise 2",
-        aliases=("predator-prey",),
-    ),
-    SceneEntry(
-        "rigid-body",
-        rigid_body,
-        "the free rigid body: Euler's equations for its angular momentum",
+        aliases=("predator-prey",)),
+    SceneEntry("rigid-body", rigid_body, "the free rigid body: Euler's equations for its angular momentum",
         "HLW, section IV.1 and figure IV.1.1 (moments of inertia, start), section VII.5 (the Lie–Poisson structure)",
-        aliases=("euler-top",),
-    ),
-    SceneEntry(
-        "abc-flow",
-        abc_flow,
+        aliases=("euler-top",)),
+    SceneEntry("abc-flow", abc_flow,
         "the Arnold–Beltrami–Childress flow in space: divergence-free, a sum of three shears",
         "T. Dombre et al., J. Fluid Mech. 167 (1986) 353, doi:10.1017/S0022112086002859; "
         "E. Hairer, lecture on long-time behaviour, exercise 6",
-        aliases=("abc",),
-    ),
-    SceneEntry(
-        "brusselator",
-        brusselator,
-        "the Brusselator, a chemical reaction with a limit cycle (where B > 1 + A²)",
-        "R. Lefever, G. Nicolis, J. Theor. Biol. 30 (1971) 267; HNW, sections I.16 (the form) and II.4 (the start)",
-    ),
-    SceneEntry(
-        "van-der-pol",
-        van_der_pol,
-        "Van der Pol's equation ε y'' = (1 − y²) y' − y, stiff",
-        "HW, sections IV.1 (this form, time scaled to the period) and IV.10 (ε = 10⁻⁶)",
-    ),
-    SceneEntry(
-        "lorenz",
-        lorenz,
-        "Lorenz's model of convection: a strange attractor",
-        "E. N. Lorenz, J. Atmos. Sci. 20 (1963) 130; HNW, section I.16",
-    ),
-)
+        aliases=("abc",)),
+    SceneEntry("brusselator", brusselator, "the Brusselator, a chemical reaction with a limit cycle (where B > 1 + A²)",
+        "R. Lefever, G. Nicolis, J. Theor. Biol. 30 (1971) 267; HNW, sections I.16 (the form) and II.4 (the start)"),
+    SceneEntry("van-der-pol", van_der_pol, "Van der Pol's equation ε y'' = (1 − y²) y' − y, stiff",
+        "HW, sections IV.1 (this form, time scaled to the period) and IV.10 (ε = 10⁻⁶)"),
+    SceneEntry("lorenz", lorenz, "Lorenz's model of convection: a strange attractor",
+        "E. N. Lorenz, J. Atmos. Sci. 20 (1963) 130; HNW, section I.16"),
+)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Gravitational N-body problems; the outer solar system."""
+"""Gravity: N-body problems, the outer solar system, and the planar Kepler problem, unperturbed and perturbed."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from operator import mul, sub
 from typing import Any
 
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError
-from integrators.scenes.catalogue.entry import SceneEntry
-from integrators.scenes.catalogue.options import read_positive, read_rows
-from integrators.scenes.catalogue.particles import kinetic_energy, squared_distance, symmetry_integrals
-from integrators.scenes.model.terms import Term
+from integrators.core.errors import IntegratorError, shorten
+from integrators.scenes.catalogue.particles import (
+    kinetic_energy,
+    read_positive,
+    read_rows,
+    squared_distance,
+    symmetry_integrals,
+)
+from integrators.scenes.catalogue.registry import SceneEntry
+from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
 # The digits are C. Simó's, as printed by Chenciner and Montgomery; with G = 1 the period is 6.32591398.
@@ -46,14 +52,9 @@ def n_body(
 
 
 def gravity(
-    masses: Any,
-    positions: Any,
-    velocities: Any,
-    *,
-    constant: Any = 1,
-    softened: bool = False,
+    masses: Any, positions: Any, velocities: Any, *, constant: Any = 1, softened: bool = False,
     summary: str | None = None,
-) -> Scene:
+) -> Scene:  # fmt: skip
     """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
     m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
     q = read_rows(positions, "positions", len(m))
@@ -88,32 +89,17 @@ def _dimension(positions: Sequence[Sequence[Any]], velocities: Sequence[Sequence
 GRAVITATION = "2.95912208286e-4"
 BODIES = {
     "sun": ("1.00000597682", ("0", "0", "0"), ("0", "0", "0")),
-    "jupiter": (
-        "0.000954786104043",
-        ("-3.5023653", "-3.8169847", "-1.5507963"),
-        ("0.00565429", "-0.00412490", "-0.00190589"),
-    ),
-    "saturn": (
-        "0.000285583733151",
-        ("9.0755314", "-3.0458353", "-1.6483708"),
-        ("0.00168318", "0.00483525", "0.00192462"),
-    ),
-    "uranus": (
-        "0.0000437273164546",
-        ("8.3101420", "-16.2901086", "-7.2521278"),
-        ("0.00354178", "0.00137102", "0.00055029"),
-    ),
-    "neptune": (
-        "0.0000517759138449",
-        ("11.4707666", "-25.7294829", "-10.8169456"),
-        ("0.00288930", "0.00114527", "0.00039677"),
-    ),
-    "pluto": (
-        "1/130000000",
-        ("-15.5387357", "-25.2225594", "-3.1902382"),
-        ("0.00276725", "-0.00170702", "-0.00136504"),
-    ),
-}
+    "jupiter": ("0.000954786104043", ("-3.5023653", "-3.8169847", "-1.5507963"),
+        ("0.00565429", "-0.00412490", "-0.00190589")),
+    "saturn": ("0.000285583733151", ("9.0755314", "-3.0458353", "-1.6483708"),
+        ("0.00168318", "0.00483525", "0.00192462")),
+    "uranus": ("0.0000437273164546", ("8.3101420", "-16.2901086", "-7.2521278"),
+        ("0.00354178", "0.00137102", "0.00055029")),
+    "neptune": ("0.0000517759138449", ("11.4707666", "-25.7294829", "-10.8169456"),
+        ("0.00288930", "0.00114527", "0.00039677")),
+    "pluto": ("1/130000000", ("-15.5387357", "-25.2225594", "-3.1902382"),
+        ("0.00276725", "-0.00170702", "-0.00136504")),
+}  # fmt: skip
 OUTER_SOLAR_SYSTEM_EFFECTS = {
     name: f"{name.title()}, of mass {mass}" for name, (mass, _, _) in BODIES.items() if name != "sun"
 }
@@ -157,20 +143,105 @@ def _about_the_mean(rows: Sequence[Sequence[str]], masses: Sequence[Fraction]) -
     return [list(map(sub, vector, mean)) for vector in vectors]
 
 
+SQUARED_MOMENTUM = "(p1^2 + p2^2)"
+DISTANCE = "sqrt(q1^2 + q2^2)"
+ANGULAR_MOMENTUM = "(q1*p2 - q2*p1)"
+
+
+def kepler(*, eccentricity: Any = "3/5") -> Scene:
+    """H = |p|²/2 − μ/|q|, from the perihelion of an ellipse with semi-major axis 1 (for μ = 1).
+
+    Args:
+        eccentricity: The eccentricity of the ellipse, at least 0 and less than 1.
+
+    Raises:
+        IntegratorError: `eccentricity` is outside this range.
+
+    Example:
+        >>> kepler(eccentricity="1/2").start
+        (0, sqrt(3), 1/2, 0)
+    """
+    runge_lenz = {
+        "runge_lenz_1": f"p2*{ANGULAR_MOMENTUM} - mu*q1/{DISTANCE}",
+        "runge_lenz_2": f"-p1*{ANGULAR_MOMENTUM} - mu*q2/{DISTANCE}",
+    }
+    return Scene(
+        {"p": 2, "q": 2},
+        hamiltonian=f"{SQUARED_MOMENTUM}/2 - mu/{DISTANCE}",
+        parameters={"mu": 1},
+        invariants={"angular_momentum": ANGULAR_MOMENTUM, **runge_lenz},
+        start=_perihelion(eccentricity),
+        effects=_effects("mu", *runge_lenz),
+        positive=["q1^2 + q2^2"],
+    )
+
+
+def perturbed_kepler(*, eccentricity: Any = "3/5") -> Scene:
+    """H = |p|²/2 − 1/|q| − μ/(3 |q|³), with the start of `kepler`."""
+    return Scene(
+        {"p": 2, "q": 2},
+        hamiltonian=f"{SQUARED_MOMENTUM}/2 - 1/{DISTANCE} - mu/(3*{DISTANCE}^3)",
+        parameters={"mu": "3/200"},
+        invariants={"angular_momentum": ANGULAR_MOMENTUM},
+        start=_perihelion(eccentricity),
+        effects=_effects("1"),
+        positive=["q1^2 + q2^2"],
+    )
+
+
+def _perihelion(eccentricity: Any) -> dict[str, Any]:
+    """Start at the perihelion of an ellipse with semi-major axis 1 (HLW, section I.2.3)."""
+    import sympy
+
+    e = read_formula(eccentricity, (), "eccentricity")
+    if not 0 <= e < 1:
+        raise IntegratorError(f"eccentricity must be at least 0 and less than 1, but was {shorten(str(e))}")
+    return {"p": [0, sympy.sqrt((1 + e) / (1 - e))], "q": [1 - e, 0]}
+
+
+def _effects(gravity: str, *directions: str) -> dict[str, Effect]:
+    """Perturbations of the Kepler problem with gravitational parameter `gravity`.
+
+    Relativity is the first post-Newtonian Hamiltonian of a test particle, in isotropic coordinates (P. Saha,
+    S. Tremaine, Astron. J. 108 (1994) 1962, doi:10.1086/117210). Oblateness is the second zonal harmonic in the
+    equatorial plane (J. M. A. Danby, Fundamentals of Celestial Mechanics). To first order the perihelion advances by
+    6πμ/(c² a(1 − e²)) and 3π J₂ (R/(a(1 − e²)))² in each revolution. `directions` are the invariants that fix the
+    perihelion.
+    """
+    relativity = f"-{SQUARED_MOMENTUM}^2/8 - 3*{gravity}*{SQUARED_MOMENTUM}/(2*{DISTANCE}) + ({gravity}/{DISTANCE})^2/2"
+    return {
+        "relativity": Effect(
+            hamiltonian=f"({relativity})/c^2",
+            parameters={"c": 100},
+            breaks=directions,
+            summary="the first post-Newtonian term, with the speed of light c (Mercury: about 6260)",
+        ),
+        "oblateness": Effect(
+            hamiltonian=f"-{gravity}*J2*R^2/(2*{DISTANCE}^3)",
+            parameters={"J2": "1/1000", "R": "1/4"},
+            breaks=directions,
+            summary="a flattened centre of radius R, −μ J₂ R²/(2 r³) in the plane of its equator",
+        ),
+        "drag": Effect(
+            field={"p1": "-gamma*p1", "p2": "-gamma*p2"},
+            parameters={"gamma": "1/1000"},
+            breaks=("angular_momentum", *directions),
+            summary="linear drag, −γp: the orbit shrinks",
+        ),
+    }
+
+
 SCENES = (
-    SceneEntry(
-        "n-body",
-        n_body,
+    SceneEntry("n-body", n_body,
         "bodies that attract each other by gravity; by default, three that follow each other along a figure eight",
         "A. Chenciner, R. Montgomery, Annals of Mathematics 152 (2000) 881–901, doi:10.2307/2661357; HLW, section I.2",
-        built_in_effects={"softening": "sqrt(r² + epsilon²) in place of the distance r, so that forces stay finite"},
-    ),
-    SceneEntry(
-        "outer-solar-system",
-        outer_solar_system,
+        built_in_effects={"softening": "sqrt(r² + epsilon²) in place of the distance r, so that forces stay finite"}),
+    SceneEntry("outer-solar-system", outer_solar_system,
         "the Sun and the five outer planets (with Pluto) from September 5, 1994, in three dimensions",
         "HLW, section I.2.4, with data of the Ahnerts Kalender für Sternfreunde 1994",
-        built_in_effects=OUTER_SOLAR_SYSTEM_EFFECTS,
-        bodies=bodies,
-    ),
-)
+        built_in_effects=OUTER_SOLAR_SYSTEM_EFFECTS, bodies=bodies),
+    SceneEntry("kepler", kepler, "a planet about the sun, with eccentricity 3/5 and period 2π",
+        "HLW, section I.2 and exercise I.6.9 (the Runge–Lenz vector)"),
+    SceneEntry("perturbed-kepler", perturbed_kepler, "a planet whose perihelion advances, V(r) = −1/r − μ/(3 r³)",
+        "HLW, exercise I.6.12 and section VIII.1 (μ = 0.015); E. Hairer, lecture on long-time behaviour, example 8"),
+)  # fmt: skip

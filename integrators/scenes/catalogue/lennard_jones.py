@@ -6,19 +6,19 @@ from fractions import Fraction
 from math import ceil, gamma, pi
 from typing import TYPE_CHECKING, Any
 
-from integrators.scenes.catalogue.entry import SceneEntry
-from integrators.scenes.catalogue.options import read_count, read_positive
 from integrators.scenes.catalogue.particles import (
     kinetic_energy,
     momentum_names,
+    read_count,
+    read_positive,
     squared_distance,
     squared_norm,
     symmetry_integrals,
 )
+from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.blocks import AXES, MAX_VARIABLES
-from integrators.scenes.model.effects import Effect
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.terms import Term
+from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -26,14 +26,8 @@ if TYPE_CHECKING:
 
 
 def lennard_jones(
-    *,
-    particles: Any = 9,
-    dimension: Any = 2,
-    temperature: Any = "1/10",
-    seed: Any = 0,
-    sigma: Any = 1,
-    m: Any = 1,
-) -> Scene:
+    *, particles: Any = 9, dimension: Any = 2, temperature: Any = "1/10", seed: Any = 0, sigma: Any = 1, m: Any = 1
+) -> Scene:  # fmt: skip
     """H = Σ |p_i|²/(2m) + Σ_{i<j} 4ε((σ/r_ij)¹² − (σ/r_ij)⁶).
 
     The atoms start as a close-packed cluster, hexagonal in the plane and face-centred cubic in space, whose nearest
@@ -125,11 +119,8 @@ def _balanced(values: np.ndarray) -> list[list[Fraction]]:
 
 
 SCENES = (
-    SceneEntry(
-        "lennard-jones",
-        lennard_jones,
+    SceneEntry("lennard-jones", lennard_jones,
         "atoms with the Lennard-Jones potential, a cluster at a given temperature",
         "J. E. Jones, Proc. R. Soc. London A 106 (1924) 463–477; HLW, section I.4; "
-        "E. Hairer, lecture on long-time behaviour, figure 8",
-    ),
-)
+        "E. Hairer, lecture on long-time behaviour, figure 8"),
+)  # fmt: skip

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.catalogue.entry import SceneEntry
-from integrators.scenes.model.effects import Effect
+from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
-from integrators.scenes.model.terms import Term
+from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
 
@@ -123,36 +122,18 @@ def field_nijhoff() -> Scene:
 
 
 SCENES = (
-    SceneEntry(
-        "pendulum",
-        pendulum,
-        "the mathematical pendulum",
-        "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4",
-    ),
-    SceneEntry(
-        "double-pendulum",
-        double_pendulum,
-        "two pendulums, one hanging from the other: chaotic at large angles",
-        "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)",
-    ),
-    SceneEntry(
-        "henon-heiles",
-        henon_heiles,
+    SceneEntry("pendulum", pendulum, "the mathematical pendulum",
+        "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4"),
+    SceneEntry("double-pendulum", double_pendulum, "two pendulums, one hanging from the other: chaotic at large angles",
+        "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)"),
+    SceneEntry("henon-heiles", henon_heiles,
         "the Hénon–Heiles model: regular orbits at low energies, chaos towards 1/6",
         "M. Hénon, C. Heiles, Astron. J. 69 (1964) 73, doi:10.1086/109234; HLW, section I.3",
-        aliases=("hénon-heiles",),
-    ),
-    SceneEntry(
-        "central-field",
-        central_field,
-        "motion in a central field V(r), in polar coordinates",
-        "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4",
-    ),
-    SceneEntry(
-        "field-nijhoff",
-        field_nijhoff,
+        aliases=("hénon-heiles",)),
+    SceneEntry("central-field", central_field, "motion in a central field V(r), in polar coordinates",
+        "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4"),
+    SceneEntry("field-nijhoff", field_nijhoff,
         "H = ln(α + p) + ln(β + q): the modified Hamiltonian of symplectic Euler is known in closed form",
         "C. M. Field, F. W. Nijhoff, Nonlinearity 16 (2003) 1673; "
-        "E. Hairer, lecture on long-time behaviour, exercise 5",
-    ),
-)
+        "E. Hairer, lecture on long-time behaviour, exercise 5"),
+)  # fmt: skip

@@ -1,35 +1,149 @@
-"""Built-in scenes by name, with options, effects and parameters. Files of this folder declare scenes in SCENES."""
+"""Scenes by name, with options, effects and parameters.
+
+Files of this folder declare scenes in SCENES; other distributions add theirs as entry points of `GROUP`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from operator import itemgetter
+from typing import Any, NamedTuple
 
-from integrators.core.catalogues import declared_entries, index_by_name, spelling
-from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.catalogue.entry import SceneEntry
+from foundation.table import Column, Table, Tabular, listed
+from integrators.core.catalogues import declared_entries, index_by_name, plug_in_entries, spelling
+from integrators.core.errors import IntegratorError, shown, suggestion
 from integrators.scenes.model.assembly import UnknownNameError
-from integrators.scenes.model.effects import check_active
+from integrators.scenes.model.terms import check_active
+from integrators.scenes.scene import Scene, labelled
 
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+GROUP = "bseries.scenes"
+"""The group of entry points by which other distributions add scenes."""
+SCENE_FIELDS = ("name", "dimension", "effects", "options", "aliases", "summary", "reference")
 
 
-ENTRIES: tuple[SceneEntry, ...] = tuple(declared_entries(__package__ or "", "SCENES"))
+class SceneEntry(NamedTuple):
+    """A scene of the catalogue before it is built.
+
+    A sequence of entries is what another distribution names as an entry point ``bseries.scenes``.
+
+    Attributes:
+        name: Its name.
+        builder: Builds the scene without labels, all effects off; keyword arguments are options that change its shape
+            or its start, such as the number of particles.
+        summary: One line about the scene.
+        reference: The source.
+        aliases: Other names of the scene.
+        built_in_effects: Effects that are more than additions to the base system, with their summaries: `builder`
+            receives their names as `effects`.
+        bodies: Names of the particles, in their order, for given effects, where these change the number of particles.
+
+    Example:
+        >>> from integrators import parse_hamiltonian
+        >>> def quartic(*, k=1):
+        ...     return parse_hamiltonian("p^2/2 + k*q^4/4", parameters={"k": k}, start="p=0; q=1")
+        >>> entry = SceneEntry("quartic", quartic, "a quartic oscillator", "G. Duffing, 1918")
+        >>> entry.options, entry.build(k=2).field
+        ({'k': 1}, (-2*q**3, p))
+    """
+
+    name: str
+    builder: Callable[..., Scene]
+    summary: str
+    reference: str
+    aliases: tuple[str, ...] = ()
+    built_in_effects: Mapping[str, str] | None = None
+    bodies: Callable[[Collection[str]], Sequence[str]] | None = None
+
+    def build(self, **options: Any) -> Scene:
+        """Build the scene; it has the labels of the entry unless the builder sets its own."""
+        return labelled(self.builder(**options), name=self.name, summary=self.summary, reference=self.reference)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The names of its options and their defaults."""
+        return {name: value for name, value in (self.builder.__kwdefaults__ or {}).items() if name != "effects"}
+
+    @property
+    def effects(self) -> dict[str, str]:
+        """The names of its effects and their summaries; the scene is built to find them."""
+        if self.built_in_effects is not None:
+            return dict(self.built_in_effects)
+        return {name: effect.summary or "" for name, effect in self.build().effects.items()}
+
+    @property
+    def default_effects(self) -> tuple[str, ...]:
+        """The names of the effects that are on by default."""
+        return tuple((self.builder.__kwdefaults__ or {}).get("effects", ()))
 
 
-def scene_catalogue() -> tuple[SceneEntry, ...]:
-    """List the built-in scenes.
+class SceneCatalogue(Tabular, tuple["SceneEntry", ...]):
+    """The built-in scenes, shown as a table."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<SceneCatalogue: {len(self)} entries>"
+
+    def to_table(self) -> Table:
+        """Names, numbers of variables with default options, effects and summaries; records have sources too."""
+        rows = _records()
+
+        def description(row: dict[str, Any]) -> str:
+            lists = (("also", row["aliases"]), ("options", row["options"]))
+            return "\n".join([row["summary"], *(f"{what}: {', '.join(names)}" for what, names in lists if names)])
+
+        def field(name: str) -> Any:
+            return lambda row: row[name] if isinstance(row[name], str | int) else tuple(row[name])
+
+        columns = (
+            Column("name", get=itemgetter("name")),
+            Column("variables", True, itemgetter("dimension")),
+            Column("effects", get=lambda row: ", ".join(row["effects"])),
+            Column("description", get=description),
+        )
+        return Table(
+            "Scenes",
+            columns,
+            rows,
+            data=lambda: {"schema": 1, "kind": "scenes", "scenes": rows},
+            items="scenes",
+            records=listed([(name, field(name)) for name in SCENE_FIELDS], rows),
+            titled=False,
+        )
+
+
+@cache
+def _records() -> list[dict[str, Any]]:
+    """The fields of entries in JSON and CSV; scenes are built for their dimensions."""
+    return [
+        {field: entry.build().dimension if field == "dimension" else getattr(entry, field) for field in SCENE_FIELDS}
+        for entry in _entries()
+    ]
+
+
+def scene_catalogue() -> SceneCatalogue:
+    """List the catalogue of scenes.
 
     Returns:
-        One entry for each scene, none of them built.
+        A tuple with an entry for each scene, none of them built.
 
     Example:
         >>> [entry.name for entry in scene_catalogue() if "pendulum" in entry.name]
         ['pendulum', 'double-pendulum']
     """
-    return ENTRIES
+    return _entries()
+
+
+@cache
+def _entries() -> SceneCatalogue:
+    added = plug_in_entries(GROUP, SceneEntry, _built_in(), SceneEntry.build)
+    return SceneCatalogue([*_declared(), *added])
+
+
+@cache
+def _declared() -> list[SceneEntry]:
+    return declared_entries(__package__ or "", "SCENES")  # these files import this one
 
 
 def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any) -> Scene:
@@ -64,26 +178,39 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
         raise IntegratorError(f"{error}{hint}") from None
 
 
+def as_scene(value: Scene | str) -> Scene:
+    """The scene of a name, or the scene itself."""
+    if isinstance(value, str):
+        return scene(value)
+    if not isinstance(value, Scene):
+        raise IntegratorError(f"scene must be a Scene or the name of one, but was {shown(value)}")
+    return value
+
+
 def _names(effects: Any) -> tuple[str, ...]:
     if isinstance(effects, str):
         return (effects,)
     if effects is not None and not isinstance(effects, Iterable):
-        raise IntegratorError(f"effects must be names, but was {shorten(repr(effects))}")
+        raise IntegratorError(f"effects must be names, but was {shown(effects)}")
     return () if effects is None else tuple(effects)
 
 
 def find_entry(name: Any) -> SceneEntry:
     """The entry of a name or alias, in any spelling."""
     key = spelling(name) if isinstance(name, str) else ""
-    if key in _index():
-        return _index()[key][0]
-    from difflib import get_close_matches
-
-    near = [_index()[close][0].name for close in get_close_matches(key, _index(), n=3, cutoff=0.6)]
-    hint = f"; did you mean {' or '.join(dict.fromkeys(near))}?" if near else ""
-    raise IntegratorError(f"scene must be one of the catalogue, but was {shorten(repr(name))}{hint}")
+    # The entry points of all distributions are read only for names that are not built in.
+    index = _built_in() if key in _built_in() else _index()
+    if key in index:
+        return index[key][0]
+    near = suggestion(key, [entry.name for entry in _entries()])
+    raise IntegratorError(f"scene must be one of the catalogue, but was {shown(name)}{near}")
 
 
 @cache
 def _index() -> dict[str, tuple[SceneEntry, str]]:
-    return index_by_name(ENTRIES)
+    return index_by_name(_entries())
+
+
+@cache
+def _built_in() -> dict[str, tuple[SceneEntry, str]]:
+    return index_by_name(_declared())

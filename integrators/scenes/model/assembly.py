@@ -1,13 +1,16 @@
-"""Declaration of a scene, with base system and effects separate, and its assembly with the active effects."""
+"""Declaration of a scene, with base system and effects separate: assembly with the active effects and table."""
 
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import LARGEST_NUMBER
+from integrators.exact.expressions import MAX_LENGTH, decimal_text
 from integrators.scenes.model.blocks import TIME, Block, canonical_blocks, component_places, read_blocks
 from integrators.scenes.model.declarations import (
     Namespace,
@@ -18,9 +21,8 @@ from integrators.scenes.model.declarations import (
     read_summands,
     register_names,
 )
-from integrators.scenes.model.effects import Effect
-from integrators.scenes.model.formulas import read_formula
-from integrators.scenes.model.terms import Key, Sites
+from integrators.scenes.model.formulas import formula_text, read_formula
+from integrators.scenes.model.terms import Effect, Key, Sites
 
 if TYPE_CHECKING:
     import sympy
@@ -60,17 +62,9 @@ class Assembly(NamedTuple):
 
 
 def read_declaration(
-    variables: Any,
-    hamiltonian: Any,
-    field: Any,
-    terms: Any,
-    poisson: Any,
-    parameters: Any,
-    invariants: Any,
-    start: Any,
-    positive: Any,
-    effects: Mapping[str, Effect],
-) -> Declaration:
+    variables: Any, hamiltonian: Any, field: Any, terms: Any, poisson: Any, parameters: Any, invariants: Any,
+    start: Any, positive: Any, effects: Mapping[str, Effect],
+) -> Declaration:  # fmt: skip
     """Parse the arguments of `Scene`, including effects that are off."""
     blocks = read_blocks(variables)
     if not blocks:
@@ -139,7 +133,7 @@ def _read_effect(name: str, effect: Effect, base: Namespace, scene: Declaration,
 
 def _read_invariants(formulas: Any, names: Mapping[str, str]) -> dict[str, sympy.Expr]:
     if not isinstance(formulas, Mapping) or not all(isinstance(name, str) for name in formulas):
-        raise IntegratorError(f"invariants must map names to formulas, but was {shorten(repr(formulas))}")
+        raise IntegratorError(f"invariants must map names to formulas, but was {shown(formulas)}")
     return {name: read_formula(formula, names, f"invariants.{name}") for name, formula in formulas.items()}
 
 
@@ -241,7 +235,7 @@ def with_values(scene: Declaration, active: Collection[str], values: Mapping[str
     parts = _parts(scene)
     owners = {name: owner for owner, part in parts.items() for name in part.parameters}
     for name, value in values.items():
-        owner = _owner(name, owners, active, "parameters")
+        owner = _owner(name, owners, active, "parameter")
         old, new = parts[owner].parameters[name], read_parameters({name: value})[name]
         if _count(old) != _count(new):
             raise IntegratorError(f"parameters.{name} must be {_count(old)}, as before, but was {_count(new)}")
@@ -260,7 +254,7 @@ def with_start_values(scene: Declaration, active: Collection[str], values: Mappi
             for owner, part in parts.items()
         }
     for name, value in values.items():
-        owner = _owner(name, owners, active, "start")
+        owner = _owner(name, owners, active, "block")
         new = read_start({name: value}, parts[owner].blocks)
         parts[owner] = parts[owner]._replace(start={**parts[owner].start, **new})
     return _joined(scene, parts)
@@ -279,10 +273,106 @@ def _owner(name: str, owners: Mapping[str, str], active: Collection[str], argume
     owner = owners.get(name)
     if owner is not None and (owner == BASE or owner in active):
         return owner
-    known = shorten(", ".join(key for key, value in owners.items() if value == BASE or value in active) or "none")
-    off = f", which belongs to the effect {owner} that is off" if owner else ""
-    raise UnknownNameError(f"{argument} must be of {known}, but one was {shorten(name)}{off}")
+    known = shorten(", ".join(key for key, value in owners.items() if value == BASE or value in active))
+    those = f"the {argument}s are {known}" if known else "there are none"
+    off = f" unless the effect {owner} is on" if owner else ""
+    raise UnknownNameError(f"there is no {argument} {shorten(name)}{off}; {those}")
 
 
 def _count(value: Any) -> str:
     return f"a list of {len(value)} numbers" if isinstance(value, tuple) else "a number"
+
+
+def declaration_table(
+    declaration: Declaration, labels: Mapping[str, str | None], effects: Mapping[str, Effect], active: tuple[str, ...]
+) -> dict[str, Any]:
+    """A declaration as nested dictionaries and lists of integers and text, without empty entries."""
+    data: dict[str, Any] = {**labels, "active": list(active)}
+    data |= _contribution_table(declaration.base)
+    if declaration.poisson is not None:
+        data["poisson"] = [[_number(entry, "poisson") for entry in row] for row in declaration.poisson]
+    data["positive"] = [_text(formula, "positive") for formula in declaration.positive]
+    data["invariants"] = {name: _text(value, f"invariants.{name}") for name, value in declaration.invariants.items()}
+    data["effects"] = {
+        name: {"summary": effects[name].summary} | _contribution_table(effect)
+        for name, effect in declaration.effects.items()
+    }
+    return _without_empty(data)
+
+
+def _without_empty(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The table without keys whose value is None or empty, on all levels."""
+    inner = {key: _without_empty(value) if isinstance(value, dict) else value for key, value in table.items()}
+    return {key: value for key, value in inner.items() if value not in (None, [], {})}
+
+
+def _contribution_table(part: Contribution) -> dict[str, Any]:
+    """The table of the base system or of an effect."""
+    at_site = {block.name: len(block.components) for block in part.blocks}
+    return {
+        "variables": {block.name: block.size for block in part.blocks},
+        **_formulas_table(part.summands),
+        "parameters": {name: _numbers(value) for name, value in part.parameters.items()},
+        "start": {name: _rows(_numbers(values), at_site.get(name, 1)) for name, values in part.start.items()},
+        "breaks": list(part.breaks),
+    }
+
+
+def _formulas_table(summands: Mapping[Key, sympy.Expr]) -> dict[str, Any]:
+    """The keys hamiltonian, field and terms; a sum too long for one text is split into several terms."""
+    table: dict[str, Any] = {}
+    terms: dict[Any, dict[str, Any]] = {}
+    for (target, sites, part), formula in summands.items():
+        for k, text in enumerate(_texts(formula)):
+            place = table
+            if k or part is not None or sites.kind != "single":
+                over = [[site + 1 for site in row] for row in sites.table] or sites.kind
+                labels = {"over": over} | ({} if part is None else {"part": part})
+                place = terms.setdefault((target is None, sites, part, k), labels)
+            if target is None:
+                place["hamiltonian"] = text
+            else:
+                place.setdefault("field", {})[target] = text
+    return {**table, "terms": list(terms.values())}
+
+
+def _texts(formula: sympy.Expr) -> Iterator[str]:
+    """A formula as one text, or as several summands if the text exceeds the parser's limit."""
+    import sympy
+
+    text = _written(formula)
+    if len(text) <= MAX_LENGTH:
+        yield text
+        return
+    summands = list(sympy.Add.make_args(formula))
+    for half in (summands[::2], summands[1::2]):
+        yield from _texts(sympy.Add(*half))
+
+
+def _written(formula: sympy.Expr) -> str:
+    return formula_text(formula).replace("**", "^")
+
+
+def _text(formula: sympy.Expr, argument: str) -> str:
+    text = _written(formula)
+    if len(text) > MAX_LENGTH:
+        raise IntegratorError(f"{argument} must have at most {MAX_LENGTH} characters in a file, but had {len(text)}")
+    return text
+
+
+def _numbers(value: Any) -> Any:
+    """One number, or a list of numbers for all sites."""
+    return [_number(entry, "a number") for entry in value] if isinstance(value, tuple) else _number(value, "a number")
+
+
+def _number(value: Any, argument: str) -> int | str:
+    """An integer, or the text of a decimal or formula."""
+    if not value.is_Rational:
+        return _text(value, argument)
+    exact = Fraction(int(value.p), int(value.q))
+    return int(exact) if exact.denominator == 1 and abs(exact) < LARGEST_NUMBER else decimal_text(exact)
+
+
+def _rows(values: list[Any], length: int) -> list[Any]:
+    """The values in rows of a given length; a flat list for length 1."""
+    return [values[k : k + length] for k in range(0, len(values), length)] if length > 1 else values

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from integrators.core.arguments import as_lists, is_listed
 from integrators.core.canonical_names import canonical_names
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import check_names
 
 AXES = "xyz"
@@ -56,19 +57,10 @@ class Block(NamedTuple):
 
 
 def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) -> tuple[Block, ...]:
-    """The blocks of a mapping from names to sizes.
+    """The blocks of a mapping from names to sizes, in this order, the first one at `offset` in the state.
 
-    Args:
-        variables: Maps the name of a block to a number n of sites (named ``p`` if n = 1, else ``p1`` … ``pn``), to
-            ``[n, d]`` (n sites in d dimensions, ``px1, py1, px2, …``), or to a list of names.
-        argument: Its name in messages.
-        offset: The offset of the first block in the state.
-
-    Returns:
-        The blocks, in this order. A list of names equal to the names of a size is read as that size.
-
-    Raises:
-        IntegratorError: It is not such a mapping.
+    A size is a number n of sites (named ``p`` if n = 1, else ``p1`` … ``pn``), ``[n, d]`` (n sites in d dimensions,
+    ``px1, py1, px2, …``), or a list of names. A list of names equal to the names of a size is read as that size.
 
     Example:
         >>> [block.variables for block in read_blocks({"p": [2, 2], "q": 1, "z": ["u", "v"]})]
@@ -77,7 +69,7 @@ def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) ->
         True
     """
     if not isinstance(variables, Mapping):
-        raise IntegratorError(f"{argument} must map names of blocks to sizes, but was {shorten(repr(variables))}")
+        raise IntegratorError(f"{argument} must map names of blocks to sizes, but was {shown(variables)}")
     blocks = []
     for name in check_symbols(variables, argument):
         block = _read_block(name, variables[name], offset, f"{argument}.{name}")
@@ -95,11 +87,11 @@ def check_symbols(names: Iterable[str], argument: str) -> tuple[str, ...]:
 
 
 def _read_block(name: str, size: Any, offset: int, argument: str) -> Block:
-    size = size.tolist() if hasattr(size, "tolist") else size
+    size = as_lists(size)
     if type(size) is int:
         _check_size(size, size, argument)
         return Block(name, _variables(name, size, 0), offset, size, (name,))
-    if isinstance(size, Sequence) and not isinstance(size, str) and size:
+    if is_listed(size) and size:
         if all(isinstance(entry, str) for entry in size):
             return _named_block(name, check_symbols(size, argument), offset, argument)
         if len(size) == 2 and all(type(entry) is int for entry in size) and 1 <= size[1] <= len(AXES):
@@ -107,14 +99,14 @@ def _read_block(name: str, size: Any, offset: int, argument: str) -> Block:
             return Block(name, _variables(name, *size), offset, size[0], _components(name, size[1]))
     raise IntegratorError(
         f"{argument} must be a number, a pair [sites, dimensions up to {len(AXES)}] or a list of names, "
-        f"but was {shorten(repr(size))}"
+        f"but was {shown(size)}"
     )
 
 
 def _named_block(name: str, names: tuple[str, ...], offset: int, argument: str) -> Block:
     """A block from a list of names; names of n sites give the block of n sites."""
     if len(set(names)) < len(names):
-        raise IntegratorError(f"{argument} must have different names, but was {shorten(repr(list(names)))}")
+        raise IntegratorError(f"{argument} must have different names, but was {shown(list(names))}")
     for dimension in range(len(AXES) + 1):
         sites = len(names) // max(dimension, 1)
         if sites and names == _variables(name, sites, dimension):

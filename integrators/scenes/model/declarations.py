@@ -6,8 +6,8 @@ from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import as_lists, is_listed, items
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.scenes.model.blocks import ROLES, TIME, Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers, stable_form
 from integrators.scenes.model.terms import KINDS, Key, Sites, Term
@@ -64,7 +64,7 @@ class Namespace(NamedTuple):
         owners = dict(known[name[:-2]] for name in used if name[-2:-1] == "_" and name[:-2] in known)
         if len(set(owners.values())) != 1:
             found = " and ".join(f"{count} of {name}" for name, count in sorted(owners.items())) or "none"
-            raise IntegratorError(f"{argument} must speak of sites of one number, but spoke of {found}")
+            raise IntegratorError(f"{argument} must have names at equally many sites, but had {found}")
         count = next(iter(owners.values()))
         if isinstance(over, str):
             return Sites(over, count)
@@ -116,14 +116,14 @@ def _register(names: Iterable[str], what: str, taken: dict[str, str]) -> dict[st
 def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
     """The values of parameters: exact numbers, or a parameter's own name, which leaves it a symbol."""
     if not isinstance(values, Mapping):
-        raise IntegratorError(f"{argument} must map names to numbers, but was {shorten(repr(values))}")
+        raise IntegratorError(f"{argument} must map names to numbers, but was {shown(values)}")
     if TIME in values:
         raise IntegratorError(f"{argument} must not be called {TIME}, which is the time, but one was")
     return {name: _read_parameter(name, values[name], f"{argument}.{name}") for name in check_symbols(values, argument)}
 
 
 def _read_parameter(name: str, value: Any, argument: str) -> sympy.Expr | tuple[sympy.Expr, ...]:
-    if getattr(value, "ndim", 0) or (isinstance(value, Sequence) and not isinstance(value, str)):
+    if getattr(value, "ndim", 0) or is_listed(value):
         numbers = read_numbers(items(value, argument), argument)
         if not numbers:
             raise IntegratorError(f"{argument} must have a number for each site, but was empty")
@@ -143,7 +143,7 @@ def read_summands(hamiltonian: Any, field: Any, terms: Any, namespace: Namespace
     read = []
     for k, term in enumerate([*declared, *items(terms, f"{label}terms")]):
         if not isinstance(term, Term):
-            raise IntegratorError(f"{label}terms must be Terms, but one was {shorten(repr(term))}")
+            raise IntegratorError(f"{label}terms must be Terms, but one was {shown(term)}")
         read += _read_term(term, namespace, label if k < numbers else f"{label}terms[{k - numbers + 1}].")
     return merged(read)
 
@@ -185,7 +185,7 @@ def _sites(term: Term, formula: sympy.Expr, target: str | None, namespace: Names
 def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
     """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too."""
     if not isinstance(values, Mapping):
-        raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shorten(repr(values))}")
+        raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shown(values)}")
     sizes = {TIME: 1} | {block.name: block.dimension for block in blocks}
     found: Start = {}
     for name, value in values.items():
@@ -216,7 +216,7 @@ def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") 
 
 def _flattened(value: Any, depth: int = 2) -> list[Any]:
     """The entries of a number, a list, or a list of rows."""
-    value = value.tolist() if hasattr(value, "tolist") else value
-    if depth and isinstance(value, Sequence) and not isinstance(value, str):
+    value = as_lists(value)
+    if depth and is_listed(value):
         return [entry for row in value for entry in _flattened(row, depth - 1)]
     return [value]

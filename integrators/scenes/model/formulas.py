@@ -11,7 +11,7 @@ from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
 from integrators.exact.number_text import nearest_double
@@ -29,18 +29,10 @@ _WORD = re.compile(r"(?<![\w.])[^\W\d]\w*")
 
 
 def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Expr:
-    """An exact SymPy expression in plain symbols, equal to the expression parsed from its own text.
+    """An exact SymPy expression in plain symbols, without floats, equal to the expression parsed from its own text.
 
-    Args:
-        value: A formula as text or SymPy expression, or a number. A float denotes the decimal that it prints as.
-        names: The names it may use.
-        argument: Its name in messages.
-
-    Returns:
-        The expression, without floats.
-
-    Raises:
-        IntegratorError: It is not a formula, or uses other names or functions.
+    `value` is a number, or a formula in `names` as text or SymPy expression; a float denotes the decimal that it prints
+    as. Other values, names and functions are refused.
 
     Example:
         >>> import sympy
@@ -59,7 +51,7 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
         return stable_form(_plain(value, names, argument), argument)
     plain: Any = value.item() if hasattr(value, "item") and getattr(value, "ndim", None) == 0 else value
     if type(plain) is type(value):
-        raise IntegratorError(f"{argument} must be a formula or a number, but was {shorten(repr(value))}")
+        raise IntegratorError(f"{argument} must be a formula or a number, but was {shown(value)}")
     return read_formula(plain, names, argument)
 
 

@@ -1,23 +1,100 @@
-"""System of ordinary differential equations in the form of sums over sites."""
+"""System of ordinary differential equations in the form of sums over sites, and its local form.
+
+In the local form, terms are formulas in few local variables with numbers for parameters, the input of code generation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.declarations import numbered
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.local_terms import LocalTerm, check_numeric
-from integrators.scenes.model.terms import Summand
+from integrators.scenes.model.terms import Sites, Summand
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
+
+
+LOCAL_NAME = re.compile("[xd][0-9]+")
+VALUE = -1
+"""Marks an output that is the formula itself, not one of its derivatives."""
+
+
+class Place(NamedTuple):
+    """Index into the state: offset + stride · row[role], for a row of sites."""
+
+    role: int
+    offset: int
+    stride: int
+
+    def at(self, row: Sequence[int]) -> int:
+        """The index in the state, for a row of sites."""
+        return self.offset + self.stride * row[self.role]
+
+
+class Argument(NamedTuple):
+    """A local variable: y[plus], or y[plus] − y[minus]."""
+
+    plus: Place
+    minus: Place | None
+
+
+class Output(NamedTuple):
+    """A contribution to the field: sign · (the formula or its derivative by a local variable), added at a place."""
+
+    derivative: int
+    place: Place
+    sign: int
+
+
+class Data(NamedTuple):
+    """A parameter with a value for each site."""
+
+    role: int
+    values: tuple[sympy.Expr, ...]
+
+
+class LocalTerm(NamedTuple):
+    """One formula, its local variables x0, x1, … and data d0, d1, …, its outputs and its sites."""
+
+    formula: sympy.Expr
+    arguments: tuple[Argument, ...]
+    data: tuple[Data, ...]
+    outputs: tuple[Output, ...]
+    sites: Sites
+    part: str | None
+
+    def data_at(self, row: Sequence[int]) -> dict[sympy.Symbol, sympy.Expr]:
+        """The values of d0, d1, … at a row of sites."""
+        import sympy
+
+        return {sympy.Symbol(f"d{k}"): data.values[row[data.role]] for k, data in enumerate(self.data)}
+
+
+def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
+    """The formula that an output adds to the field."""
+    import sympy
+
+    formula = term.formula
+    if output.derivative != VALUE:
+        formula = formula.diff(sympy.Symbol(f"x{output.derivative}"))
+    return output.sign * formula
+
+
+def check_numeric(terms: Iterable[LocalTerm]) -> None:
+    """Refuse terms with symbolic parameters."""
+    for term in terms:
+        for symbol in sorted(map(str, term.formula.free_symbols)):
+            if not LOCAL_NAME.fullmatch(symbol):
+                raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")
 
 
 class System(ImmutableValue):

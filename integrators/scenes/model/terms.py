@@ -1,22 +1,25 @@
-"""Terms: formulas in a few local variables, summed over particles, neighbours or pairs ("sites").
+"""Terms and effects, of which scenes are declared.
 
-Derivatives, degrees and code of a formula are the same at every site, so their cost does not depend on the number of
-particles.
+A term is a formula in a few local variables, summed over particles, neighbours or pairs ("sites"). Derivatives, degrees
+and code of a formula are the same at every site, so their cost does not depend on the number of particles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from itertools import combinations
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from integrators.core.arguments import check_label
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.arguments import as_lists, check_label, is_listed, items
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import ROLES, Block
 
 if TYPE_CHECKING:
     import sympy
+
 
 KINDS = {"single": 0, "each": 1, "chain": 2, "ring": 2, "pairs": 2}
 """The number of sites in a row for each kind of index set; ``single`` has variables instead of sites."""
@@ -89,7 +92,7 @@ class Term(ImmutableValue):
             given = "both" if field is not None else "neither"
             raise IntegratorError(f"a term must have either hamiltonian or field, but had {given}")
         if field is not None and not (isinstance(field, Mapping) and field):
-            raise IntegratorError(f"field must map variables to formulas, but was {shorten(repr(field))}")
+            raise IntegratorError(f"field must map variables to formulas, but was {shown(field)}")
         check_label(part, "part")
         self.__dict__.update(
             over=_read_over(over),
@@ -108,17 +111,17 @@ class Term(ImmutableValue):
 
 
 def _read_over(over: Any) -> str | tuple[tuple[int, ...], ...]:
-    over = over.tolist() if hasattr(over, "tolist") else over
+    over = as_lists(over)
     if isinstance(over, str) and over in KINDS:
         return over
-    if isinstance(over, Sequence) and not isinstance(over, str) and over:
-        rows = [tuple(row) if isinstance(row, Sequence) and not isinstance(row, str) else () for row in over]
+    if is_listed(over) and over:
+        rows = [tuple(row) if is_listed(row) else () for row in over]
         whole = all(type(site) is int and site >= 1 for row in rows for site in row)
         if whole and 1 <= len(rows[0]) <= len(ROLES) and all(len(row) == len(rows[0]) for row in rows):
             return tuple(tuple(site - 1 for site in row) for row in rows)
     raise IntegratorError(
         f"over must be one of {', '.join(KINDS)}, or rows of 1 to {len(ROLES)} site numbers from 1, "
-        f"but was {shorten(repr(over))}"
+        f"but was {shown(over)}"
     )
 
 
@@ -154,3 +157,98 @@ def sorted_summands(formulas: Mapping[Key, sympy.Expr], blocks: Iterable[Block])
         return summand.part or "", summand.sites, places.get(target, -1), target
 
     return tuple(sorted(summands, key=order))
+
+
+class Effect(ImmutableValue):
+    """An effect of a scene: terms with their own variables and parameters.
+
+    An effect that is off does not appear in formulas or code.
+
+    Args:
+        hamiltonian: A formula to add to the Hamiltonian.
+        field: Maps variables to formulas to add to their derivatives.
+        terms: Terms over sites.
+        variables: Its own blocks of variables, as for `Scene`.
+        parameters: Its parameters and their values. No other effect may have parameters or variables of these names.
+        start: Start values of its own variables, or of the time.
+        breaks: The names of the first integrals of the base system that it destroys.
+        summary: One line about the effect.
+
+    Raises:
+        IntegratorError: It adds nothing, or an argument has the wrong type.
+
+    Example:
+        >>> damping = Effect(field={"p": "-gamma*p"}, parameters={"gamma": "1/10"}, summary="linear friction")
+    """
+
+    def __init__(
+        self, *, hamiltonian: Any = None, field: Mapping[str, Any] | None = None, terms: Iterable[Term] = (),
+        variables: Mapping[str, Any] | None = None, parameters: Mapping[str, Any] | None = None,
+        start: Mapping[str, Any] | None = None, breaks: Iterable[str] = (), summary: str | None = None,
+    ):  # fmt: skip
+        mappings = {"field": field, "variables": variables, "parameters": parameters, "start": start}
+        for name, value in mappings.items():
+            if value is not None and not isinstance(value, Mapping):
+                raise IntegratorError(f"{name} of an effect must be a mapping, but was {shown(value)}")
+            self.__dict__[name] = MappingProxyType({key: _immutable(entry) for key, entry in (value or {}).items()})
+        check_label(summary, "summary of an effect")
+        terms, breaks = tuple(items(terms, "terms of an effect")), tuple(items(breaks, "breaks"))
+        self.__dict__.update(hamiltonian=hamiltonian, terms=terms, breaks=breaks, summary=summary)
+        if hamiltonian is None and not field and not terms:
+            raise IntegratorError("an effect must have a hamiltonian, a field or terms, but had none")
+
+    hamiltonian: Any
+    field: Mapping[str, Any]
+    terms: tuple[Term, ...]
+    variables: Mapping[str, Any]
+    parameters: Mapping[str, Any]
+    start: Mapping[str, Any]
+    breaks: tuple[str, ...]
+    summary: str | None
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of the constructor."""
+        mappings = {name: dict(self.__dict__[name]) for name in ("field", "variables", "parameters", "start")}
+        return {**mappings, **{name: self.__dict__[name] for name in ("hamiltonian", "terms", "breaks", "summary")}}
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return tuple(tuple(x.items()) if isinstance(x, dict) else x for x in self.arguments.values())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(Effect, **self.arguments), ()  # mapping proxies cannot be pickled
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value!r}" for name, value in self.arguments.items() if value not in (None, (), {}))
+        return f"Effect({given})"
+
+
+def _immutable(value: Any) -> Any:
+    """A number, or a list or array as nested tuples."""
+    value = as_lists(value)
+    return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
+
+
+def check_effects(effects: Any) -> dict[str, Effect]:
+    """The effects of a scene by name, checked."""
+    known = isinstance(effects, Mapping) and all(isinstance(name, str) and name for name in effects)
+    if not known or not all(isinstance(effect, Effect) for effect in effects.values()):
+        raise IntegratorError(f"effects must map names to Effects, but was {shown(effects)}")
+    return dict(effects)
+
+
+def check_active(active: Any, effects: Mapping[str, Any]) -> tuple[str, ...]:
+    """The names of the active effects, in the order of declaration."""
+    names = [active] if isinstance(active, str) else items(active, "effects")
+    for name in names:
+        if not isinstance(name, str) or name not in effects:
+            raise IntegratorError(f"there is no effect {name!r:.60}; {_those(effects)}")
+    return tuple(name for name in effects if name in names)
+
+
+def _those(effects: Mapping[str, Any]) -> str:
+    """The known effects, for messages."""
+    if effects:
+        return f"the effects are {shorten(', '.join(effects))}"
+    return "there are none; effects that change the variables are chosen by scene(name, effects=[…])"

@@ -1,14 +1,101 @@
-"""Assignment of the parts of a method to blocks of variables or parts of the field."""
+"""Pieces of a field: their polynomial degrees, and their assignment to the parts of a method.
+
+Degrees bound the trees with nonzero elementary differentials: a node has at most as many children of a colour as its
+field has nonzero derivatives in that direction.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.program.child_bounds import ChildBounds
-from integrators.scenes.model.system import System
-from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.methods.programs.program import ChildBounds
+from integrators.scenes.model.system import LocalTerm, Output, Place, System, output_formula
+
+if TYPE_CHECKING:
+    import sympy
+
+    from integrators.scenes.model.system import System
+
+
+Family: TypeAlias = tuple[str, int]
+"""A class of variables: the name of a block and an index in it."""
+
+
+class Piece(NamedTuple):
+    """The contribution of the terms of a part (None: all) to the variables of some blocks (None: all)."""
+
+    blocks: frozenset[str] | None = None
+    part: str | None = None
+
+    def outputs(self, term: LocalTerm, scene: System) -> list[Output]:
+        """The outputs of a term that belong to the piece."""
+        if self.part is not None and term.part != self.part:
+            return []
+        return [x for x in term.outputs if self.blocks is None or family_of(x.place, scene)[0] in self.blocks]
+
+
+def family_of(place: Place, scene: System) -> Family:
+    """The block of a place, and its component there (the same for all sites)."""
+    block = next(block for block in scene.blocks if block.offset <= place.offset < block.end)
+    entry = place.offset - block.offset
+    return block.name, entry % len(block.components) if block.components else entry
+
+
+def supports(scene: System, pieces: Sequence[Piece]) -> list[frozenset[Family]]:
+    """The families of variables in which each piece of the field has entries."""
+    return [
+        frozenset(family_of(x.place, scene) for term in scene.local_terms for x in piece.outputs(term, scene))
+        for piece in pieces
+    ]
+
+
+def degrees(scene: System, pieces: Sequence[Piece]) -> list[list[int | None]]:
+    """The degree of each piece of the field in the variables of every piece, and in all of these together.
+
+    A degree is None if the piece is not a polynomial; the format is that of `max_children` of a table of trees.
+
+    Example:
+        >>> from integrators import scene
+        >>> blocks = [Piece(frozenset("p")), Piece(frozenset("q"))]
+        >>> degrees(scene("pendulum"), blocks)
+        [[0, None, None], [1, 0, 1]]
+    """
+    where = supports(scene, pieces)
+    every = frozenset().union(*where)
+    rows: list[list[int | None]] = []
+    for piece in pieces:
+        row: list[int | None] = [0] * (len(pieces) + 1)
+        for term in scene.local_terms:
+            for output in piece.outputs(term, scene):
+                for k, families in enumerate([*where, every]):
+                    row[k] = _larger(row[k], _degree(term, output, families, scene))
+        rows.append(row)
+    return rows
+
+
+def _larger(one: int | None, other: int | None) -> int | None:
+    return None if one is None or other is None else max(one, other)
+
+
+def _degree(term: LocalTerm, output: Output, families: frozenset[Family], scene: System) -> int | None:
+    """The degree of an output of a term in its local variables of these families."""
+    import sympy
+
+    used = [k for k, argument in enumerate(term.arguments) if family_of(argument.plus, scene) in families]
+    return degree(output_formula(term, output), [sympy.Symbol(f"x{k}") for k in used])
+
+
+def degree(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> int | None:
+    """The total degree of a formula in some variables; None if it is not a polynomial in them."""
+    import sympy
+
+    used = [variable for variable in variables if formula.has(variable)]
+    if not used:
+        return 0
+    return sympy.Poly(formula, *used).total_degree() if formula.is_polynomial(*used) else None
+
 
 UNNAMED = ("a", "b")
 """The names that splitting methods give to two arbitrary parts."""
@@ -28,55 +115,54 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
     Raises:
         IntegratorError: A colour is ambiguous, or the pieces do not sum to the whole field.
     """
+    if parts is not None:
+        if len(names) == 1:
+            raise IntegratorError(f"parts must be None where the whole field is one part, but was {parts!r:.60}")
+        return _named_pieces(names, scene, parts)
+    pieces = default_pieces(names, scene)
+    if pieces is not None:
+        return pieces
+    blocks = ", ".join(block.name for block in scene.blocks)
+    if len(scene.blocks) == 1 and not scene.parts:
+        raise IntegratorError(
+            f"scene must have blocks or parts for {', '.join(names)}, which the method treats differently, but "
+            f"{scene.name} has the block {blocks} only"
+        )
+    known = f"blocks {blocks}" + (f", parts {', '.join(scene.parts)}" if scene.parts else "")
+    raise IntegratorError(
+        f"parts must say what the method's parts {', '.join(names)} are in {scene.name} ({known}), as in "
+        f"parts={{{names[0]!r}: {scene.blocks[-1].name!r}, …}}, but was None"
+    )
+
+
+def default_pieces(names: Sequence[str], scene: System) -> tuple[Piece, ...] | None:
+    """The pieces that names stand for where they are not assigned; None if they must be."""
     blocks = [block.name for block in scene.blocks]
     if len(names) == 1:
-        if parts is not None:
-            raise IntegratorError(f"parts must be None where the whole field is one part, but was {parts!r:.60}")
         return (Piece(),)
-    if parts is None and set(names) <= set(blocks) and set(blocks) - set(names) <= {"t"}:
+    if set(names) <= set(blocks) and set(blocks) - set(names) <= {"t"}:
         rest = [name for name in blocks if name not in names]
         last = max(names, key=blocks.index)
         return tuple(Piece(frozenset([name, *rest] if name == last else [name])) for name in names)
-    if parts is None and set(names) == set(UNNAMED) and len(blocks) == 2 and not scene.parts:
+    if set(names) == set(UNNAMED) and len(blocks) == 2 and not scene.parts:
         kicked, drifting = (block.name for block in scene.canonical_pair or scene.blocks)
         return tuple(Piece(frozenset([drifting if name == UNNAMED[0] else kicked])) for name in names)
-    if parts is None and set(names) == set(scene.parts):
+    if set(names) == set(scene.parts):
         _check_complete(scene)
         return tuple(Piece(part=name) for name in names)
-    if parts is None and len(blocks) == 1 and not scene.parts:
-        raise IntegratorError(
-            f"scene must have blocks or parts for {', '.join(names)}, which the method treats differently, but "
-            f"{scene.name} has the block {blocks[0]} only"
-        )
-    if parts is None:
-        known = f"blocks {', '.join(blocks)}" + (f", parts {', '.join(scene.parts)}" if scene.parts else "")
-        raise IntegratorError(
-            f"parts must say what the method's parts {', '.join(names)} are in {scene.name} ({known}), as in "
-            f"parts={{{names[0]!r}: {blocks[-1]!r}, …}}, but was None"
-        )
-    return _named_pieces(names, scene, parts)
+    return None
 
 
 def check_kind(name: str, bounds: ChildBounds | None, pieces: Sequence[Piece], scene: System) -> None:
-    """Refuse a scene whose field is not of the special form that a method requires.
-
-    Args:
-        name: The name of the method.
-        bounds: The degrees of the parts of the field that the method allows; None for any field.
-        pieces: The pieces of the field that correspond to the parts.
-        scene: The scene.
-
-    Raises:
-        IntegratorError: The method would not attain its order.
-    """
+    """Refuse a scene whose field exceeds the degrees that a method allows, so that it would not attain its order."""
     if bounds is None:
         return
     for mine, theirs in zip(bounds, degrees(scene, pieces), strict=True):
         for allowed, found in zip(mine, theirs, strict=False):
             if allowed is not None and (found is None or found > allowed):
                 raise IntegratorError(
-                    f"scene must be of the kind that {name} is meant for, such as q'' = g(q), but {scene.name} depends "
-                    "on more"
+                    f"scene must be of the kind that {name} is meant for, such as q'' = g(q), but the field "
+                    f"of {scene.name} is more general"
                 )
 
 

@@ -38,14 +38,7 @@ def factorize(matrix, pivots, n):
 
 @compiled
 def solve(matrix, pivots, n, x):
-    """Overwrite the right-hand side x of a linear system by its solution.
-
-    Args:
-        matrix: The factors of the matrix.
-        pivots: The row exchanges.
-        n: The number of unknowns.
-        x: The right-hand side.
-    """
+    """Overwrite the right-hand side x of a linear system by its solution."""
     for k in range(n):
         p = int(pivots[k])
         x[k], x[p] = x[p], x[k]

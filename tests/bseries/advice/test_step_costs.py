@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.work_precision.step_costs import Work, step_costs
+from bseries.advice.timing import Work, step_costs
 from integrators.steppers.stepping import Stepper
 
 
@@ -52,14 +52,14 @@ def test_runs_that_change_their_solver_are_timed_as_they_go(repetitions):
     """Newton's method does not find the first of these steps, fixed-point iteration none of the later ones."""
     scene, options = bs.scene("lotka-volterra"), {"solver": "auto"}
     work = Work(scene, "radau-iia7", 200 / 188, options=options, most_steps=188)
-    stepper = bs.stepper(scene, "radau-iia7", solver="newton")
+    stepper = bs.stepper("radau-iia7", scene, solver="newton")
     with pytest.raises(bs.IntegratorError, match="188 could not"):
         stepper.repeat(stepper.start(h=work.h), 188, 1)
     repetitions.clear()
     step_costs({"a": work}, sample=0.001)
     (before, _), (after, _) = repetitions[:2]
     assert before + after == 188
-    only_fixed = bs.stepper(scene, "radau-iia7", solver="fixed-point")
+    only_fixed = bs.stepper("radau-iia7", scene, solver="fixed-point")
     only_fixed.advance(only_fixed.start(h=work.h), before)
     with pytest.raises(bs.IntegratorError, match=f"step {before + 1}, from"):
         only_fixed.advance(only_fixed.start(h=work.h), before + 1)
@@ -68,7 +68,7 @@ def test_runs_that_change_their_solver_are_timed_as_they_go(repetitions):
 def test_a_run_stays_where_it_is():
     pendulum = bs.scene("pendulum")
     for name in ("stormer-verlet", "gauss2"):
-        stepper = bs.stepper(pendulum, name)
+        stepper = bs.stepper(name, pendulum)
         one, other = stepper.start(h=0.1), stepper.start(h=0.1)
         for state in (one, other):
             stepper.advance(state, 3)
@@ -88,6 +88,6 @@ def test_a_run_stays_where_it_is():
     ],
 )
 def test_mistakes(steps, times, sentence):
-    stepper = bs.stepper(bs.scene("riccati"), "implicit-midpoint", solver="fixed-point")
+    stepper = bs.stepper("implicit-midpoint", bs.scene("riccati"), solver="fixed-point")
     with pytest.raises(bs.IntegratorError, match=sentence):
         stepper.repeat(stepper.start(h=0.1), steps, times)

@@ -8,8 +8,8 @@ import sympy
 from power_series_oracle import ORDER, coefficients, partial, value
 
 import bseries as bs
-from integrators.methods.catalogue.recommendations import RECOMMENDED, recommended
-from integrators.methods.program.program import Program
+from integrators.methods.catalogue.registry import RECOMMENDED, recommended
+from integrators.methods.programs.program import Program
 
 
 def differentials(table, fields, names, y):
@@ -143,4 +143,23 @@ def test_takahashi_imada_changes_one_term_of_the_h2_term_of_verlet():
 
 def test_decimals_keep_their_digits():
     assert bs.series(bs.method("grk4a"), 4).digits == 12
-    assert bs.series(bs.repeat(bs.method("grk4a"), 2), 3).digits == 12
+    assert bs.series(bs.methods.repeat(bs.method("grk4a"), 2), 3).digits == 12
+
+
+@pytest.mark.parametrize("name", ["rk4", "gauss2", "sdirk2", "rosenbrock-shampine4", "tdrk4", "symplectic-euler-p"])
+def test_repeated_steps_are_powers(name):
+    method = bs.method(name)
+    repeated = bs.methods.repeat(method, 3)
+    composed = bs.composition([(method, Fraction(1, 3))] * 3)
+    for function in (bs.series, bs.modified_equation):
+        assert function(repeated, 5) == function(composed, 5)
+        assert function(repeated, 5) != function(bs.methods.repeat(method, 2), 5)
+        assert function(repeated, 2).label == repeated.name
+    assert repeated.evaluations == composed.program.evaluations
+    assert repeated.stages == composed.stages
+
+
+def test_a_thousand_steps_cost_as_little_as_ten():
+    repeated = bs.methods.repeat(bs.method("rk4"), 1000)
+    assert bs.series(repeated, 5)["[[[[τ]]]]"] == Fraction(1, 120) - Fraction(1, 120 * 1000**4)
+    assert (repeated.stages, bs.order_of(repeated)) == (4000, 4)

@@ -5,7 +5,8 @@ from fractions import Fraction
 import pytest
 
 import bseries as bs
-from integrators.methods.program.program import Program, ProgramBuilder
+from integrators.methods.programs.builder import ProgramBuilder
+from integrators.methods.programs.program import Program
 
 HALF = Fraction(1, 2)
 
@@ -146,14 +147,14 @@ def test_a_program_for_special_systems_has_their_trees_only():
     assert bs.modified_equation(program, 6) == bs.modified_equation(method, 6)
     assert bs.modifying_integrator(program, 6) == bs.modifying_integrator(method, 6)
     assert (bs.order_of(program), bs.order_of(program.restricted(None))) == (5, 1)
-    assert bs.error_coefficients(program).terms == bs.error_coefficients(method).terms
+    assert bs.analysis.error_coefficients(program).terms == bs.analysis.error_coefficients(method).terms
     assert bs.symplecticity(program, 7) == bs.symplecticity(method, 7)
     assert bs.check(program).structure == bs.check(method).structure
     assert len(bs.series(program, 6, max_children=[[0, None], [None, 0]])) > len(bs.series(program, 6))
 
 
 def test_floats_do_not_change_which_trees_a_method_is_meant_for():
-    rounded = bs.RungeKuttaNystrom([[0, 0], [0.5, 0]], [0.5, 0], [0.5, 0.5], [0, 1])
+    rounded = bs.methods.RungeKuttaNystrom([[0, 0], [0.5, 0]], [0.5, 0], [0.5, 0.5], [0, 1])
     exact = bs.method("rkn-verlet")
     assert rounded.domain == "float"
     for method in (rounded, rounded.program.restricted(NYSTROM_TREES)):
@@ -164,7 +165,7 @@ def test_floats_do_not_change_which_trees_a_method_is_meant_for():
 
 
 def test_a_class_of_ones_own_says_which_trees_it_is_meant_for():
-    class Drift(bs.Method):
+    class Drift(bs.methods.Method):
         def __init__(self, program):
             self.__dict__.update(program=program)
 

@@ -68,7 +68,7 @@ def test_any_coefficient_of_the_empty_tree():
         result = bs.compose(a, c)
         assert result["∅"] == empty
         assert sympy.simplify(result["[τ]"] - (empty * a["[τ]"] + a["τ"] ** 2 + a["[τ]"])) == 0
-        assert bs.lie_derivative(a.log(), c)["τ"] == empty
+        assert bs.algebra.lie_derivative(a.log(), c)["τ"] == empty
 
 
 def test_colours_of_two_series_must_have_the_same_names():
@@ -85,7 +85,7 @@ def test_colours_of_two_series_must_have_the_same_names():
 
 def test_roots_of_a_symbol_are_not_independent_of_it():
     b = bs.BSeries.from_rule(lambda tree: sympy.sqrt(X), 2, empty=0)
-    found = bs.lie_derivative(b, b)
+    found = bs.algebra.lie_derivative(b, b)
     assert found == bs.BSeries.from_rule(lambda tree: X if tree.order == 2 else 0, 2, empty=0)
 
 
@@ -187,6 +187,19 @@ def test_truncation_agrees_with_computing_less():
         bs.series(RK4, 3).truncate(4)
 
 
+def test_zeros_in_floats():
+    s = bs.series(bs.method("explicit-euler").to_float(), 3)
+    assert [s.is_zero(tree) for tree in s] == [False, True, True, True]
+    assert s.nonzero() == [(bs.Tree("τ"), 1.0)]
+
+
+def test_common_denominators_are_divided_by_without_a_change():
+    values = bs.BSeries.from_rule(lambda tree: tree.density / (1 + X) ** tree.order + X, 4).stored
+    assert values.step != values.reduced.step == values.reduced.ring.one
+    differences = map(sympy.Add, values.coefficients(), (-x for x in values.reduced.coefficients()))
+    assert not any(map(sympy.simplify, differences))
+
+
 def test_step_scaling():
     s = bs.series(RK4, 4)
     assert s.scale_step(Fraction(1, 2))["[τ,τ]"] == s["[τ,τ]"] / 8
@@ -235,17 +248,27 @@ def test_text_and_html():
     s = bs.modified_equation(bs.method("symplectic-euler-p"), 2)
     lines = str(s).splitlines()
     assert lines[0].split() == ["tree", "coefficient", "weight", "differential"]
-    assert lines[3].split()[:3] == ["p[p]", "1/2", "1/2"]
+    assert lines[4].split()[:3] == ["p[p]", "1/2", "1/2"]
     html = s._repr_html_()
     assert html.count("<svg") == 6
     assert "symplectic-euler-p" in html
     assert s._repr_latex_().startswith("$")
 
 
+def test_long_series_are_shown_in_part():
+    s = bs.exact_flow(9)
+    lines = str(s).splitlines()
+    assert (len(lines), lines[-1]) == (2 + 200 + 2, "… 286 more trees")
+    html = s._repr_html_()
+    assert html.count("<svg") == 200
+    assert "<p>… 286 more trees</p>" in html
+    assert str(bs.exact_flow(7)).count("\n") == 1 + 85
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: bs.series("rk4", 4), "method must be a method such as method.* or a series, .* but was 'rk4'"),
+        (lambda: bs.series(4, 4), "method must be a method such as method.* or a series, .* but was 4"),
         (lambda: bs.modified_equation(RK4), "order must be given for a method"),
         (lambda: bs.series(RK4, 30), "order must be smaller: a series of 550695545884 trees would take"),
         (lambda: bs.series(RK4, bs.TreeTable(3, 2)), "order must be a table of trees in 1 colours, but was TreeTable"),

@@ -51,7 +51,7 @@ def test_bracket_is_that_of_vector_fields(colors, random_series):
     def along(B, C):
         return [sum(g * x.value for g, x in zip(slope.gradient, B, strict=True)) for slope in C]
 
-    found, opposite = bs.bracket(b, c), bs.bracket(c, b)
+    found, opposite = bs.analysis.bracket(b, c), bs.analysis.bracket(c, b)
     for n in range(2, order + 1):
         expected = [0] * 4
         for k in range(1, n):
@@ -64,8 +64,8 @@ def test_bracket_is_that_of_vector_fields(colors, random_series):
 def test_bracket_is_a_lie_bracket(random_series, execution):
     b, c, d = (random_series(5, seed, empty=0) for seed in (3, 4, 5))
     cyclic = [(b, c, d), (c, d, b), (d, b, c)]
-    assert sum(bs.bracket(x, bs.bracket(y, z)) for x, y, z in cyclic) == b * 0
-    assert bs.bracket(b, c) == -bs.bracket(c, b)
+    assert sum(bs.analysis.bracket(x, bs.analysis.bracket(y, z)) for x, y, z in cyclic) == b * 0
+    assert bs.analysis.bracket(b, c) == -bs.analysis.bracket(c, b)
 
 
 def test_conjugation_acts_on_the_modified_equation_by_brackets(random_series, execution):
@@ -74,19 +74,19 @@ def test_conjugation_acts_on_the_modified_equation_by_brackets(random_series, ex
     b, g = a.log(), c.log()
     total, term = b, b
     for k in range(1, 5):
-        term = bs.bracket(g, term) / k
+        term = bs.analysis.bracket(g, term) / k
         total += term
-    assert bs.conjugate(a, c).log() == total
-    assert bs.conjugate(a, c) == bs.compose(bs.compose(c, a), c.inverse())
-    assert bs.conjugate(bs.conjugate(a, c), c.inverse()) == a
-    assert bs.conjugate(a, c.inverse()).log() != total
+    assert bs.analysis.conjugate(a, c).log() == total
+    assert bs.analysis.conjugate(a, c) == bs.compose(bs.compose(c, a), c.inverse())
+    assert bs.analysis.conjugate(bs.analysis.conjugate(a, c), c.inverse()) == a
+    assert bs.analysis.conjugate(a, c.inverse()).log() != total
 
 
 def test_the_trapezoidal_and_the_midpoint_rule_are_conjugate():
     half = bs.series(bs.method("explicit-euler"), 6).scale_step(HALF)
     midpoint, trapezoidal = (bs.series(bs.method(name), 6) for name in ("implicit-midpoint", "trapezoidal"))
-    assert bs.conjugate(midpoint, half) == trapezoidal
-    assert bs.conjugate(trapezoidal, half) != midpoint
+    assert bs.analysis.conjugate(midpoint, half) == trapezoidal
+    assert bs.analysis.conjugate(trapezoidal, half) != midpoint
 
 
 def test_effective_order_of_butchers_method(execution):
@@ -95,7 +95,7 @@ def test_effective_order_of_butchers_method(execution):
     assert bs.order_of(method) == 4
     assert verdict[:3] == (5, bs.Tree("[[[[[τ]]]]]"), 6)
     a = bs.series(method, order)
-    assert bs.accuracy(bs.conjugate(a, verdict.processor)).order == 5
+    assert bs.analysis.accuracy(bs.analysis.conjugate(a, verdict.processor)).order == 5
     # His starting method makes a whole step before, which conjugation does not notice, and is fixed to order 4.
     start = bs.series(butcher("start"), 4)
     assert bs.compose(bs.exact_flow(4), verdict.processor.truncate(4)) == start
@@ -113,13 +113,13 @@ def test_methods_that_gain_nothing_by_processing(name, order):
 
 def test_effective_order_survives_conjugation(random_series, execution):
     c = random_series(6, 8)
-    a = bs.conjugate(bs.series(bs.method("gauss2"), 6), c)
-    assert bs.accuracy(a).order == 2
+    a = bs.analysis.conjugate(bs.series(bs.method("gauss2"), 6), c)
+    assert bs.analysis.accuracy(a).order == 2
     assert bs.effective_order(a).order == 4
-    exact = bs.conjugate(bs.exact_flow(6), c)
+    exact = bs.analysis.conjugate(bs.exact_flow(6), c)
     verdict = bs.effective_order(exact)
     assert verdict.holds
-    assert bs.conjugate(exact, verdict.processor) == bs.exact_flow(6)
+    assert bs.analysis.conjugate(exact, verdict.processor) == bs.exact_flow(6)
 
 
 def test_symplectic_euler_is_conjugate_to_stormer_verlet():
@@ -139,7 +139,7 @@ def takahashi_imada(order, factor):
         )
 
     A, B = part(0), part(1)
-    kick = (B + bs.bracket(B, bs.bracket(A, B)) * factor).exp()
+    kick = (B + bs.analysis.bracket(B, bs.analysis.bracket(A, B)) * factor).exp()
     drift = (A / 2).exp()
     return bs.compose(bs.compose(drift, kick), drift)
 
@@ -157,8 +157,8 @@ def test_nystrom_systems(alpha, effective):
     """The method of Takahashi and Imada as it is used, with a force corrected by its derivative: q'' = f(q)."""
     verdict = bs.effective_order(TakahashiImada(alpha), 6)
     a = bs.series(TakahashiImada(alpha), 6, max_children=NYSTROM)
-    assert (bs.accuracy(a).order, verdict.order) == (2, effective)
-    assert bs.accuracy(bs.conjugate(a, verdict.processor)).order == effective
+    assert (bs.analysis.accuracy(a).order, verdict.order) == (2, effective)
+    assert bs.analysis.accuracy(bs.analysis.conjugate(a, verdict.processor)).order == effective
     assert bs.symplecticity(a).holds
     simplified = TakahashiImada(alpha, simplified=True)
     assert bs.symplecticity(simplified, 6).order == 4
@@ -187,15 +187,15 @@ def test_conjugate_symplecticity_of_known_methods(name, order):
     verdict = bs.conjugate_symplecticity(a)
     assert verdict.order == (order or 7)
     assert verdict.holds == (order is None)
-    assert bs.symplecticity(bs.conjugate(a, verdict.processor)).order == verdict.order
+    assert bs.symplecticity(bs.analysis.conjugate(a, verdict.processor)).order == verdict.order
 
 
 def test_conjugate_symplecticity_survives_conjugation(random_series, execution):
     c = random_series(6, 9)
-    a = bs.conjugate(bs.series(bs.method("implicit-midpoint"), 6), c)
+    a = bs.analysis.conjugate(bs.series(bs.method("implicit-midpoint"), 6), c)
     assert bs.symplecticity(a).order == 2
     assert bs.conjugate_symplecticity(a).holds
-    assert bs.conjugate_symplecticity(bs.conjugate(bs.series(bs.method("rk4"), 6), c)).order == 4
+    assert bs.conjugate_symplecticity(bs.analysis.conjugate(bs.series(bs.method("rk4"), 6), c)).order == 4
 
 
 @pytest.mark.parametrize("options", [{}, {"max_children": SEPARABLE}], ids=["blocks", "separable"])
@@ -205,11 +205,11 @@ def test_conjugate_symplecticity_of_partitioned_methods(options, random_series):
     c = bs.BSeries.from_rule(
         lambda tree: Fraction(1 + hash(tree.levels) % 7 + tree.color, 6), order, colors=2, **options
     )
-    mixed = bs.conjugate(a, c)
+    mixed = bs.analysis.conjugate(a, c)
     assert bs.symplecticity(mixed).order <= 2
     verdict = bs.conjugate_symplecticity(mixed)
     assert verdict.holds
-    assert bs.symplecticity(bs.conjugate(mixed, verdict.processor)).holds
+    assert bs.symplecticity(bs.analysis.conjugate(mixed, verdict.processor)).holds
     euler = bs.PartitionedRungeKutta({"p": bs.method("explicit-euler"), "q": bs.method("explicit-euler")})
     assert bs.conjugate_symplecticity(bs.series(euler, order, **options)).order == 1
 
@@ -220,7 +220,7 @@ def test_conjugate_symplecticity_of_partitioned_methods(options, random_series):
 def test_conjugate_symplecticity_by_linear_algebra(name):
     """Up to order 2p the equations are linear: is b_n in the image of [f, ·] and the Hamiltonian fields together?"""
     a = bs.BSeries.from_rule(averaged, 6) if name == "avf" else bs.series(bs.method(name), 6)
-    table, b, p = a.table, a.log(), bs.accuracy(a).order
+    table, b, p = a.table, a.log(), bs.analysis.accuracy(a).order
     f = bs.exact_flow(6).log()
     conditions = hamiltonian_conditions(table, False)
 
@@ -235,7 +235,7 @@ def test_conjugate_symplecticity_by_linear_algebra(name):
     expected = p
     for n in range(p + 1, min(6, 2 * p) + 1):
         units = [bs.BSeries.from_rule(lambda t, at=at: int(t == table[at]), 6, empty=0) for at in table.ids(n - 1)]
-        image = [defects(bs.bracket(f, unit), n) for unit in units]
+        image = [defects(bs.analysis.bracket(f, unit), n) for unit in units]
         if oracle.rank([*image, defects(b, n)]) > oracle.rank(image):
             break
         expected = n
@@ -250,7 +250,7 @@ def test_symbols_roots_decimals_and_floats():
     family = bs.RungeKutta([[0, 0], [1 / (2 * x), 0]], [1 - x, x])
     assert bs.effective_order(family, 4).order == 2
     half = bs.series(bs.method("explicit-euler"), 4).scale_step(sympy.sqrt(2))
-    midpoint = bs.conjugate(bs.series(bs.method("implicit-midpoint"), 4), half)
+    midpoint = bs.analysis.conjugate(bs.series(bs.method("implicit-midpoint"), 4), half)
     assert midpoint.domain == "QQ<sqrt(2)>"
     assert bs.conjugate_symplecticity(midpoint).holds
     assert bs.effective_order(midpoint).order == 2
@@ -269,12 +269,12 @@ def test_inconsistent_methods():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda f, a: bs.bracket(f, a), "c must be a field, with the coefficient 0"),
-        (lambda f, a: bs.bracket(a, f), "b must be a field"),
-        (lambda f, a: bs.bracket(f, f.truncate(2)), "both series must have the same trees"),
-        (lambda f, a: bs.conjugate(f, a), "a must be a flow"),
-        (lambda f, a: bs.conjugate(a, f), "c must be a flow"),
-        (lambda f, a: bs.conjugate(a, "c"), "c must be a BSeries, but was 'c'"),
+        (lambda f, a: bs.analysis.bracket(f, a), "c must be a field, with the coefficient 0"),
+        (lambda f, a: bs.analysis.bracket(a, f), "b must be a field"),
+        (lambda f, a: bs.analysis.bracket(f, f.truncate(2)), "both series must have the same trees"),
+        (lambda f, a: bs.analysis.conjugate(f, a), "a must be a flow"),
+        (lambda f, a: bs.analysis.conjugate(a, f), "c must be a flow"),
+        (lambda f, a: bs.analysis.conjugate(a, "c"), "c must be a BSeries, but was 'c'"),
         (lambda f, a: bs.effective_order(f), "method must be a flow"),
         (lambda f, a: bs.effective_order(a, 4), "order must be at most 3"),
         (

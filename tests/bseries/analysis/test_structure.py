@@ -9,6 +9,7 @@ import pytest
 import sympy
 
 import bseries as bs
+from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
 from bseries.analysis.structure import (
     STRUCTURES,
     cubic_conditions,
@@ -76,7 +77,7 @@ def named(name):
 def test_orders_of_known_methods(name, accuracy, symmetry, symplecticity, energy, execution):
     order = 7
     method = named(name)
-    verdicts = bs.accuracy, bs.symmetry, bs.symplecticity, bs.energy_preservation
+    verdicts = bs.analysis.accuracy, bs.symmetry, bs.symplecticity, bs.energy_preservation
     for test, expected in zip(verdicts, (accuracy, symmetry, symplecticity, energy), strict=True):
         found = test(method, order)
         assert found.order == (expected or order), test
@@ -90,7 +91,7 @@ def test_the_averaged_vector_field_method(execution):
     assert bs.energy_preservation(s).holds
     assert bs.symmetry(s).holds
     assert bs.symplecticity(s)[:2] == (2, bs.Tree("[[τ]]"))
-    assert bs.accuracy(s)[:2] == (2, bs.Tree("[[τ]]"))
+    assert bs.analysis.accuracy(s)[:2] == (2, bs.Tree("[[τ]]"))
     spoiled = s + bs.BSeries.from_rule(lambda tree: Fraction(int(str(tree) == "[τ,[τ]]"), 10**6), 7, empty=0)
     assert bs.energy_preservation(spoiled).order == 3
 
@@ -115,7 +116,7 @@ def test_a_pair_symplectic_for_separable_systems_only():
     method = bs.PartitionedRungeKutta({"p": plain(A_kick, kicks), "q": plain(A_drift, drifts)})
     separable = bs.series(method, 6, max_children=SEPARABLE)
     assert bs.symplecticity(separable).holds
-    assert bs.accuracy(separable).order == 3
+    assert bs.analysis.accuracy(separable).order == 3
     assert bs.symplecticity(method, 4).order == 1
     wrong = bs.PartitionedRungeKutta({"p": plain(A_drift, kicks), "q": plain(A_drift, drifts)})
     assert bs.symplecticity(bs.series(wrong, 6, max_children=SEPARABLE)).order == 1
@@ -145,9 +146,9 @@ def strang(order):
 
 def test_splitting_methods_keep_what_their_parts_keep(execution):
     s = strang(5)
-    tests = bs.symplecticity, bs.volume_preservation, bs.cubic_invariants, bs.symmetry
+    tests = bs.symplecticity, bs.volume_preservation, bs.analysis.cubic_invariants, bs.symmetry
     assert all(test(s).holds for test in tests)
-    assert (bs.accuracy(s).order, bs.energy_preservation(s).order) == (2, 2)
+    assert (bs.analysis.accuracy(s).order, bs.energy_preservation(s).order) == (2, 2)
     assert bs.hamiltonian_field(s.log()).holds
     spoiled = s + bs.BSeries.from_rule(
         lambda tree: Fraction(tree == bs.Tree("[0,1,2,1]:[0,1,0,0]")), 5, empty=0, colors=2, names=("a", "b")
@@ -164,11 +165,11 @@ def test_only_the_exact_flow_keeps_volume_and_cubic_invariants():
             rows = rows_of(conditions(table, False), table, n)
             assert oracle.rank(rows) == len(table.ids(n))
     assert bs.volume_preservation(bs.exact_flow(7)).holds
-    assert bs.cubic_invariants(bs.exact_flow(7).scale_step(Fraction(1, 3))).holds
+    assert bs.analysis.cubic_invariants(bs.exact_flow(7).scale_step(Fraction(1, 3))).holds
     for name in ("gauss2", "rk4", "explicit-midpoint"):
         method = bs.method(name)
         p = bs.order_of(method)
-        assert bs.volume_preservation(method, 6).order == bs.cubic_invariants(method, 6).order == p
+        assert bs.volume_preservation(method, 6).order == bs.analysis.cubic_invariants(method, 6).order == p
 
 
 @pytest.mark.parametrize("options", [{}, {"max_children": SEPARABLE}], ids=["all", "separable"])
@@ -183,7 +184,7 @@ def test_only_compositions_of_exact_flows_keep_what_all_parts_keep(options):
 
 def test_extra_parts_have_no_structure():
     method = WMethod([[0]], [[1]], [1])
-    assert bs.accuracy(method, 4)[:2] == (1, bs.Tree("[τ]"))
+    assert bs.analysis.accuracy(method, 4)[:2] == (1, bs.Tree("[τ]"))
     with pytest.raises(bs.SeriesError, match="must be made of the field alone to have a structure, but has the extra"):
         bs.symplecticity(method, 4)
 
@@ -307,7 +308,11 @@ def test_algebraic_and_symbolic_coefficients():
     assert bs.energy_preservation(gauss, 5).order == 4
     x = sympy.Symbol("x")
     alpha = bs.RungeKutta([[0, 0], [1 / (2 * x), 0]], [1 - x, x])
-    assert [test(alpha, 4).order for test in (bs.accuracy, bs.energy_preservation, bs.symplecticity)] == [2, 2, 2]
+    assert [test(alpha, 4).order for test in (bs.analysis.accuracy, bs.energy_preservation, bs.symplecticity)] == [
+        2,
+        2,
+        2,
+    ]
     diagonal = bs.RungeKutta([[x / 2, 0], [x, (1 - x) / 2]], [x, 1 - x])  # midpoint rules, one after the other
     assert bs.symplecticity(diagonal, 5).holds
     assert bs.symplecticity(bs.RungeKutta([[x / 2, 0], [x, (1 - x) / 3]], [x, 1 - x]), 4).order == 1
@@ -315,7 +320,11 @@ def test_algebraic_and_symbolic_coefficients():
 
 def test_decimals_and_floats_are_decided_within_their_digits():
     tsit5 = bs.method("tsit5")
-    assert [test(tsit5, 6).order for test in (bs.accuracy, bs.symplecticity, bs.energy_preservation)] == [5, 5, 5]
+    assert [test(tsit5, 6).order for test in (bs.analysis.accuracy, bs.symplecticity, bs.energy_preservation)] == [
+        5,
+        5,
+        5,
+    ]
     assert bs.symplecticity(bs.series(tsit5, 6)).order == 5
     assert bs.hamiltonian_field(bs.modified_equation(tsit5, 6)).order == 5
     assert bs.symplecticity(bs.RungeKutta(tsit5.A, tsit5.b, warn=False), 6).order < 5  # the decimals taken literally
@@ -341,11 +350,11 @@ def test_numbers_beyond_machine_integers(execution):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: bs.symplecticity("rk4", 4), "method must be a method"),
+        (lambda: bs.symplecticity(4, 4), "method must be a method"),
         (lambda: bs.symplecticity(bs.exact_flow(3), 5), "order must be at most 3"),
         (lambda: bs.symplecticity(bs.exact_flow(3).log()), "method must be a flow, with the coefficient 1"),
         (lambda: bs.symmetry(bs.exact_flow(3).log()), "method must be a flow"),
-        (lambda: bs.accuracy(bs.exact_flow(3).log()), "method must be a flow"),
+        (lambda: bs.analysis.accuracy(bs.exact_flow(3).log()), "method must be a flow"),
         (lambda: bs.hamiltonian_field(bs.exact_flow(3)), "field must be a field, with the coefficient 0"),
         (lambda: bs.hamiltonian_field(bs.method("rk4"), 4), "field must be a BSeries"),
         (lambda: bs.energy_preservation(bs.exact_flow(3).with_empty(2)), "method must be a flow"),
@@ -359,7 +368,7 @@ def test_numbers_beyond_machine_integers(execution):
         ),
         (lambda: bs.symplecticity(bs.exact_flow(3, colors=2, max_children=2)), "on a table that holds all trees up to"),
         (lambda: bs.energy_preservation(bs.exact_flow(3, colors=2, max_children=2)), "on a table that holds all trees"),
-        (lambda: bs.cubic_invariants(bs.exact_flow(4, max_children=2)), "on a table that holds all trees"),
+        (lambda: bs.analysis.cubic_invariants(bs.exact_flow(4, max_children=2)), "on a table that holds all trees"),
         (lambda: bs.volume_preservation(bs.exact_flow(3, colors=2, max_children=2)), "on a table that holds all trees"),
         (
             lambda: bs.symplecticity(bs.series(bs.method("rk4").to_float(), 4)),
@@ -376,7 +385,7 @@ def test_refusals(call, message):
 
 @pytest.mark.parametrize("method", ["rk4", "stormer-verlet"])
 def test_check_reports_every_structure(method):
-    names = [name for structure in STRUCTURES for name in structure.names]
+    names = [name for structure in (*STRUCTURES, *CONJUGATE_STRUCTURES) for name in structure.names]
     assert list(bs.check(bs.method(method), 3).structure) == names
 
 
@@ -392,7 +401,7 @@ def test_symbols_stay_symbols():
         bs.symplecticity,
         bs.energy_preservation,
         bs.volume_preservation,
-        bs.cubic_invariants,
+        bs.analysis.cubic_invariants,
         bs.conjugate_symplecticity,
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 MISTAKES = {
     "wrong parameter": ("modified sdirk2 --set name=1", "must be one of gamma, but 'name' was given"),
-    "unknown verb": ("frobnicate", "No such command"),
+    "unknown verb": ("frobnicate", "verb must be one of modified, .* but was 'frobnicate'"),
     "unknown method": ("modified rkk4", "name must be a method .* nearest are rk4"),
     "no method": ("modified", "METHOD must be given"),
     "two methods": ("modified rk4 --A 0 --b 1", "METHOD must be left out where --A"),

@@ -65,7 +65,7 @@ def test_latex_and_markdown_and_notes(answer):
     assert "even numbers of nodes" in answer("conditions", "splitting", "--symmetric")
 
 
-@pytest.mark.parametrize("language", ["python", "numpy", "numba", "julia", "c", "fortran", "octave"])
+@pytest.mark.parametrize("language", ["numpy", "julia", "c"])
 def test_code_on_stdout_and_in_a_file(answer, tmp_path, language):
     arguments = ("conditions", "partitioned", "--order", "2", "--structure", "explicit,full", "--stages", "2")
     source = answer(*arguments, "--code", language)

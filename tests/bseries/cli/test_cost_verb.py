@@ -14,7 +14,7 @@ import bseries as bs
 from bseries.advice.work_precision.precision_curves import times_of
 from bseries.advice.work_precision.recommendation import Recommendation
 from bseries.cli.verbs.cost import PICTURES
-from bseries.plotting import FORMATS
+from foundation.plotting import FORMATS
 
 SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
 
@@ -30,7 +30,6 @@ def test_the_table_and_the_recommendation(answer):
     assert re.split(r" {2,}", table[advice.split()[2]].strip())[2].endswith("*")
     assert "with h = " in advice
     assert "(measured over 10)" in advice
-    assert any("expected of the modified equation: error" in line for line in lines)
     assert any(line.startswith("Measured ") for line in lines)
 
 
@@ -55,87 +54,43 @@ def test_the_star_is_at_the_method_that_is_recommended():
 def test_json_and_csv_have_all_runs(answer):
     data = json.loads(answer(*SMALL, "--error", "1e-3", "--format", "json"))
     assert (data["schema"], data["kind"], data["scene"], data["span"]) == (1, "work-precision", "pendulum", 10.0)
-    assert data["measures"] == ["solution", "energy", "modified-energy"]
+    assert data["measures"] == ["solution", "energy"]
     choice = data["choices"][0]
     assert choice["wanted"] == 1e-3
     assert choice["error"] <= 1e-3
     assert (choice["span"], choice["basis"]) == (10.0, "measured over 10")
-    expected = choice["prediction"]["solution_error"]["value"]
-    assert 1 / 3 < expected / choice["error"] < 3
     rows = list(csv.DictReader(io.StringIO(answer(*SMALL, "--measure", "solution", "--format", "csv"))))
     methods = {entry["method"]: entry["rows"] for entry in data["methods"]}
     assert {row["method"] for row in rows} == set(methods)
     row = next(row for row in rows if row["method"] == "rk4" and row["steps"] == str(methods["rk4"][2]["steps"]))
     assert float(row["solution"]) == methods["rk4"][2]["solution"]
-    assert row["energy"]  # is looked at in any case, for the sake of drifts
-
-
-def predicted(answer, monkeypatch, predict, methods="rk4"):
-    """The advice and its JSON, with another prediction."""
-    monkeypatch.setattr("bseries.advice.prediction.run_prediction.predict_run", predict)
-    call = ("cost", "pendulum", "--methods", methods, "--span", "5", "--errors", "1e-1:1e-2", "--error", "1e-2")
-    (choice,) = json.loads(answer(*call, "--format", "json"))["choices"]
-    line = next(line for line in answer(*call).splitlines() if "expected of the modified equation" in line)
-    return line.strip(), choice
-
-
-def test_why_nothing_can_be_expected_is_said(answer, monkeypatch):
-    def refuse(*arguments, **options):
-        raise bs.SeriesError("too many trees")
-
-    line, choice = predicted(answer, monkeypatch, refuse)
-    assert line == "expected of the modified equation: unknown: too many trees."
-    assert choice["prediction"]["solution_error"] == {"value": None, "reason": "too many trees"}
-    assert (choice["prediction"]["steps"], choice["prediction"]["seconds"]) == (choice["steps"], choice["seconds"])
-    line, choice = predicted(answer, monkeypatch, refuse, "modifying-midpoint4")
-    reason = "the field of a modifying integrator changes with the step"
-    assert line == f"expected of the modified equation: unknown: {reason}."
-    assert choice["prediction"]["energy_error"] == {"value": None, "reason": reason}
-
-
-STIFF = ("--ode", "y' = z; z' = -1000*z - 1000*y", "--start", "y=1,-1")
-
-
-@pytest.mark.parametrize(
-    ("scene", "method", "expected"), [(STIFF, "radau-iia2", "auto"), (("pendulum",), "gauss2", "fixed-point")]
-)
-def test_the_solver_of_the_recommended_runs_is_passed_on(answer, monkeypatch, scene, method, expected):
-    """Newton's method where the scene is stiff."""
-    solvers, plain = [], bs.predict_run
-
-    def predict(*arguments, **options):
-        solvers.append(options["solver"])
-        return plain(*arguments, **options)
-
-    monkeypatch.setattr("bseries.advice.prediction.run_prediction.predict_run", predict)
-    answer("cost", *scene, "--methods", method, "--span", "2", "--errors", "1e-1:1e-5", "--error", "1e-4")
-    assert solvers == [expected]
+    assert row["energy"]  # is measured in any case
 
 
 def test_tableau_files_beside_names(answer, tmp_path):
     mine = tmp_path / "mine.json"
     bs.save_method(bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="mine"), mine)
-    options = ("--span", "5", "--errors", "1e-1:1e-2", "--no-predict", "--measure", "energy")
+    options = ("--span", "5", "--errors", "1e-1:1e-2", "--measure", "energy")
     lines = answer("cost", "pendulum", "--methods", f"rk4,{mine}", *options).splitlines()
     assert {line.split()[0] for line in lines[4:6]} == {"rk4", "mine"}
 
 
-def test_recommendations_for_longer_runs(answer):
-    text = answer(*SMALL, "--measure", "energy", "--error", "1e-3", "--for", "1e4", "--no-predict")
-    advice = next(line for line in text.splitlines() if line.startswith("Error 1e-03: "))
-    assert "steps over 10000" in advice
-    assert "(measured over 10; extrapolated, as the modified equation tells)" in advice
+def test_budgets(answer):
+    rows = [
+        len(json.loads(answer(*SMALL[:-1], "1e-2:1e-12", "--budget", budget, "--format", "json"))["methods"][0]["rows"])
+        for budget in ("1e-5", "1e-1")
+    ]
+    assert rows[0] < rows[1]
 
 
 def test_the_picture_is_written_and_the_text_goes_to_stdout(answer, tmp_path):
     pytest.importorskip("matplotlib")
     for name, begin in (("cost.svg", b"<?xml"), ("cost.png", b"\x89PNG")):
         path = tmp_path / name
-        text = answer(*SMALL, "--measure", "energy", "--no-predict", "-o", str(path))
+        text = answer(*SMALL, "--measure", "energy", "-o", str(path))
         assert "error of the energy" in text
-        assert "expected of" not in text
         assert path.read_bytes().startswith(begin)
-    assert answer(*SMALL, "--measure", "energy", "--no-predict", "-o", str(tmp_path / "cost.md")) == ""
+    assert answer(*SMALL, "--measure", "energy", "-o", str(tmp_path / "cost.md")) == ""
     assert (tmp_path / "cost.md").read_text(encoding="utf-8").startswith("pendulum")
     assert len(list(tmp_path.iterdir())) == 3
 
@@ -156,7 +111,7 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--errors", "1e-3"), "errors must be A:B, as in 1e-3:1e-12, but was '1e-3'"),
         (("pendulum", "--errors", "1:2"), "errors must be two numbers from 1 to 1e-15"),
         (("pendulum", "--span", "0"), "span must be positive"),
-        (("pendulum", "--measure", "x"), "measure must be one of solution, energy, modified-energy, but was 'x'"),
+        (("pendulum", "--measure", "x"), "measure must be one of solution, energy, but was 'x'"),
         (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
         (
             ("pendulum", "-o", "k.tex"),
@@ -165,7 +120,7 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--span", "1e300"), "span must be below 1.35e+16 for pendulum"),
         (("pendulum", "-o", "missing/cost.png"), "output must be a file in a folder that is there"),
         (("pendulum", "-o", "cost.jpg"), "output must end in one of"),
-        ((*SMALL[1:], "--for", "5"), "for must be at least the span measured, 10, but was 5"),
+        (("pendulum", "--budget", "0"), "budget must be positive, but was '0'"),
     ],
 )
 def test_refusals(run, arguments, message):
@@ -180,7 +135,7 @@ def test_pictures_have_all_formats_that_can_be_saved():
 
 
 def test_errors_are_shown_as_they_were_given(answer):
-    text = answer(*SMALL, "--error", "2.5e-3", "--error", "1e-3", "--no-predict")
+    text = answer(*SMALL, "--error", "2.5e-3", "--error", "1e-3")
     assert [line.split(":")[0] for line in text.splitlines() if line.startswith("Error")] == [
         "Error 2.5e-03",
         "Error 1e-03",

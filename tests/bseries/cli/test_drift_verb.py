@@ -77,7 +77,7 @@ def test_all_formats_agree(answer):
 def test_latex(answer):
     lines = answer("drift", *ORBIT, "--format", "latex").splitlines()
     assert lines[0] == r"\begin{tabular}{ll}"
-    assert r"gain of the energy at h\textasciicircum{}4 in a turn of q by 2*pi & $- \frac{\pi}{240}$ \\" in lines
+    assert r"gain of the energy at h\textasciicircum{}4 in a period 2*pi of q & $- \frac{\pi}{240}$ \\" in lines
     assert any(line.startswith(r"dH\textasciitilde{}/dt at h\textasciicircum{}4 & $\frac{p") for line in lines)
 
 
@@ -95,14 +95,14 @@ MISTAKES = {
     "no Hamiltonian": ("rk4 --scene riccati", "scene must have a Hamiltonian, but riccati has none"),
     "zero step": ("rk4 --scene pendulum --step 0", "h must be a number other than 0"),
     "no number": ("rk4 --scene pendulum --step x", "step must be a number|step must"),
-    "few steps": ("rk4 --scene henon-heiles --step 0.1 --steps 10", "steps must be a whole number from 512 on"),
+    "few steps": ("rk4 --scene henon-heiles --step 0.1 --steps 10", "steps must be a whole number from 512 to 2"),
     "start": ("rk4 --scene pendulum --start 5/2", "start must be NAME=VALUE"),
-    "block": ("rk4 --scene pendulum --start x=1", "start"),
+    "block": ("rk4 --scene pendulum --start x=1", "there is no block x"),
     "no orbit": ("rk4 --hamiltonian p^2/2-q^2/2 --start p=1;q=1", "y0 must lie on a closed orbit"),
-    "splitting": ("strang --scene pendulum", "parts must say what a, b"),
+    "splitting": ("lawson4 --scene pendulum", "parts must say what L, N"),
     "blocks that are there": (
-        "strang --hamiltonian p^2/2-cos(q)",
-        'parts must say what a, b .* in scene .blocks p, q., as in --parts "a=p;b=q"',
+        "lawson4 --hamiltonian p^2/2-cos(q)",
+        'parts must say what L, N .* in scene .blocks p, q., as in --parts "L=p;N=q"',
     ),
     "order zero": ("rk4 --scene pendulum --order 0", "order must be 1 or more, but was 0"),
 }

@@ -32,7 +32,7 @@ def untimed(data):
 def test_json_says_what_the_library_computes(effects):
     data = effects(*RUN)
     report = bs.effect_influence(
-        "pendulum", "explicit-midpoint", h=0.05, span=2, effects="damping", parameters={"gamma": "1e-6"}
+        "explicit-midpoint", "pendulum", h=0.05, span=2, effects="damping", parameters={"gamma": "1e-6"}
     )
     assert untimed(data) == untimed(json.loads(json.dumps(report.to_dict())))
     assert (data["kind"], data["leave_out"], data["keep"], data["steps"]) == ("effects", ["damping"], [], 40)
@@ -83,7 +83,7 @@ def test_starts_and_options_of_built_in_scenes(effects):
     options = ("--method", "explicit-midpoint", "--step", "0.01", "--span", "0.1", "--parameter", "masses=1,1,2")
     found = effects("n-body", *options, "--parameter", "epsilon=1/100")
     values = {"masses": ["1", "1", "2"], "epsilon": "1/100"}
-    report = bs.effect_influence("n-body", "explicit-midpoint", h=0.01, span=0.1, parameters=values)
+    report = bs.effect_influence("explicit-midpoint", "n-body", h=0.01, span=0.1, parameters=values)
     assert found["rows"][0]["left_out"] == report.rows[0].left_out._asdict()
     assert found["keep"] == ["softening"]
 
@@ -122,7 +122,7 @@ class Shown(Progress):
 def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
     """A clock of our own: steps take 10 ms, and compiling before the second run half an hour."""
     now, shown = [0.0], []
-    for module in ("bseries.advice.prediction.calibration", "bseries.cli.options.expectation"):
+    for module in ("bseries.advice.predictions.calibration", "bseries.cli.options.expectation"):
         monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
     first = FirstRun(Shown(shown), 0.1, 10.0)
     for done, seconds in ((1, 0.01), (41, 0.41), (100, 1.0), (110, 1800.0), (600, 1805.0)):
@@ -132,12 +132,14 @@ def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
     expected = first.watch.prediction
     assert expected is not None
     assert (expected.steps, expected.h, expected.seconds) == (600, 0.1, pytest.approx(6.0, rel=0.01))
-    assert capsys.readouterr().err.startswith("bseries: expected: 6 s, errors unknown: they are what is to be measured")
+    assert capsys.readouterr().err.startswith(
+        "bseries: expected: 6 s, errors unknown: they are the result of the measurement"
+    )
 
 
 def test_further_runs_announce_nothing(monkeypatch, capsys):
     now = [0.0]
-    monkeypatch.setattr("bseries.advice.prediction.calibration.perf_counter", lambda: now[0])
+    monkeypatch.setattr("bseries.advice.predictions.calibration.perf_counter", lambda: now[0])
     first = FirstRun(Shown([]), 0.1, 1.0)
     for done, seconds in ((1, 0.0), (10, 0.1), (11, 60.0), (20, 61.0), (60, 70.0)):
         now[0] = seconds
@@ -151,13 +153,13 @@ MISTAKES = {
     "no method": ("pendulum --step 0.1", "method must be given"),
     "no step": ("pendulum --method rk4 --span 2", "step must be given"),
     "no effects": ("lorenz --method rk4 --step 0.1 --span 2", "scene must have effects, but lorenz has none"),
-    "unknown effect": ("kepler --method rk4 --step 0.1 --span 2 --effect wind", "effects must be of relativity"),
-    "parameter": ("pendulum --method rk4 --step 0.1 --span 2 --parameter mass=2", "parameters must be of"),
+    "unknown effect": ("kepler --method rk4 --step 0.1 --span 2 --effect wind", "the effects are relativity"),
+    "parameter": ("pendulum --method rk4 --step 0.1 --span 2 --parameter mass=2", "there is no parameter mass"),
     "accept alone": ("pendulum --method rk4 --step 0.1 --accept 1", "span must be given with --accept"),
     "measure alone": ("pendulum --method rk4 --step 0.1 --measure energy", "span must be given with --measure"),
     "a run that is wrong": (
         "kepler --method rk4 --step 0.02 --span 6 --start p=0,1",
-        "h must be small enough for a run that is right, or accept be given, but with 0.02 the error of the method",
+        "h must be small enough for an accurate run, or accept be given, but with 0.02 the error of the method",
     ),
     "energies beyond all numbers": (
         "pendulum --method rk4 --step 0.05 --span 1 --effect damping --start p=1e300 --measure energy",

@@ -10,7 +10,8 @@ import pytest
 
 from bseries.figures import registry, riccati, toda
 from bseries.figures.registry import compute, drawn, figure_file, figure_names
-from bseries.plotting import picture, table
+from bseries.picture_files import data_rows
+from foundation.plotting import picture
 
 pytest.importorskip("matplotlib")
 
@@ -49,7 +50,7 @@ def test_data(answer, tmp_path):
     assert answer("figure", "toda", "--data", str(path)) == ""
     rows = list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"))))
     columns = toda.columns(toda.numbers())
-    assert rows == [list(columns), *table(columns)]
+    assert rows == [list(columns), *data_rows(columns)]
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -221,7 +221,7 @@ def test_every_format_says_where_the_modified_hamiltonian_of_rk4_ends(answer):
 def test_a_verdict_is_an_answer(answer, run):
     call = ("hamiltonian", "rk4", *PENDULUM)
     data = json.loads(answer(*call, "--verdict", "--format", "json"))
-    verdict = bs.hamiltonian_verdict(bs.method("rk4"), bs.scene("pendulum"), 7)
+    verdict = bs.hamiltonians.hamiltonian_verdict(bs.method("rk4"), bs.scene("pendulum"), 7)
     assert verdict.general is not None
     assert data == {
         "schema": 1,
@@ -341,8 +341,8 @@ MISTAKES = {
     "too many brackets": ("strang --brackets --order 40", "order must be smaller: there are"),
     "power beyond the order": ("gauss2 --scene pendulum --order 3 --power 3", "power must be from 0 to 2, but was 3"),
     "unknown scene": ("rk4 --scene pendulun", "scene must be one of the catalogue.*did you mean pendulum"),
-    "splitting": ("strang --scene pendulum", 'parts must say what a, b .* as in --parts "a=p;b=q", but were not given'),
-    "code": ("rk4 --hamiltonian p^2+__import__('os')", "names must be known|must be a formula"),
+    "splitting": ("lawson4 --scene pendulum", 'parts must say what L, N .* as in --parts "L=p;N=q"'),
+    "code": ("rk4 --hamiltonian p^2+__import__('os')", "is undefined|must be a formula"),
     "unknown format": ("rk4 --scene pendulum --format xml", "format must be one of table"),
 }  # fmt: skip
 

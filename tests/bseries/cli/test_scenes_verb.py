@@ -170,7 +170,7 @@ MISTAKES = {
     "parameter of none": ("--parameter mu=1", "effect and parameter must come with a SCENE"),
     "unknown option": (
         "toda --parameter particles=3",
-        "parameters must be of none, but one was particles; options of toda are n",
+        "there is no parameter particles; there are none; options of toda are n",
     ),
     "no count": ("toda --parameter n=two", "n must be"),
     "effects as a parameter": ("n-body --parameter effects=softening", "must be one of the scene's, but was 'effects'"),

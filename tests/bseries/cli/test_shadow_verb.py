@@ -16,7 +16,7 @@ import bseries as bs
 def stored(tmp_path, monkeypatch):
     """A run of this package, in a file and as text, in the folder that commands work in."""
     monkeypatch.chdir(tmp_path)
-    run = bs.integrate(bs.scene("pendulum"), "stormer-verlet", h=0.1, steps=500)
+    run = bs.integrate("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=500)
     run.save("run.npz")
     lines = (f"{t!r},{p!r},{q!r}" for t, p, q in zip(run.t.tolist(), *run.y.tolist(), strict=True))
     Path("run.csv").write_text("t,p,q\n" + "\n".join(lines), encoding="utf-8")
@@ -39,6 +39,7 @@ def test_json_says_what_the_library_computes(answer, stored):
         ("run.csv", "--hamiltonian", "p^2/2 - cos(q)", "--step", "1/10"),
         ("run.npz", "--scene", "pendulum"),
         ("run.csv", "--scene", "pendulum", "--columns", "q=q;p=p;t=t", "--layout", "full", "--tolerance", "1e-8"),
+        ("run.csv", "--scene", "pendulum", "--columns", "t=0, p=1:2,q=2"),
         ("run.csv", "--scene", "pendulum", "--period", "100"),
     ],
 )
@@ -66,7 +67,9 @@ def test_csv_and_markdown(answer, stored):
 def test_pictures(answer, stored, monkeypatch):
     pytest.importorskip("matplotlib")
     drawn = []
-    monkeypatch.setattr(bs.ShadowReport, "save_plot", lambda report, path: drawn.append((report.rows[-1].order, path)))
+    monkeypatch.setattr(
+        bs.shadow.ShadowReport, "save_plot", lambda report, path: drawn.append((report.rows[-1].order, path))
+    )
     answer("shadow", "run.npz", "--order", "6", "--plot", "run.svg")
     assert drawn == [(6, "run.svg")]
 
@@ -80,8 +83,11 @@ def test_a_bound_can_be_anything(answer, stored):
     ("arguments", "reason"),
     [
         ((), "FILE must be given: a trajectory, as NPZ or text, or - for text on standard input"),
-        (("none.npz",), "none.npz must be a trajectory file, but there is none"),
-        (("run.csv",), "run.csv must have the potential (U), but has p, q, t; a scene would supply it"),
+        (("none.npz",), "none.npz must be a trajectory file, but was not: No such file"),
+        (
+            ("run.csv",),
+            "run.csv must have the potential (U), but has t, p, q; columns can name it, or a scene supply it",
+        ),
         (
             ("run.npz", "--plot", "run.gif"),
             "the ending of the plot 'run.gif' must be one of png, svg, pdf, but was 'gif'",
@@ -113,8 +119,8 @@ def test_refusals_are_one_sentence(arguments, reason, run, stored):
 
 
 def test_own_thinned_runs_are_refused(run, stored):
-    bs.integrate(bs.scene("pendulum"), "stormer-verlet", h=0.1, steps=500, save_every=10).save("thin.npz")
+    bs.integrate("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=500, save_every=10).save("thin.npz")
     result = run("shadow", "thin.npz")
     assert result.stderr == (
-        "bseries: error: thin.npz must have every step, one after the other, but its states are every 10th of a run\n"
+        "bseries: error: thin.npz must contain every step, but its states are every 10th of a run\n"
     )

@@ -19,7 +19,7 @@ MANY = *VERB, "--ensemble", "6"
 def expected(temperature=0.5, **options):
     pendulum = scene("pendulum")
     draw = thermal_momenta(pendulum, temperature)
-    return ensemble(pendulum, "stormer-verlet", h=0.1, steps=20, sample=draw, members=6, **options)
+    return ensemble("stormer-verlet", pendulum, h=0.1, steps=20, sample=draw, members=6, **options)
 
 
 def test_the_table_says_what_came_of_it(answer):
@@ -44,7 +44,7 @@ def test_csv_has_a_line_for_each_time(answer):
     first, *lines = answer(*MANY, "--spread", "0.1", "--observe-every", "5", "--format", "csv").splitlines()
     assert first == "t,count,energy_mean,energy_std,energy_minimum,energy_maximum"
     draw = perturbed_start(scene("pendulum"), 0.1)
-    result = ensemble(scene("pendulum"), "stormer-verlet", h=0.1, steps=20, observe_every=5, sample=draw, members=6)
+    result = ensemble("stormer-verlet", scene("pendulum"), h=0.1, steps=20, observe_every=5, sample=draw, members=6)
     assert [float(line.split(",")[2]) for line in lines] == result.mean["energy"].tolist()
     assert [line.split(",")[1] for line in lines] == ["6"] * 5
 

@@ -35,7 +35,7 @@ def test_short_runs_say_nothing(run, option):
 
 def test_json_has_prediction_and_outcome(run):
     data = json.loads(run(*RUN, "--predict", "--format", "json").stdout)
-    expected = bs.predict_run(bs.scene("pendulum"), "rk4", h=0.1, steps=2000, timed=False)
+    expected = bs.predict_run("rk4", bs.scene("pendulum"), h=0.1, steps=2000, timed=False)
     prediction = data["prediction"]
     assert prediction["energy_error"]["value"] == pytest.approx(expected.energy.value)
     assert prediction["solution_error"]["value"] == pytest.approx(expected.solution.value)
@@ -111,13 +111,13 @@ class TestExpectation:
     def clock(self, monkeypatch):
         """A clock that stands still unless it is set."""
         now = [100.0]
-        for module in ("bseries.advice.prediction.calibration", "bseries.cli.options.expectation"):
+        for module in ("bseries.advice.predictions.calibration", "bseries.cli.options.expectation"):
             monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
         return now
 
     @staticmethod
     def expected(seconds=None):
-        from bseries.advice.prediction.run_prediction import time_only
+        from bseries.advice.predictions.prediction import time_only
 
         return time_only(0.1, 10, "nobody looked", seconds)
 

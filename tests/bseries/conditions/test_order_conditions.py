@@ -18,7 +18,7 @@ from series_oracles import weight
 from sympy.polys.matrices import DomainMatrix
 
 import bseries as bs
-from trees.names import default_names
+from trees.notation import default_names
 
 F = Fraction
 NAMES = ("residual", "jacobian")
@@ -443,19 +443,6 @@ def numbers(text):
     return np.array([float(x) for x in text.split()])
 
 
-def written_out(array):
-    rows = np.atleast_2d(array)
-    return "[" + "; ".join(" ".join(map(repr, map(float, row))) for row in rows) + "]"
-
-
-def run_octave(source, arrays, folder):
-    """Residual and Jacobian by Octave."""
-    calls = [f"printf('%.17g ', {name}({', '.join(map(written_out, arrays))})'); disp('');" for name in NAMES]
-    (folder / "conditions.m").write_text("\n".join([source, *calls]), encoding="utf-8")
-    command = ["octave-cli", "--quiet", "--no-history", str(folder / "conditions.m")]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[:2]
-
-
 def run_julia(source, arrays, folder):
     def shaped(array):
         flat = ", ".join(map(repr, map(float, np.ravel(array, order="F"))))
@@ -468,19 +455,18 @@ def run_julia(source, arrays, folder):
     ).stdout.splitlines()
 
 
-def run_library(compiler, source, arrays, folder, sizes):
-    """Residual and Jacobian by a compiled C or Fortran library."""
-    fortran = compiler == "gfortran"
-    file, library = folder / f"conditions.{'f90' if fortran else 'c'}", folder / "conditions.so"
+def run_c(source, arrays, folder, sizes):
+    """Residual and Jacobian by a compiled library."""
+    file, library = folder / "conditions.c", folder / "conditions.so"
     file.write_text(source, encoding="utf-8")
-    warnings = [] if fortran else ["-Wall", "-Werror", "-std=c99"]
-    subprocess.run([compiler, *warnings, "-shared", "-fPIC", "-o", library, file], check=True, capture_output=True)
+    command = ["gcc", "-Wall", "-Werror", "-std=c99", "-shared", "-fPIC", "-o", library, file]
+    subprocess.run(command, check=True, capture_output=True)
     loaded = ctypes.CDLL(str(library))
     results = []
     for name, size in zip(NAMES, sizes, strict=True):
-        given = [np.array(array, float, order="F" if fortran else "C") for array in arrays]
-        result = np.full(size, np.nan, order="F" if fortran else "C")
-        getattr(loaded, name + "_" * fortran)(*(x.ctypes.data_as(ctypes.c_void_p) for x in (*given, result)))
+        given = [np.array(array, float, order="C") for array in arrays]
+        result = np.full(size, np.nan)
+        getattr(loaded, name)(*(x.ctypes.data_as(ctypes.c_void_p) for x in (*given, result)))
         results.append(result)
     return results
 
@@ -492,50 +478,30 @@ def executed(source):
 
 
 @pytest.mark.parametrize(("kind", "order", "stages", "options"), CASES)
-def test_generated_python(kind, order, stages, options):
-    conditions = bs.order_conditions(kind, order, stages=stages, **options)
-    f = conditions.compile()
-    numerators = np.random.default_rng(5).integers(-5, 5, len(f.unknowns))
-    arrays = f.unpack(numerators / 4)
-    exact = [np.array([F(x) for x in np.ravel(a)], object).reshape(a.shape).tolist() for a in arrays]
-    residual, jacobian = executed(conditions.code("python"))
-    assert residual(*exact) == conditions.residuals(*exact)
-    assert np.array(jacobian(*exact), float) == pytest.approx(f.jacobian(*arrays), abs=1e-12)
+def test_generated_numpy(kind, order, stages, options):
+    conditions = bs.order_conditions(kind, order, **options)
+    f = conditions.compile(stages)
+    arrays = f.unpack(np.random.default_rng(5).integers(-5, 5, len(f.unknowns)) / 4)
     residual, jacobian = executed(conditions.code("numpy"))
     assert residual(*arrays) == pytest.approx(f.residual(*arrays), abs=1e-12)
     assert jacobian(*arrays) == pytest.approx(f.jacobian(*arrays), abs=1e-12)
     assert len(executed(conditions.code("numpy", jacobian=False))) == 1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "order", "stages", "options"), [CASES[4]])
-def test_generated_numba(kind, order, stages, options):
-    conditions = bs.order_conditions(kind, order, **options)
-    f = conditions.compile(stages)
-    arrays = f.unpack(np.random.default_rng(5).standard_normal(len(f.unknowns)))
-    residual, jacobian = executed(conditions.code("numba"))
-    assert residual(*arrays) == pytest.approx(f.residual(*arrays), abs=1e-12)
-    assert jacobian(*arrays) == pytest.approx(f.jacobian(*arrays), abs=1e-12)
-
-
-@pytest.mark.parametrize(("language", "program"), [
-    ("c", "gcc"), ("fortran", "gfortran"), ("octave", "octave-cli"), ("julia", "julia")
-])  # fmt: skip
-@pytest.mark.parametrize(("kind", "order", "stages", "options"), [CASES[1], CASES[5], CASES[8], CASES[9]])
+@pytest.mark.parametrize(("language", "program"), [("c", "gcc"), ("julia", "julia")])
+@pytest.mark.parametrize(("kind", "order", "stages", "options"), CASES)
 def test_generated_code(kind, order, stages, options, language, program, tmp_path):
     if shutil.which(program) is None:
         pytest.skip(f"{program} is not there")
-    if language == "octave" and kind == "additive":
-        pytest.skip("matrices in stacks cannot be written as text in Octave")
     conditions = bs.order_conditions(kind, order, stages=stages, **options)
     f = conditions.compile()
     arrays = f.unpack(np.random.default_rng(5).standard_normal(len(f.unknowns)))
     source = conditions.code(language)
     expected = f.residual(*arrays), f.jacobian(*arrays)
-    if program in ("gcc", "gfortran"):
-        found = run_library(program, source, arrays, tmp_path, [x.shape for x in expected])
+    if language == "c":
+        found = run_c(source, arrays, tmp_path, [x.shape for x in expected])
     else:
-        found = map(numbers, (run_octave if program == "octave-cli" else run_julia)(source, arrays, tmp_path))
+        found = map(numbers, run_julia(source, arrays, tmp_path))
     for x, y in zip(found, expected, strict=True):
         assert np.ravel(x) == pytest.approx(y.ravel(), abs=1e-12)
 
@@ -605,19 +571,20 @@ CONDITIONS = bs.order_conditions("runge-kutta", 2)
             "method must be one of the 1-part runge-kutta kind",
         ),
         (lambda: CONDITIONS.residuals([[0, 1], [0]], [1, 0]), "A must have rows of one length"),
-        (lambda: CONDITIONS.residuals([[0]], [1, 0]), "b must be 1 numbers, but was 2"),
+        (lambda: CONDITIONS.residuals([np.ones((2, 2)), np.ones((2, 3))], [1]), "A must have rows of one length"),
+        (lambda: CONDITIONS.residuals([[0]], [1, 0]), r"b must have the shape \(1,\), but had \(2,\)"),
         (lambda: CONDITIONS.residuals("[[0]]", [1]), "A must hold numbers in lists"),
         (lambda: CONDITIONS.residuals([["1/2"]], [1]), "A must hold numbers in lists"),
         (lambda: CONDITIONS.residuals([], []), "A must have rows of one length, one at least"),
         (lambda: CONDITIONS.residuals(5, 6), "A must be an array, but was 5"),
         (lambda: CONDITIONS.residuals([[None]], [1]), "A must hold numbers or expressions, but had None"),
         (lambda: CONDITIONS.compile(10**9), "stages must be 1000 or less"),
-        (lambda: CONDITIONS.code("c", stages=900), "stages must be fewer, or language numpy or numba"),
+        (lambda: CONDITIONS.code("c", stages=900), "stages must be fewer, or language numpy"),
         (lambda: CONDITIONS.sympy(), "stages must be given"),
         (lambda: CONDITIONS.compile(), "stages must be given"),
         (lambda: CONDITIONS.compile(0), "stages must be 1 or more, but was 0"),
         (lambda: CONDITIONS.code("c"), "stages must be given"),
-        (lambda: CONDITIONS.code("cobol", stages=1), "language must be one of python, .*, but was 'cobol'"),
+        (lambda: CONDITIONS.code("cobol", stages=1), "language must be one of numpy, c, julia, but was 'cobol'"),
         (lambda: CONDITIONS.compile(2).residual([[0]], [1, 0]), r"A must have the shape \(2, 2\), but had \(1, 1\)"),
         (lambda: CONDITIONS.compile(2).jacobian([[0, 0], [1, 0]]), "arguments must be A, b, but were 1"),
         (lambda: CONDITIONS.compile(1).residual([["x"]], [1]), "A must be an array of numbers"),

@@ -21,7 +21,7 @@ from bseries.exact.operations import Operation, combine, evaluate, log_denominat
 from bseries.exact.rationals import RationalValues, smallest_step
 
 ORDER = 6
-KINDS = "", "import numba\n"
+KINDS = "import math, trees.compiled\ntrees.compiled.LOADING = math.inf\n", "import numba\n"
 
 
 def table(order, compiled, colors=1):
@@ -243,9 +243,10 @@ def algebra(a, order):
     exact = bs.exact_flow(order, colors=a.table.colors, names=a.names)
     b, half = a.log(), Fraction(1, 2)
     yield from (b, b.exp(), a.inverse(), a.adjoint(), a**half, a ** Fraction(-2, 3))
-    yield from (bs.compose(a, exact), bs.compose(a.scale_step(half), a.adjoint()), bs.bracket(b, a.inverse().log()))
+    yield from (bs.compose(a, exact), bs.compose(a.scale_step(half), a.adjoint()))
+    yield bs.analysis.bracket(b, a.inverse().log())
     yield from (bs.substitute(b, exact), bs.substitute(b, a), bs.substitute(b, a - exact))
-    yield from (unless_refused(bs.substitution_inverse, b), unless_refused(bs.modifying_integrator, a))
+    yield from (unless_refused(bs.algebra.substitution_inverse, b), unless_refused(bs.modifying_integrator, a))
 
 
 def series_of(method):

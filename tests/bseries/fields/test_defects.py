@@ -142,7 +142,7 @@ PARTS = {
 def fields_of(name, options, method, *orders):
     """The method and its modified fields to some orders."""
     scene = bs.scene(name, **options).with_start(**STARTS.get(name, {}))
-    chosen = bs.lie_trotter(["a", "b", "c"]) if method == "lie-trotter" else bs.method(method)
+    chosen = bs.methods.lie_trotter(["a", "b", "c"]) if method == "lie-trotter" else bs.method(method)
     parts = PARTS.get(name) if len(chosen.names) > 1 else None
     return chosen, *(bs.modified_field(chosen, scene, order, parts=parts) for order in orders)
 
@@ -198,7 +198,7 @@ def test_modifying_fields(name, method, order):
 
     def gap(h):
         solution = plain_step(bs.method("gauss6"), exact, start_of(scene), h, digits=DIGITS)
-        return solution - bs.modifying_steps(chosen, scene, order, start_of(scene), h, 1, digits=DIGITS)[:, 1]
+        return solution - bs.fields.modifying_steps(chosen, scene, order, start_of(scene), h, 1, digits=DIGITS)[:, 1]
 
     far, near = deviations(gap, bs.modifying_field(chosen, scene, order + 2), order)
     assert far < 1e-2

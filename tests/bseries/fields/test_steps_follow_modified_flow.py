@@ -25,7 +25,7 @@ FINEST = 11
 def distance(made, field, steps):
     """How far the end of a trajectory is from that of the flow of the modified field."""
     name, h = field.scene.name, END / steps
-    compiled = bs.stepper(field.scene, made)
+    compiled = bs.stepper(made, field.scene)
     state = compiled.start(STARTS[name], h=h)
     compiled.advance(state, steps)
     flow = solve_ivp(lambda t, y: field(y, h), (0, END), STARTS[name], method="DOP853", rtol=2.3e-14, atol=1e-15)

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries import plotting
 from bseries.figures import (
     energy_error,
     lotka_volterra,
@@ -30,8 +29,9 @@ from bseries.figures import (
 )
 from bseries.figures.helpers import truncated_scene
 from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
-from bseries.plotting import FORMATS, new_figure, picture, picture_format
-from bseries.table import csv_lines
+from bseries.picture_files import data_rows, picture_format
+from foundation.plotting import FORMATS, new_figure, picture
+from foundation.table import csv_lines
 
 pytest.importorskip("matplotlib")
 
@@ -139,10 +139,10 @@ class TestLotkaVolterra:
         for terms, given in ((1, "4.615"), (2, "4.620"), (3, "4.591")):
             t, flow = float(given), truncated_scene(method, scene, terms, 0.1)
             (p,), (q,) = bs.reference_solution(flow, t, y0=truncation.START)
-            t -= (q - 2) / bs.right_hand_side(flow)(0.0, np.array([p, q]))[1]
+            t -= (q - 2) / bs.integrators.right_hand_side(flow)(0.0, np.array([p, q]))[1]
             assert f"{t:.3f}" == given
             assert given in truncation.CAPTION
-        p, q = bs.integrate(scene, method, h=0.1, steps=20_000, y0=truncation.START).y
+        p, q = bs.integrate(method, scene, h=0.1, steps=20_000, y0=truncation.START).y
         angle = np.unwrap(np.arctan2(q - 2, p - 1))
         assert 2000 * 2 * np.pi / abs(angle[-1] - angle[0]) == pytest.approx(4.594, abs=1e-3)
 
@@ -386,7 +386,7 @@ def test_pictures_are_complete(name):
 @pytest.mark.parametrize("name", figures())
 def test_columns_survive_csv(name):
     columns = figure_file(name).columns(numbers_of(name))
-    text = "".join(csv_lines(list(columns), plotting.table(columns)))
+    text = "".join(csv_lines(list(columns), data_rows(columns)))
     rows = list(csv.reader(io.StringIO(text)))
     assert rows[0] == list(columns)
     for k, column in enumerate(columns.values()):
@@ -401,7 +401,7 @@ def test_the_same_bytes_each_time():
     code = (
         "import matplotlib; matplotlib.rcParams['font.size'] = 20\n"
         "from bseries.figures.registry import compute, drawn, figure_file\n"
-        "from bseries.plotting import FORMATS, picture\n"
+        "from foundation.plotting import FORMATS, picture\n"
         "from hashlib import sha256\n"
         "file = figure_file('riccati')\n"
         "figure = drawn(file, compute(file, {}))\n"

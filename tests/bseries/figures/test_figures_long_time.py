@@ -60,7 +60,7 @@ def homoclinic_momentum(h):
     low, high = 1.9, 2.4
     for _ in range(55):
         p = (low + high) / 2
-        q = bs.integrate(bs.scene("pendulum"), "implicit-midpoint", h=h, steps=round(60 / h), y0=[p, 0]).y[1]
+        q = bs.integrate("implicit-midpoint", bs.scene("pendulum"), h=h, steps=round(60 / h), y0=[p, 0]).y[1]
         leaves = np.flatnonzero((np.diff(q) < 0) | (q[1:] > pi))[0]
         low, high = (p, high) if np.diff(q)[leaves] < 0 else (low, p)
     return low
@@ -121,7 +121,7 @@ class TestLargeSteps:
 
     def test_angles_are_reduced_between_steps_only(self):
         """Orbits that are joined from pieces are those of one run."""
-        whole = bs.integrate(bs.scene("pendulum"), "implicit-midpoint", h=0.3, steps=5000, y0=[1.5, -pi]).y
+        whole = bs.integrate("implicit-midpoint", bs.scene("pendulum"), h=0.3, steps=5000, y0=[1.5, -pi]).y
         p, q = large_steps.orbit(0.3, (1.5, -pi))[:, :5001]
         np.testing.assert_allclose(p, whole[0], atol=1e-9)
         np.testing.assert_allclose(np.exp(1j * q), np.exp(1j * whole[1]), atol=1e-9)
@@ -223,7 +223,7 @@ class TestTakahashiImadaDrift:
         """Slopes of the modified energy with three and five terms, and how far it is from these lines."""
         method = takahashi_imada_drift.SIMPLIFIED if run == "forwards" else takahashi_imada_drift.SYMPLECTIC
         system = bs.scene("pendulum", effects=["asymmetry"] if scene == "perturbed" else [])
-        states = bs.integrate(system, method, h=0.2, steps=25_000, y0=[2.5, 0])
+        states = bs.integrate(method, system, h=0.2, steps=25_000, y0=[2.5, 0])
         given = self.RUNS[key]
         for order, slope, rms in (
             (3, "slope_least_squares_E", "residual_rms_about_line"),
@@ -244,7 +244,7 @@ class TestTakahashiImadaDrift:
             assert takahashi_imada_drift.slope(found.t, errors) == pytest.approx(sign * given, rel=0.02)
 
     def test_the_caption(self):
-        integral = bs.takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
+        integral = bs.hamiltonians.takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
         assert float(integral) / 288 == pytest.approx(pi / 240, rel=1e-15)
 
 
@@ -279,12 +279,12 @@ class TestLennardJonesDrift:
     def test_all_trajectories_have_the_same_energy(self):
         atoms, h = bs.scene("lennard-jones"), 0.02
         random = np.random.default_rng(1)
-        states = [lennard_jones_drift.start(atoms, bs.thermal_momenta(atoms, 1), h, random) for _ in range(3)]
+        states = [lennard_jones_drift.start(atoms, bs.runs.thermal_momenta(atoms, 1), h, random) for _ in range(3)]
         energies = [
-            bs.integrate(atoms, "rk4", h=h, steps=0, y0=y, observe="energy").observed["energy"][0] for y in states
+            bs.integrate("rk4", atoms, h=h, steps=0, y0=y, observe="energy").observed["energy"][0] for y in states
         ]
         at_rest = np.append(np.zeros(18), atoms.y0[18:])
-        rest = bs.integrate(atoms, "rk4", h=h, steps=0, y0=at_rest, observe="energy").observed["energy"][0]
+        rest = bs.integrate("rk4", atoms, h=h, steps=0, y0=at_rest, observe="energy").observed["energy"][0]
         np.testing.assert_allclose(energies, rest + lennard_jones_drift.KINETIC, atol=0.05)
         for y in states:
             assert abs(y[:18].reshape(9, 2).sum(axis=0)).max() < 1e-12
@@ -373,14 +373,14 @@ class TestLinearErrorGrowth:
         np.testing.assert_allclose(gains, [2, 4, 6, 2, 4, 6], atol=0.1)
 
     def test_the_frequencies_have_the_golden_ratio(self):
-        change = bs.harmonic_action_angle(linear_error_growth.OLD, linear_error_growth.NEW, [1, 1])
+        change = bs.hamiltonians.harmonic_action_angle(linear_error_growth.OLD, linear_error_growth.NEW, [1, 1])
         system = change.hamiltonian(linear_error_growth.scene())
-        omega = bs.right_hand_side(system)(0.0, np.array(linear_error_growth.START))[2:]
+        omega = bs.integrators.right_hand_side(system)(0.0, np.array(linear_error_growth.START))[2:]
         assert omega[1] / omega[0] == pytest.approx((1 + 5**0.5) / 2, rel=1e-14)
 
     def test_the_exact_solution(self):
         """Against a reference solution of the equations in Cartesian coordinates."""
-        change = bs.harmonic_action_angle(linear_error_growth.OLD, linear_error_growth.NEW, [1, 1])
+        change = bs.hamiltonians.harmonic_action_angle(linear_error_growth.OLD, linear_error_growth.NEW, [1, 1])
         rotors, start = linear_error_growth.scene(), np.array(linear_error_growth.START)
         solution = bs.reference_solution(rotors, 5, y0=change.to_old(start))[:, 0]
         angles = start[2:] + 5 * np.array([1 + start[1] / 2, 1.5 + start[0] / 2])

@@ -13,9 +13,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.hamiltonians.closed_forms import closed_hamiltonian
+from bseries.hamiltonians.closed_forms import OscillatorStep, closed_hamiltonian
 from bseries.hamiltonians.generating_functions import generating_terms
-from bseries.hamiltonians.linear_hamiltonians import OscillatorStep
 from bseries.hamiltonians.symplectic_stages import symplectic_stages
 
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
@@ -146,7 +145,7 @@ def test_the_branch_beyond_an_eigenvalue_minus_one():
 @pytest.mark.parametrize("name", [*RUNGE_KUTTA, "gauss5", "lobatto-iiid3"])
 def test_the_radius_of_runge_kutta_methods_in_two_ways(name):
     method = bs.method(name)
-    assert OscillatorStep.of_runge_kutta(method).radius() == pytest.approx(bs.convergence_radius(method).radius)
+    assert OscillatorStep.of_runge_kutta(method).radius() == pytest.approx(bs.fields.convergence_radius(method).radius)
 
 
 @pytest.mark.parametrize("name", ["implicit-midpoint", "gauss2", "qin-zhang", "lobatto-iiie3"])

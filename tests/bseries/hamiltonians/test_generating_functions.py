@@ -11,8 +11,12 @@ import sympy
 
 import bseries as bs
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.generating_functions import exact_generating_function, generating_function, generating_terms
-from bseries.hamiltonians.hamilton_jacobi import generating_hamiltonian
+from bseries.hamiltonians.generating_functions import (
+    exact_generating_function,
+    generating_function,
+    generating_hamiltonian,
+    generating_terms,
+)
 from bseries.hamiltonians.symplectic_stages import canonical_pairs
 from bseries.hamiltonians.variational import variational_generating_function
 
@@ -59,7 +63,6 @@ def agrees_with_modified_field(terms, method, scene, **options):
 # The recursion.
 
 
-@pytest.mark.usefixtures("backend")
 def test_equation_25_for_any_hamiltonian_of_one_degree_of_freedom():
     H = sympy.Function("H")(P, Q)
     found = generating_hamiltonian(H_STEP * H, [P], [Q], 3)
@@ -128,7 +131,6 @@ def test_back_and_forth_from_any_generating_function(S):
 # Methods.
 
 
-@pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize("scene", [PENDULUM, HENON_HEILES, KEPLER], ids=lambda scene: scene.name)
 @pytest.mark.parametrize(
     "name",
@@ -272,7 +274,6 @@ def action(kind, potential, q, Q1):
     return kinetic - H_STEP * mean
 
 
-@pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize(("kind", "name"), [("midpoint", "implicit-midpoint"), ("trapezoidal", "stormer-verlet-kdk")])
 def test_discrete_lagrangians_of_known_methods(kind, name):
     ends = sympy.symbols("Q1 Q2")

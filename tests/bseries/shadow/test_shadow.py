@@ -14,13 +14,12 @@ import pytest
 from shadow_oracles import evaluated
 
 import bseries as bs
-from bseries.shadow import files, kernels, trajectory_energies
+from bseries.shadow import kernels, trajectory_energies
 from bseries.shadow.formulas import shadow_formula
 from bseries.shadow.report import check_picture
-from bseries.shadow.roundings import written
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
 from bseries.shadow.trajectory_energies import formula_arrays
-from integrators.core import stored_arrays, text_files
+from integrators.core import text_files
 
 H = 0.1
 
@@ -28,7 +27,7 @@ H = 0.1
 @pytest.fixture(scope="module")
 def run():
     """A run whose coordinates are not those of one particle only, with masses."""
-    return bs.integrate(problem(), "stormer-verlet", h=H, steps=600)
+    return bs.integrate("stormer-verlet", problem(), h=H, steps=600)
 
 
 def problem():
@@ -97,7 +96,7 @@ def test_each_order_is_steadier_until_rounding(report):
 
 
 def run_of(steps, h=H, **options):
-    return bs.integrate(problem(), options.pop("method", "stormer-verlet"), h=h, steps=steps, **options)
+    return bs.integrate(options.pop("method", "stormer-verlet"), problem(), h=h, steps=steps, **options)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +136,57 @@ def test_every_way_in_gives_the_same(way, run, arrays, report, tmp_path):
     return same(bs.shadow_energy(data, scene), report)
 
 
+def test_columns_can_be_chosen_by_place(arrays, report, tmp_path):
+    rows = np.column_stack([arrays[name] for name in ("t", "p", "q", "U", "gradU")])
+    places = {"t": 0, "p": "1:3", "q": "3:5", "U": "5", "gradU": [6, 7]}
+    np.savetxt(tmp_path / "run.dat", rows, fmt="%.17g")
+    np.save(tmp_path / "run.npy", rows)
+    for data in (tmp_path / "run.dat", tmp_path / "run.npy", rows):
+        with pytest.raises(bs.SeriesError, match=r"must begin with the names|must have positions"):
+            bs.shadow_energy(data, mass=[2, 3])
+        same(bs.shadow_energy(data, mass=[2, 3], columns=places), report)
+    with pytest.raises(bs.SeriesError, match=r"columns must fit names in .*, but 8 fits none of 0, 1, 2"):
+        bs.shadow_energy(rows, columns={"t": 8})
+    with pytest.raises(bs.SeriesError, match=r"columns must be a dict, as in .*, but was 'q=x'"):
+        bs.shadow_energy(rows, columns="q=x")
+
+
+def test_tables_with_names_need_no_choice(arrays, report, tmp_path):
+    text = table(arrays)
+    (tmp_path / "run.csv").write_text(text)
+    structured = np.genfromtxt(tmp_path / "run.csv", delimiter=",", names=True)
+    np.save(tmp_path / "run.npy", structured)
+    for data in (structured, tmp_path / "run.npy"):
+        same(bs.shadow_energy(data, mass=[2, 3]), report)
+
+
+def test_frames(arrays, report, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.genfromtxt(io.StringIO(table(arrays)), delimiter=",", names=True))
+    same(bs.shadow_energy(frame.assign(step=range(len(frame))), mass=[2, 3]), report)
+    same(bs.shadow_energy(frame.set_index("t"), mass=[2, 3]), report)
+    xarray = pytest.importorskip("xarray")
+    names = {"t": ("t",), "U": ("t",), "q": ("t", "k"), "p": ("t", "k"), "gradU": ("t", "k")}
+    data = {name: (names[name], arrays[name]) for name in names if name != "t"}
+    same(bs.shadow_energy(xarray.Dataset(data, {"t": arrays["t"]}), mass=[2, 3]), report)
+
+
+def test_names_of_a_scene_leave_the_step_to_be_found():
+    pendulum = bs.scene("pendulum")
+    run = bs.integrate("stormer-verlet", pendulum, h=H, steps=200)
+    p, q = run.y
+    report = bs.shadow_energy(run)
+    same(bs.shadow_energy({"p": p, "q": q, "h": np.array(H)}, pendulum), report)
+    renamed = bs.Scene({"v": 1, "x": 1}, hamiltonian="v^2/2 - cos(x)")
+    same(bs.shadow_energy({"v": p, "x": q, "U": q, "h": np.array(H)}, renamed), report)
+
+
+def test_columns_without_numbers_do_not_matter(arrays, report):
+    lines = table(arrays).splitlines()
+    text = "\n".join([f"atom,{lines[0]}", *(f"Ar,{line}" for line in lines[1:])])
+    same(bs.shadow_energy(io.StringIO(text), mass=[2, 3]), report)
+
+
 def test_columns_can_be_called_anything(arrays, report, tmp_path):
     path = tmp_path / "md.csv"
     text = table(arrays).replace("gradU", "slope_").replace("q", "pos.").replace("U", "Epot")
@@ -167,7 +217,7 @@ def test_pieces_do_not_matter(run, report, monkeypatch):
 def test_a_mass_matrix_that_is_not_diagonal():
     energy = "p1^2/2 + p2^2/3 + p1*p2/4 + 1 - cos(q1) + q2^2/2 + q1*q2/5"
     coupled = bs.Scene({"p": 2, "q": 2}, hamiltonian=energy, start={"p": [0.3, -1], "q": [1, 0.5]})
-    report = bs.shadow_energy(bs.integrate(coupled, "stormer-verlet", h=0.05, steps=400))
+    report = bs.shadow_energy(bs.integrate("stormer-verlet", coupled, h=0.05, steps=400))
     assert report.noise_floor < 1e-14
 
 
@@ -189,7 +239,7 @@ def test_drift_kick_drift_with_a_scene():
 
 def test_wrapped_positions_are_unwrapped_if_the_period_is_known():
     pendulum = bs.scene("pendulum").with_start(p=[3], q=[0])
-    run = bs.integrate(pendulum, "stormer-verlet", h=0.05, steps=1000)
+    run = bs.integrate("stormer-verlet", pendulum, h=0.05, steps=1000)
     p, q = run.y
     data = {"t": run.t, "p": p, "q": np.mod(q, 2 * np.pi), "U": -np.cos(q), "gradU": np.sin(q)}
     with pytest.raises(bs.SeriesError, match=r"positions jump by 6\.28319, as if wrapped into a box \(period"):
@@ -204,14 +254,14 @@ def test_few_digits_are_enough_for_low_orders(arrays, tmp_path):
     assert 1e-9 < report.noise_floor < 1e-6
     path = tmp_path / "short.csv"
     path.write_text(table(arrays, digits=7))
-    report = bs.shadow_energy(path, mass=[2, 3])
+    report = bs.shadow_energy(path, mass=[2, 3], tolerance=1e-6)
     assert 1e-9 < report.noise_floor < 1e-5
 
 
-def written_as(arrays, formats, offset=0.0, rows=slice(None)):
+def written_as(arrays, formats):
     """A table of a step, times, positions, velocities, forces and potentials, each in a format."""
     v = arrays["p"] / arrays["mass"]
-    columns = np.column_stack((arrays["t"], arrays["q"], v, -arrays["gradU"], arrays["U"] + offset))[rows]
+    columns = np.column_stack((arrays["t"], arrays["q"], v, -arrays["gradU"], arrays["U"]))
     kinds = [formats.get(role, formats["other"]) for role in ("t", "q", "q", "v", "v", "F", "F", "U")]
     lines = (",".join([str(k), *map(str.__mod__, kinds, row)]) for k, row in enumerate(columns.tolist()))
     return io.StringIO("\n".join(["step,t,x,y,vx,vy,fx,fy,PotEng", *lines]))
@@ -223,39 +273,41 @@ FORMATS = {
     "long": ({"other": "%.9g"}, 1e-6),
     "scientific": ({"other": "%.8e"}, 1e-6),
     "thermo": ({"t": "%g", "U": "%.10g", "other": "%.8f"}, 1e-6),
-    "gro": ({"t": "%.3f", "q": "%.4f", "v": "%.4f", "other": "%.6f"}, 1e-2),
-    "doubles": ({"other": "%r"}, 1e-9),
 }
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e4, -1e6])
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_large_potential_makes_no_other_column_exact(name, offset, arrays):
-    """What is written of a run is that run, in the format of any program, and its noise is that of its digits."""
+def test_rounded_text_needs_the_tolerance_that_the_refusal_names(name, arrays):
     formats, noise = FORMATS[name]
-    report = bs.shadow_energy(written_as(arrays, formats, offset), mass=[2, 3], order=8)
-    blind = 0 if formats.get("U", formats["other"]) in ("%.8f", "%.6f", "%r") else abs(offset)
-    assert report.rows[-1].deviation < noise + 1e-5 * blind
-    assert report.rows[-1].mean == pytest.approx(0.75 + offset, abs=0.2 + 1e-5 * blind)
+    with pytest.raises(bs.SeriesError, match="; if it is rounding, tolerance must be ") as caught:
+        bs.shadow_energy(written_as(arrays, formats), mass=[2, 3])
+    tolerance = float(str(caught.value).split()[-1])
+    report = bs.shadow_energy(written_as(arrays, formats), mass=[2, 3], order=8, tolerance=tolerance)
+    assert report.rows[-1].deviation < noise
+    assert report.rows[-1].mean == pytest.approx(0.75, abs=0.2)
+    assert bs.shadow_energy(written_as(arrays, {"other": "%r"}), mass=[2, 3], order=8).rows[-1].deviation < 1e-9
 
 
-@pytest.mark.parametrize("name", ["fixed", "short", "long", "scientific", "thermo", "doubles"])
+def test_rounded_times_need_a_tolerance_too(arrays):
+    late = arrays | {"t": 10_000 + arrays["t"]}
+    text = written_as(late, {"t": "%.5g", "other": "%r"})
+    with pytest.raises(bs.SeriesError, match="t must advance by one step") as caught:
+        bs.shadow_energy(text, mass=[2, 3], h=H)
+    tolerance = float(str(caught.value).split()[-1])
+    text.seek(0)
+    assert bs.shadow_energy(text, mass=[2, 3], h=H, tolerance=tolerance).rows[4].deviation < 1e-7
+
+
+@pytest.mark.parametrize("name", FORMATS)
 def test_rounded_text_that_is_no_such_run_is_refused_all_the_same(name, arrays):
     formats, _ = FORMATS[name]
     thin = {x: y if x in ("t", "mass") else y[::2] for x, y in arrays.items()}
     with pytest.raises(bs.SeriesError, match="as if only one in 2 states was kept"):
-        bs.shadow_energy(written_as(thin | {"t": arrays["t"][:301]}, formats, 1e4), mass=[2, 3])
+        bs.shadow_energy(written_as(thin | {"t": arrays["t"][:301]}, formats), mass=[2, 3], tolerance=1e-4)
     p, q = np.split(run_of(600, method="rk4", h=0.3).y, 2)
     other = {"t": 0.3 * np.arange(601), "mass": arrays["mass"]} | columns_of(np.vstack((p, q)))
     with pytest.raises(bs.SeriesError, match="must have consecutive steps of Störmer–Verlet"):
-        bs.shadow_energy(written_as(other, formats, 1e4), mass=[2, 3])
-
-
-def test_roundings_of_text_are_those_of_each_column():
-    fixed, short, whole, tiny = written([["0.300", "12.125"], ["0.3", "12.1251"], ["7", "12"], ["1.25e-9", "2.50e3"]])
-    assert (fixed.absolute, short.absolute, whole.absolute) == (1e-3, 0.0, 0.0)
-    assert (short.relative, whole.relative, tiny.relative) == pytest.approx((1e-5, 1e-5, 1e-2))
-    assert written([["7", "12"]])[0].relative < 1e-14
+        bs.shadow_energy(written_as(other, formats), mass=[2, 3], tolerance=1e-4)
 
 
 @pytest.mark.parametrize("role", ["q", "p", "U", "gradU", "mass"])
@@ -282,24 +334,26 @@ def test_steps_in_single_precision_are_not_exact(role, arrays):
 def test_one_of_two_arrays_that_differ_can_be_chosen(arrays, report):
     both = arrays | {"v": arrays["p"] / arrays["mass"], "F": -arrays["gradU"]}
     same(bs.shadow_energy(both), report)
-    wrong = both | {"v": arrays["p"], "F": arrays["gradU"]}
-    same(bs.shadow_energy(wrong, columns={"p": "p", "gradU": "gradU"}), report)
+    wrong = both | {"p": 2 * arrays["p"], "gradU": -arrays["gradU"]}
+    same(bs.shadow_energy(wrong, columns={"v": "v", "F": "F"}), report)
+    with pytest.raises(bs.SeriesError, match="must have consecutive steps of Störmer–Verlet"):
+        bs.shadow_energy(wrong)
 
 
 def test_an_equilibrium_tells_nothing_of_the_step():
     zeros = np.zeros(500)
     report = bs.shadow_energy({"q": zeros, "p": zeros, "U": zeros - 1, "gradU": zeros}, h=H)
     assert report.largest_step is None
-    assert "the energy does not change by more than rounding, which tells nothing of the step" in str(report)
+    assert "the energy changes by no more than rounding, so the step cannot be judged" in str(report)
     assert "too large" not in str(report)
 
 
 def test_the_step_for_a_bound_keeps_it():
     pendulum = bs.scene("pendulum")
-    report = bs.shadow_energy(bs.integrate(pendulum, "stormer-verlet", h=0.1, steps=3000))
+    report = bs.shadow_energy(bs.integrate("stormer-verlet", pendulum, h=0.1, steps=3000))
     for bound in (1e-2, 1e-4, 1e-6):
         step = report.step_for(bound)
-        longer = bs.shadow_energy(bs.integrate(pendulum, "stormer-verlet", h=step, steps=3000))
+        longer = bs.shadow_energy(bs.integrate("stormer-verlet", pendulum, h=step, steps=3000))
         assert longer.rows[0].deviation == pytest.approx(bound, rel=0.1)
     assert 1 < report.largest_step < 2  # steps of 2 are unstable
 
@@ -308,8 +362,8 @@ def test_bounds_of_any_size(report):
     assert report.step_for(1e9) == report.step_for(1e300) == report.largest_step
     assert report.step_for(np.float32(1e-4)) == pytest.approx(report.step_for(Fraction(1, 10**4)), rel=1e-6)
     assert bs.shadow_energy(run_of(200), order=4).step_for(1e300) > 1e150  # one gap alone sets no largest step
-    for bound in (True, 10**400, float("nan"), float("inf"), "1"):
-        with pytest.raises(bs.SeriesError, match="bound must be a finite number, but was "):
+    for bound in (True, 10**400, float("nan"), float("inf"), "x"):
+        with pytest.raises(bs.IntegratorError, match="bound must be a finite number, but was "):
             report.step_for(bound)
     with pytest.raises(bs.SeriesError, match="bound must be a positive energy, but was -1"):
         report.step_for(-1)
@@ -349,14 +403,6 @@ def test_kernels_compiled_and_not_are_the_same(arrays):
     assert np.allclose(*residuals, atol=1e-14)
 
 
-def test_large_arrays_that_are_packed_go_through_the_disk(arrays, report, tmp_path, monkeypatch):
-    monkeypatch.setattr(stored_arrays, "LARGE", 1000)
-    np.savez_compressed(tmp_path / "run.npz", **arrays)
-    found = files.open_source(tmp_path / "run.npz")
-    assert isinstance(next(found.blocks(10))["q"].base, np.ndarray)
-    same(bs.shadow_energy(tmp_path / "run.npz"), report)
-
-
 def test_a_drift_that_the_energy_hides_is_found(arrays):
     """A potential that changes slowly in what is told: the energy goes up and down a thousand times as much."""
     drifting = arrays | {"U": arrays["U"] + 1e-7 * arrays["t"]}
@@ -369,7 +415,7 @@ def test_a_drift_that_the_energy_hides_is_found(arrays):
 
 
 def test_too_large_a_step_is_called_so():
-    report = bs.shadow_energy(bs.integrate(bs.scene("pendulum"), "stormer-verlet", h=1.4, steps=2000))
+    report = bs.shadow_energy(bs.integrate("stormer-verlet", bs.scene("pendulum"), h=1.4, steps=2000))
     assert report.h > 0.5 * report.largest_step
     assert "h = 1.4 is large" in str(report)
 
@@ -452,19 +498,19 @@ REFUSED = [
         "every second",
         lambda a: taken(a, slice(None, None, 2)) | {"h": H},
         {},
-        "must have every step, one after the other, but its states are 2 steps of size 0.1",
+        "must contain every step, but its states are 2 steps of size 0.1",
     ),
     (
         "every second, no times",
         lambda a: broken(taken(a, slice(None, None, 2)), t=None),
         {"h": H},
-        "as far as h says, as if only one in 2 states was kept",
+        "as far as h implies, as if only one in 2 states was kept",
     ),
     (
         "every 30th, no h",
         lambda a: taken(a, slice(None, None, 30)),
         {},
-        "there is no such step: states were left out, or the scene, the method, h or masses are others",
+        "there is no such step: states are missing, or the scene, the method, h or masses are wrong",
     ),
     (
         "a gap, no h",
@@ -476,28 +522,28 @@ REFUSED = [
         "a gap",
         with_gap,
         {"h": H},
-        r"must have every step, one after the other, but its states are 2 steps of size 0\.1 apart$",
+        r"must contain every step, but its states are 2 steps of size 0\.1 apart$",
     ),
     (
         "a gap, no times",
         lambda a: broken(with_gap(a), t=None),
         {"h": H},
-        "from state 77 to 78 there is no such step: states were left out",
+        "from state 77 to 78 there is no such step: states are missing",
     ),
-    ("wrong h", lambda a: broken(a, t=None), {"h": 0.12}, "positions move 0.83.* times as far as h says"),
-    ("wrong masses", lambda a: a, {"mass": 1}, "coordinate 2 moves 0.333333 times as far as its mass says"),
-    ("all masses wrong", lambda a: broken(a, mass=2 * a["mass"]), {}, "positions move 2 times as far as masses say"),
+    ("wrong h", lambda a: broken(a, t=None), {"h": 0.12}, "positions move 0.83.* times as far as h implies"),
+    ("wrong masses", lambda a: a, {"mass": 1}, "coordinate 2 moves 0.333333 times as far as its mass implies"),
+    ("all masses wrong", lambda a: broken(a, mass=2 * a["mass"]), {}, "coordinate . moves 2 times as far as its mass "),
     (
         "sign of forces",
         lambda a: broken(a, gradU=None, F=a["gradU"]),
         {},
-        "momenta change by -1 times what the forces say: units, sign or masses are others",
+        "momenta change by -1 times the impulse of the forces: units, sign or masses are wrong",
     ),
     (
         "units of forces",
         lambda a: broken(a, gradU=4 * a["gradU"]),
         {},
-        r"momenta change by 0\.25 times what the forces say: units, sign or masses are others",
+        r"momenta change by 0\.25 times the impulse of the forces: units, sign or masses are wrong",
     ),
     ("thermostat", thermostat, {}, "from state 300 to 301 momenta change by more than the forces: a thermostat"),
     ("units", lambda a: broken(a, U=a["U"] * 4.184), {}, r"the potential of its forces, but it changes by 4.18. times"),
@@ -514,8 +560,6 @@ REFUSED = [
     ),
     ("inf, box", lambda a: with_inf(a, "q", 9), {"period": 9}, "must have finite positions, but those of state 10 "),
     ("inf force", lambda a: with_inf(a, "gradU", 9), {}, "must have finite forces, but those of state 10 are not"),
-    ("F, gradU", lambda a: broken(a, F=a["gradU"]), {}, "must have gradU = -F, but its gradU and F differ"),
-    ("p, v", lambda a: broken(a, v=a["p"]), {}, r"must have p = M v, but its p and v differ \(columns chooses one\)"),
     ("tolerance", lambda a: a, {"tolerance": -1}, "tolerance must be 0 or more, but was -1"),
     ("progress", lambda a: a, {"progress": 5}, "progress must be a function of two numbers, but was 5"),
     ("overflow", lambda a: free(1e200), {}, "must have finite shadow energies, but those of state 5 are not"),
@@ -523,7 +567,7 @@ REFUSED = [
         "no potential",
         lambda a: broken(a, U=None),
         {},
-        r"must have the potential \(U\), but has .*; a scene would supply it",
+        r"must have the potential \(U\), but has .*; columns can name it, or a scene supply it",
     ),
     ("no momenta", lambda a: broken(a, p=None), {}, r"must have momenta \(p\) or velocities \(v\)"),
     ("no step", lambda a: broken(a, t=None), {}, "h must be given where there are no times"),
@@ -567,7 +611,7 @@ REFUSED = [
         "scene must be given for the layout drift-kick-drift",
     ),
     ("order", lambda a: a, {"order": 5}, "order must be an even number from 2 to 24, but was 5"),
-    ("period", lambda a: a, {"period": 0}, "period must be a positive number"),
+    ("period", lambda a: a, {"period": 0}, "period must be positive, but one was 0"),
     ("tolerance", lambda a: a, {"tolerance": "x"}, "tolerance must be a finite number, but was 'x'"),
     (
         "columns",
@@ -604,7 +648,7 @@ REFUSED = [
     ("make", "options", "reason"), [case[1:] for case in REFUSED], ids=[case[0] for case in REFUSED]
 )
 def test_what_is_no_run_of_the_method_is_refused_with_the_reason(make, options, reason, arrays):
-    with pytest.raises(bs.SeriesError, match=reason) as caught:
+    with pytest.raises(bs.errors, match=reason) as caught:
         bs.shadow_energy(make(arrays), **options)
     assert "\n" not in str(caught.value)
 
@@ -619,7 +663,7 @@ def test_a_step_told_at_each_step_is_one(arrays, report):
 
 
 def test_own_runs_of_other_kinds_are_refused(tmp_path):
-    with pytest.raises(bs.SeriesError, match="must have every step, one after the other, but its states are every 5th"):
+    with pytest.raises(bs.SeriesError, match="must contain every step, but its states are every 5th"):
         bs.shadow_energy(run_of(100, save_every=5))
     with pytest.raises(bs.SeriesError, match="but its states are its start and end"):
         bs.shadow_energy(run_of(100, save_every=None))
@@ -632,10 +676,10 @@ def test_own_runs_of_other_kinds_are_refused(tmp_path):
     ):
         bs.shadow_energy(run_of(100), bs.scene("lorenz"))
     for name in ("none.npz", "none.csv"):
-        with pytest.raises(bs.SeriesError, match=f"{name} must be a trajectory file, but there is none"):
+        with pytest.raises(bs.IntegratorError, match=f"{name} must be a trajectory file, but was not: No such file"):
             bs.shadow_energy(tmp_path / name)
     (tmp_path / "bad.npz").write_bytes(b"PK no archive")
-    with pytest.raises(bs.IntegratorError, match=r"bad\.npz must be a trajectory file, but was not"):
+    with pytest.raises(bs.SeriesError, match=r"bad\.npz must be text, an NPY or an NPZ file, but was not"):
         bs.shadow_energy(tmp_path / "bad.npz")
 
 
@@ -645,10 +689,10 @@ def test_own_runs_of_other_kinds_are_refused(tmp_path):
         (lambda text: text.partition("\n")[2], "must begin with the names of its columns, but began with '0,"),
         (lambda text: text.replace("q2", "q1", 1), "must have different names, but has 'q1' twice"),
         (lambda text: text.replace("p2", "w2", 1), "must have a column p2 beside q2, but has none"),
-        (lambda text: text[:4000] + "x" + text[4000:], r"must have numbers in state \d+, but one was '.*x"),
-        (lambda text: text[:-30] + "\n", "must have 8 numbers for state 601, but has 7"),
-        (lambda text: text.replace(",1.", ",1_0.", 1), r"must have numbers in state \d+, but one was '1_0\."),
-        (lambda text: text.replace(",1.", ",\u0661.", 1), r"must have numbers in state \d+, but one was '\u0661\."),
+        (lambda text: text[:4000] + "x" + text[4000:], r"must have numbers in state \d+, but \w+ was '.*x"),
+        (lambda text: text[:-30] + "\n", "must have numbers in state 601, but it has 7 columns and gradU2 is number 8"),
+        (lambda text: text.replace(",1.", ",1_0.", 1), r"must have numbers in state \d+, but q1 was '1_0\."),
+        (lambda text: text.replace(",1.", ",\u0661.", 1), r"must have numbers in state \d+, but q1 was '\u0661\."),
         (lambda text: "", "must begin with the names of its columns, but began with ''"),
     ],
 )
@@ -662,7 +706,7 @@ def test_broken_text_is_refused_with_the_reason(change, reason, arrays, tmp_path
 def test_lines_without_end_are_not_read(monkeypatch):
     monkeypatch.setattr(text_files, "MAX_BYTES", 1000)
     with pytest.raises(bs.IntegratorError, match="standard input must have lines of at most 1000 bytes, but one has"):
-        bs.shadow_energy(io.StringIO("t,q,p\n" + "1" * 10**6))
+        bs.shadow_energy(io.StringIO("t,q,p,U,F\n" + "1" * 10**6))
 
 
 @pytest.mark.parametrize(
@@ -681,36 +725,33 @@ def test_arrays_of_other_programs_are_checked_first(arrays, tmp_path):
     data = bytearray((tmp_path / "run.npz").read_bytes())
     data[data.find(b"PK\1\2") + 6] = 255
     (tmp_path / "new.npz").write_bytes(data)
-    with pytest.raises(bs.IntegratorError, match=r"new\.npz must be a trajectory file, but was not: zip file version"):
+    with pytest.raises(
+        bs.SeriesError, match=r"new\.npz must be text, an NPY or an NPZ file, but was not: zip file version"
+    ):
         bs.shadow_energy(tmp_path / "new.npz")
     np.savez(tmp_path / "run.npz", **{**arrays, "q": np.array([{}])})
-    with pytest.raises(
-        bs.IntegratorError, match=r"run\.npz must be an NPZ file, but was not: q must be an array of num"
-    ):
+    with pytest.raises(bs.SeriesError, match=r"run\.npz must have an array of real numbers q, but it cannot be read"):
         bs.shadow_energy(tmp_path / "run.npz")
 
 
 def test_binary_files_are_no_text(tmp_path):
     path = tmp_path / "run.dat"
     path.write_bytes(b"\xff\xfe\x80" * 100)
-    with pytest.raises(bs.SeriesError, match="must be text or an NPZ file, but was neither"):
+    with pytest.raises(bs.SeriesError, match="must be text in UTF-8, an NPY or an NPZ file, but was neither"):
         bs.shadow_energy(path)
 
 
-@pytest.mark.parametrize("is_stream", [False, True])
-@pytest.mark.parametrize(("encoding", "name"), [("latin-1", "Latin-1"), ("utf-16", "UTF-16")])
-def test_other_encodings_are_named(encoding, name, is_stream, arrays, tmp_path):
-    path = tmp_path / "run.csv"
-    path.write_text(table(arrays, start="# énergie,\n"), encoding=encoding)
-    with (
-        open(path, "rb") as file,
-        pytest.raises(bs.SeriesError, match=f"must be text in UTF-8, but seems to be in {name}$"),
-    ):
-        bs.shadow_energy(file if is_stream else path)
+def test_damaged_headers_are_refused(arrays, tmp_path):
+    np.save(tmp_path / "run.npy", arrays["q"])
+    data = bytearray((tmp_path / "run.npy").read_bytes())
+    data[11] = ord("]")  # within the description of the array
+    (tmp_path / "run.npy").write_bytes(data)
+    with pytest.raises(bs.SeriesError, match="must be text, an NPY or an NPZ file, but was not"):
+        bs.shadow_energy(tmp_path / "run.npy")
 
 
 def test_folders_are_no_files(tmp_path):
-    with pytest.raises(bs.SeriesError, match=r"must be a trajectory file, but was a folder$"):
+    with pytest.raises(bs.IntegratorError, match=r"must be a trajectory file, but was not: it has no run.json"):
         bs.shadow_energy(tmp_path)
 
 
@@ -756,5 +797,5 @@ def test_other_pictures_are_refused(path, reason, report, tmp_path, monkeypatch)
 
 def test_pictures_need_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(bs.IntegratorError, match="matplotlib must be installed for pictures"):
+    with pytest.raises(ImportError, match="a picture needs matplotlib"):
         check_picture("run.png")

@@ -9,23 +9,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from integrators import IntegratorError, Scene, method, scene
-from integrators.bindings.embedded_pairs import embedded_pair
+from integrators import IntegratorError, RungeKutta, Scene, catalogue, method, scene
 from integrators.bindings.scipy_bridge import from_scipy, right_hand_side, scipy_solver
 
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
 
-PAIRS = [
-    "merson4",
-    "bogacki-shampine32",
-    "fehlberg45",
-    "cash-karp45",
-    "dormand-prince54",
-    "verner65",
-    "tsit5",
-    "dop853",
-]
+PAIRS = {"merson4": 3, "bogacki-shampine32": 2, "fehlberg45": 4, "cash-karp45": 4, "dormand-prince54": 4}
+PAIRS |= {"verner65": 5, "tsit5": 4, "dop853": 7}
+HEUN = [[0, 0], [1, 0]]
 OWN = {"bogacki-shampine32": "RK23", "dormand-prince54": "RK45", "dop853": "DOP853"}
 
 
@@ -75,8 +67,7 @@ def test_equal_tableaux_take_the_steps_of_scipys_own_solvers(name, own, problem,
     theirs = solve_ivp(fun, span, y0, method=own, **options)
     ours = solve_ivp(fun, span, y0, method=scipy_solver(method(name)), **options)
     assert ours.success
-    # SciPy evaluates at the ends of rejected steps too, which only pairs whose last stage is the next first need.
-    assert ours.nfev == theirs.nfev if own != "DOP853" else ours.nfev <= theirs.nfev
+    assert ours.nfev == theirs.nfev
     assert ours.y.dtype == theirs.y.dtype
     # Estimates are small differences of large stages: their rounding errors reach the next step's length.
     np.testing.assert_allclose(ours.t, theirs.t, rtol=1e-6)
@@ -197,33 +188,15 @@ def test_a_right_hand_side_that_is_not_finite_fails():
     found = solve_ivp(lambda t, y: y * np.nan, (0, 2), [1.0], scipy_solver(method("tsit5")))
     assert found.status == -1
     assert found.t.tolist() == [0]
+    assert "not finite" in found.message
 
 
 def test_options_of_other_solvers_and_too_small_tolerances_are_warned_of():
     solver = scipy_solver(method("tsit5"))
-    with pytest.warns(UserWarning, match="no effect on tsit5: jac"):
+    with pytest.warns(UserWarning, match="arguments have no effect .*`jac`"):
         solve_ivp(driven, (0, 1), [1, 0.5], solver, jac=None)
-    with pytest.warns(UserWarning, match="rtol must be at least 2.2e-14 and was raised to that"):
+    with pytest.warns(UserWarning, match="At least one element of `rtol` is too small"):
         solve_ivp(driven, (0, 0.01), [1, 0.5], solver, rtol=1e-20)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_step": -1}, "max_step must be a positive number, but was -1"),
-        ({"max_step": "a"}, "max_step must be a positive number, but was 'a'"),
-        ({"first_step": 0}, "first_step must be a positive number, but was 0"),
-        ({"first_step": 2}, "first_step must be at most 1.0, but was 2"),
-        ({"rtol": -1e-3}, "rtol must be a number ≥ 0 or 2 of them, but was -0.001"),
-        ({"atol": [1e-3] * 3}, "atol must be a number ≥ 0 or 2 of them, but was"),
-        ({"atol": "small"}, "atol must be a number ≥ 0 or 2 of them, but was 'small'"),
-        ({"fun": lambda t, y: [1]}, r"fun must return an array of the shape \(2,\), but it was \(1,\)"),
-    ],
-)
-def test_unusable_options_are_refused(options, message):
-    arguments = {"fun": driven, "t_span": (0, 1), "y0": [1, 0.5], "method": scipy_solver(method("tsit5"))} | options
-    with pytest.raises(IntegratorError, match=message):
-        solve_ivp(**arguments)
 
 
 def test_equal_methods_have_the_same_solver():
@@ -231,10 +204,47 @@ def test_equal_methods_have_the_same_solver():
     assert scipy_solver(method("tsit5")).__name__ == "tsit5"
 
 
-@pytest.mark.parametrize("wrong", ["tsit5", 3, method("stormer-verlet")], ids=str)
+@pytest.mark.parametrize("wrong", [3, method("stormer-verlet")], ids=str)
 def test_what_is_no_tableau_is_refused(wrong):
     with pytest.raises(IntegratorError, match="method must be a RungeKutta, but was"):
         scipy_solver(wrong)
+
+
+@pytest.mark.parametrize(("name", "order"), PAIRS.items())
+def test_pairs_have_the_orders_of_their_sources(name, order):
+    solver = scipy_solver(method(name))
+    assert solver.error_estimator_order == order
+    assert len(solver.E) == solver.n_stages + 1 == len(solver.A) + 1
+
+
+def test_the_order_of_two_estimates_does_not_depend_on_their_order():
+    dop853 = method("dop853")
+    turned = RungeKutta(dop853.A, dop853.b, embedded=dop853.embedded[::-1], digits=dop853.digits)
+    one, other = scipy_solver(dop853), scipy_solver(turned)
+    assert one.error_estimator_order == other.error_estimator_order
+    assert np.array_equal([one.E, one.E2], [other.E, other.E2])
+
+
+@pytest.mark.parametrize(
+    ("tableau", "message"),
+    [
+        (method("rk4"), "must have embedded weights .* but rk4 has none; of the catalogue have merson4, .*dop853"),
+        (method("gauss2"), "must be explicit, but gauss2 is implicit"),
+        (method("sdirk2"), "parameters of sdirk2 must have values, but gamma had none"),
+        (RungeKutta(HEUN, ["1/2", "1/2"], embedded=["1/2", "1/2"]), "another result than b, but those of custom do"),
+        (RungeKutta([[0, 0], [0, 0]], [1, 0], embedded=[0, 1]), "another result than b"),
+        (RungeKutta(HEUN, ["1/2", "1/3"], embedded=[1, 0], warn=False), "must be consistent, but weights b sum to 5/6"),
+        (RungeKutta(HEUN, ["1/2", "1/2"], [0, 2], embedded=[1, 0], warn=False), "consistent, but row 2 of A sums to 1"),
+        (RungeKutta(HEUN, ["1/2", "1/2"], embedded=[[1, 0]] * 3), "one or two rows of embedded weights, .* has 3"),
+    ],
+)
+def test_what_is_no_explicit_pair_is_refused(tableau, message):
+    with pytest.raises(IntegratorError, match=message):
+        scipy_solver(tableau)
+
+
+def test_all_pairs_of_the_catalogue_are_in_these_tests():
+    assert {entry.name for entry in catalogue() if entry.kind == "embedded pair"} == set(PAIRS)
 
 
 def test_without_scipy_the_message_says_what_to_install(monkeypatch):
@@ -256,20 +266,14 @@ def test_decimals_of_scipy_are_kept_with_their_digits():
     found, known = from_scipy(integrate.DOP853), method("dop853")
     assert (found.domain, found.digits, found.issues) == ("decimal", 16, ())
     assert [float(x) for x in found.b] == integrate.DOP853.B.tolist()
-    assert embedded_pair(found)[-2:] == (8, 7)
+    solver = scipy_solver(found)
+    assert (solver.order, solver.error_estimator_order) == (8, 7)
     for ours, theirs in zip((*known.A, *known.embedded), (*found.A, *found.embedded), strict=True):
         np.testing.assert_allclose(list(map(float, ours)), list(map(float, theirs)), rtol=1e-15, atol=1e-15)
 
 
 def test_radau_is_recognised():
     assert from_scipy(integrate.Radau) == method("radau-iia3")
-
-
-def test_radau_with_other_constants_is_refused(monkeypatch):
-    module = sys.modules[integrate.Radau.__module__]
-    monkeypatch.setattr(module, "C", module.C + 1e-9)
-    with pytest.raises(IntegratorError, match="SciPy's Radau has changed"):
-        from_scipy(integrate.Radau)
 
 
 def test_a_solver_of_ours_gives_its_method_back():
@@ -347,5 +351,5 @@ def test_states_that_do_not_fit_are_refused():
         fun(0.0, np.zeros(3))
     with pytest.raises(IntegratorError, match="y must be real, but was complex"):
         fun(0.0, np.zeros(2, dtype=complex))
-    with pytest.raises(IntegratorError, match="scene must be a Scene, but was 'pendulum'"):
-        right_hand_side("pendulum")
+    with pytest.raises(IntegratorError, match="scene must be a Scene or the name of one, but was 3"):
+        right_hand_side(3)

@@ -17,10 +17,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import IntegratorError
+from integrators.compile import printer
 from integrators.compile.modules import load_module
 from integrators.compile.printer import FUNCTIONS, count_operations, operation_cost, source_lines
 from integrators.exact.expressions import ELEMENTARY, parse_expression
-from integrators.exact.number_text import exact_text, literal, nearest_double
+from integrators.exact.number_text import literal, nearest_double
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
 NAMES = {symbol: symbol.name for symbol in SYMBOLS}
@@ -40,12 +41,22 @@ def text(*formulas, **options):
     return "\n".join(source_lines(zip(targets, map(sympy.sympify, formulas), strict=True), NAMES, **options))
 
 
-def evaluate(formulas, values, *, module="math", number=None):
-    """Run the lines with the functions of a module, and a function that makes fractions."""
-    body = text(*formulas, number=number and "number").replace("\n", "\n    ")
-    names = ", ".join((*FUNCTIONS, "pi"))
-    run = load_module(f"from {module} import {names}\ndef run(number, out, x, y, z):\n    {body}\n    return out\n").run
-    return run(number, [None] * len(formulas), *values)
+def evaluate(formulas, values, *, module="math", exact=None):
+    """Run the lines with the functions of a module; `exact` converts the numbers, otherwise they are doubles."""
+    numbers = []
+
+    def place(number):
+        numbers.append(exact(number))
+        return f"numbers[{len(numbers) - 1}]"
+
+    with pytest.MonkeyPatch.context() as patch:
+        if exact is not None:
+            patch.setattr(printer, "literal", place)
+        body = text(*formulas).replace("\n", "\n    ")
+    names = ", ".join(FUNCTIONS)
+    header = f"from {module} import {names}\ndef run(numbers, out, x, y, z):\n"
+    run = load_module(f"{header}    {body}\n    return out\n").run
+    return run(numbers, [None] * len(formulas), *values)
 
 
 def reference(formulas, values):
@@ -56,8 +67,9 @@ def reference(formulas, values):
         ]
 
 
-def fraction(p, q):
-    return mpmath.mpf(p) / q
+def digits(number):
+    """An exact number in mpmath's precision."""
+    return mpmath.mpf(sympy.N(sympy.sympify(number), 60))
 
 
 AWKWARD = [
@@ -82,7 +94,7 @@ def test_values(formula):
         (found,) = evaluate([expression], values)
         assert abs(found - expected) <= 1e-14 * abs(expected)
         with mpmath.workdps(40):
-            (found,) = evaluate([expression], map(mpmath.mpf, values), module="mpmath", number=fraction)
+            (found,) = evaluate([expression], map(mpmath.mpf, values), module="mpmath", exact=digits)
             assert abs(found - expected) <= mpmath.mpf("1e-37") * abs(expected)
 
 
@@ -103,7 +115,7 @@ def test_rational_formulas_are_exact(polynomials, values):
     point = [Fraction(value, 7) for value in values]
     at = dict(zip(SYMBOLS, map(sympy.Rational, point), strict=True))
     expected = [formula.subs(at) for formula in formulas]
-    found = evaluate(formulas, point, number=Fraction)
+    found = evaluate(formulas, point, exact=Fraction)
     assert [sympy.Rational(value) for value in found] == expected
 
 
@@ -127,16 +139,6 @@ WRITTEN = {
 @pytest.mark.parametrize(("formulas", "lines"), WRITTEN.values(), ids=WRITTEN)
 def test_written(formulas, lines):
     assert text(*formulas).splitlines() == lines
-
-
-def test_exact_numbers_are_written_out():
-    lines = text(x / 3, 2 * x / 3 + HALF, sympy.sqrt(3) * x / 6, (1 - sympy.sqrt(2)) * y, number="ratio").splitlines()
-    assert lines == [
-        "out[0] = x/3",
-        "out[1] = ratio(2, 3)*x + ratio(1, 2)",
-        "out[2] = sqrt(3)*ratio(1, 6)*x",
-        "out[3] = -(sqrt(2) + -1)*y",
-    ]
 
 
 def test_targets_names_and_temporaries():
@@ -204,13 +206,9 @@ def test_refusals(formula, message):
         text(formula)
 
 
-def test_exact_numbers_that_cannot_be_written():
+def test_roots_of_polynomials_are_numbers():
     root = sympy.CRootOf(x**5 - x - 1, 0)
     assert text(root * x) == "out[0] = 1.1673039782614187*x"
-    with pytest.raises(
-        IntegratorError, match="formula must have numbers made of integers, roots, pi and functions, but"
-    ):
-        text(root * x, number="ratio")
 
 
 @pytest.mark.parametrize(
@@ -277,18 +275,6 @@ def test_rational_numbers_are_rounded_once(number, expected):
 def test_what_is_near_no_double(number, error):
     with pytest.raises(error):
         nearest_double(number)
-
-
-@pytest.mark.parametrize(
-    "formula",
-    ["1/2 - sqrt(3)/6", "2^(1/3)*pi", "exp(1/3) + sin(1)", "(1 + sqrt(5))^(3/4)/7", "-3", "sqrt(2 - sqrt(2))", "1/pi"],
-)
-def test_exact_text_has_the_value_of_the_number(formula):
-    number = sympy.sympify(parse_expression(formula, names=()), strict=True)
-    names = ", ".join((*FUNCTIONS, "pi"))
-    module = load_module(f"from mpmath import {names}\ndef value(ratio):\n    return {exact_text(number, 'ratio')}\n")
-    with mpmath.workdps(50):
-        assert mpmath.almosteq(module.value(fraction), mpmath.mpf(sympy.N(number, 60)))
 
 
 PROGRAM = """

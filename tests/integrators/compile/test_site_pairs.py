@@ -42,7 +42,7 @@ def test_every_pair_of_sites_has_a_lane(n):
 @pytest.mark.parametrize("n", [3, 4, 5, 6, 7, 8, 9, 12, 15, 16, 17])
 def test_forces_are_those_of_the_scene(n, formula):
     scene = particles(n, formula)
-    stepper = bi.stepper(scene, "explicit-euler")
+    stepper = bi.stepper("explicit-euler", scene)
     assert ("[r]]" in stepper.source) is (n < 17)  # more have lanes site by site
     state, slope = stepper.start(h=1.0), np.empty(scene.dimension)
     before = state.y.copy()
@@ -55,7 +55,7 @@ def test_what_both_sites_are_given_may_be_equal_or_differ():
     """Without differences: signs are equal, or there are two formulas, which lanes in another order add up."""
     for formula in ("qx_i*qx_j*qy_i*qy_j", "m_i*qx_i^2*qx_j"):
         scene = particles(6, formula)
-        stepper = bi.stepper(scene, "explicit-euler")
+        stepper = bi.stepper("explicit-euler", scene)
         state, slope = stepper.start(h=1.0), np.empty(scene.dimension)
         before = state.y.copy()
         compiled_scene(scene).field(before, slope)
@@ -67,6 +67,6 @@ def test_what_both_sites_are_given_may_be_equal_or_differ():
 @pytest.mark.parametrize("n", [4, 5, 9, 16, 17])
 def test_energies_are_those_of_the_scene(n, formula):
     scene = particles(n, formula)
-    run = bi.integrate(scene, "explicit-euler", h=1e-3, steps=3, observe="energy", save_every=1)
+    run = bi.integrate("explicit-euler", scene, h=1e-3, steps=3, observe="energy", save_every=1)
     expected = [compiled_scene(scene).energy(y) for y in run.y.T]
     np.testing.assert_allclose(run.observed["energy"], expected, rtol=1e-14)

@@ -12,8 +12,7 @@ import sympy
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta
 from integrators.core.catalogues import declared_entries, spelling
-from integrators.methods.catalogue.entry import PROGRAM_KINDS, TABLEAU_KINDS, MethodEntry
-from integrators.methods.catalogue.registry import catalogue, method
+from integrators.methods.catalogue.registry import PROGRAM_KINDS, TABLEAU_KINDS, MethodEntry, catalogue, method
 
 ENTRIES = catalogue()
 FIXED = [entry for entry in ENTRIES if not entry.is_family and entry.is_tableau]

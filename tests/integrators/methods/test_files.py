@@ -175,7 +175,7 @@ BAD_JSON = {
     "null": "content must be a table of keys and values, but was None",
     "{}": "content must have the key A, but had none",
     '{"A": [[0]]}': "content must have the key b, but had A",
-    '{"A": [[0]], "b": [1], "nmae": "x"}': r"had 'nmae' \(did you mean name\?\)",
+    '{"A": [[0]], "b": [1], "nmae": "x"}': r"had 'nmae'; did you mean name\?",
     '{"A": [[0]], "b": [1], "b": [1]}': "keys must be unique, but 'b' was repeated",
     '{"A": [[NaN]], "b": [1]}': "numbers must be finite, but one was NaN",
     '{"A": [[0]], "b": [-Infinity]}': "numbers must be finite, but one was -Infinity",

@@ -35,7 +35,7 @@ def global_error(compiled, name, steps):
 
 def measured_order(made, name):
     """The order that the two smallest of the steps 1/2, 1/4, … show whose errors are not spoilt."""
-    compiled, errors = stepper(cases.SCENES[name], made), []
+    compiled, errors = stepper(made, cases.SCENES[name]), []
     spoilt = max(ROUNDING, DECIMALS * 10.0**-made.digits if made.digits else 0)
     for level in range(1, FINEST + 1):
         try:

@@ -12,8 +12,8 @@ from method_definitions import POINT, runge_kutta
 from power_series_oracle import coefficients, number, random_field, run
 
 from integrators import IntegratorError, Program, ProgramBuilder, RungeKutta, method
-from integrators.methods.program.evaluations import LinearForm
-from integrators.methods.program.program import Field
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Field
 
 
 def test_forms_are_computed_exactly():

@@ -6,21 +6,22 @@ import json
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
-from random import Random
 
 import numpy as np
 import pytest
 
 import integrators.runs.ensembles
 from integrators import IntegratorError, Scene, scene
-from integrators.runs.ensemble_members import Members, member_generator
-from integrators.runs.ensemble_results import load_ensemble
-from integrators.runs.ensemble_statistics import Gathering, member_statistics
+from integrators.runs.ensemble_results import load_ensemble, member_statistics, merged_pairwise
 from integrators.runs.ensembles import ensemble
-from integrators.runs.executors import MOST_LOSSES, Workers, cluster_executor
+from integrators.runs.executors import cluster_executor, results_in_order
 from integrators.runs.integration import integrate
+from integrators.runs.members import Members, member_generator
 from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
 ATOMS = scene("lennard-jones", particles=3)
@@ -32,7 +33,7 @@ def run(members=21, **options):
     """Some atoms, whose motion is chaotic enough to tell any two orders of additions apart."""
     given = {"h": 0.02, "steps": 95, "observe_every": 10, "observe": ["energy", "angular_momentum"], "keep": 3}
     given |= {"sample": thermal_momenta(ATOMS, 0.2), "members": members, "final": True}
-    return ensemble(ATOMS, "stormer-verlet", **{**given, **options})
+    return ensemble("stormer-verlet", ATOMS, **{**given, **options})
 
 
 def content(result):
@@ -49,8 +50,8 @@ def value(t, y):
 class Backwards(Executor):
     """Does its tasks in the reverse order, when somebody waits."""
 
-    def __init__(self):
-        self._tasks = []
+    def __init__(self, until):
+        self.until, self._tasks = until, []
 
     def submit(self, function, /, *args, **options):
         future = Future()
@@ -58,23 +59,6 @@ class Backwards(Executor):
         if len(self._tasks) == self.until:
             for done, work, arguments in reversed(self._tasks):
                 done.set_result(work(*arguments))
-        return future
-
-
-class Fragile(Executor):
-    """Loses its worker on some tasks, each as often as is said."""
-
-    def __init__(self, losses):
-        self.losses, self.begun = dict(losses), []
-
-    def submit(self, function, /, *args, **options):
-        future = Future()
-        self.begun.append(args[0])
-        if self.losses.get(args[0], 0) > 0:
-            self.losses[args[0]] -= 1
-            future.set_exception(BrokenExecutor("lost"))
-        else:
-            future.set_result(function(*args))
         return future
 
 
@@ -110,9 +94,7 @@ def test_an_executor_of_the_user_stays_open(reference):
 
 
 def test_the_order_of_blocks_does_not_change_a_bit(reference):
-    executor = Backwards()
-    executor.until = 21
-    assert content(run(executor=executor)) == reference
+    assert content(run(executor=Backwards(until=21))) == reference
 
 
 @pytest.mark.parametrize("blocks", [1, 2, 5])
@@ -135,7 +117,7 @@ def test_a_member_is_a_run_of_its_own():
     result, draw = run(members=4, keep=4), thermal_momenta(ATOMS, 0.2)
     for k in range(4):
         alone = integrate(
-            ATOMS, "stormer-verlet", h=0.02, steps=95, y0=draw(member_generator(0, k)), save_every=10,
+            "stormer-verlet", ATOMS, h=0.02, steps=95, y0=draw(member_generator(0, k)), save_every=10,
             observe=["energy", "angular_momentum"],
         )  # fmt: skip
         assert alone.t.tolist() == result.t.tolist()
@@ -179,31 +161,22 @@ def test_variances_do_not_suffer_from_large_means():
     values = 1e9 + np.random.default_rng(1).standard_normal(1000)
     naive = (values**2).mean() - values.mean() ** 2
     exact = np.var(values - 1e9, ddof=1)
-    assert gathered(values).variance.item() == pytest.approx(exact, rel=1e-7)
+    assert gathered(values).squares.item() / 999 == pytest.approx(exact, rel=1e-7)
     assert naive != pytest.approx(exact, rel=0.1)
 
 
-def gathered(values, order=None, block=1):
-    """The statistics of numbers that are brought in some order, block by block."""
-    starts = list(range(0, len(values), block))
-    whole = Gathering(len(starts))
-    for number in order or range(len(starts)):
-        own = values[starts[number] : starts[number] + block]
-        part = Gathering(len(own))
-        for k, value in enumerate(own):
-            part.add(k, member_statistics(np.array([[value]]), rows=1))
-        whole.add(number, part.total)
-    return whole.total
+def gathered(values, block=1):
+    """The statistics of numbers, block by block."""
+    leaves = [member_statistics(np.array([[value]]), rows=1) for value in values]
+    return merged_pairwise(merged_pairwise(leaves[k : k + block]) for k in range(0, len(leaves), block))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 8, 13, 100])
-def test_gathering_forgets_orders_and_blocks(count):
-    values, random = np.random.default_rng(count).lognormal(sigma=9, size=count), Random(count)
+def test_merging_does_not_depend_on_blocks_of_powers_of_two(count):
+    values = np.random.default_rng(count).lognormal(sigma=9, size=count)
     expected = [array.tobytes() for array in gathered(values)]
-    for block in (1, 2, 4, 16, 128):
-        order = list(range(-(-count // block)))
-        random.shuffle(order)
-        assert [array.tobytes() for array in gathered(values, order, block)] == expected
+    for block in (2, 4, 16, 128):
+        assert [array.tobytes() for array in gathered(values, block)] == expected
 
 
 def test_other_blocks_would_change_bits():
@@ -222,7 +195,7 @@ def test_infinite_quantities_spoil_means_only():
 
 def test_failed_members_count_up_to_where_they_failed():
     starts = [[0.1], [5.0], [0.2], [np.nan], [0.3]]
-    result = ensemble(RICCATI, "rk4", h=0.1, steps=20, y0=starts, observe={"value": value}, keep=5, final=True)
+    result = ensemble("rk4", RICCATI, h=0.1, steps=20, y0=starts, observe={"value": value}, keep=5, final=True)
     blown, missing = result.failures
     assert (blown.member, missing.member, missing.step) == (1, 3, 0)
     assert 1 <= blown.step < 20
@@ -239,7 +212,7 @@ def test_failed_members_count_up_to_where_they_failed():
 
 
 def test_where_nobody_is_left_there_is_nothing():
-    result = ensemble(RICCATI, "rk4", h=0.1, steps=30, y0=[[4.0], [5.0]], observe={"value": value})
+    result = ensemble("rk4", RICCATI, h=0.1, steps=30, y0=[[4.0], [5.0]], observe={"value": value})
     assert len(result.failures) == 2
     assert result.count[-1] == 0
     tables = result.mean, result.std, result.minimum, result.maximum
@@ -252,7 +225,7 @@ def test_a_function_that_fails_now_and_then_fails_single_members():
             raise RuntimeError("no luck")
         return [0.0, 1.0]
 
-    result = ensemble(PENDULUM, "stormer-verlet", h=0.1, steps=5, sample=draw, members=20, seed=1)
+    result = ensemble("stormer-verlet", PENDULUM, h=0.1, steps=5, sample=draw, members=20, seed=1)
     unlucky = [k for k in range(20) if member_generator(1, k).random() < 0.4]
     assert [failure.member for failure in result.failures] == unlucky
     assert all(failure.reason == "start: no luck" for failure in result.failures)
@@ -270,30 +243,39 @@ def test_members_of_a_lost_worker_run_again(tmp_path):
         return start(rng)
 
     options = {"h": 0.1, "steps": 20, "members": 6}
-    result = ensemble(PENDULUM, "stormer-verlet", sample=draw, executor="processes", workers=1, **options)
+    result = ensemble("stormer-verlet", PENDULUM, sample=draw, executor="processes", workers=1, **options)
     assert mark.exists()
-    assert content(result) == content(ensemble(PENDULUM, "stormer-verlet", sample=start, **options))
+    assert content(result) == content(ensemble("stormer-verlet", PENDULUM, sample=start, **options))
 
 
-def test_only_what_loses_its_worker_again_and_again_is_given_up():
-    executor = Fragile({2: 1, 4: 99, 5: 2})
-    results = dict(Workers(executor, 2).run(lambda k: 10 * k, [(k,) for k in range(8)]))
-    assert results == {k: None if k == 4 else 10 * k for k in range(8)}
-    assert executor.begun[:8] == list(range(8))
-    assert sorted(executor.begun[8:]) == [2, 4, 4, 5, 5]
+def die_once(k, mark):
+    if k == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 10 * k
 
 
-def test_members_whose_workers_are_lost_are_failures():
-    result = run(executor=Fragile({3: MOST_LOSSES}))
-    assert [(failure.member, failure.step) for failure in result.failures] == [(3, None)]
-    assert (result.count == 20).all()
-    assert np.isnan(result.final[3]).all()
-    assert np.isfinite(np.delete(result.final, 3, axis=0)).all()
+@pytest.mark.slow
+def test_tasks_of_lost_workers_run_again_and_results_are_in_order(tmp_path):
+    tasks = [(k, tmp_path / "killed") for k in range(8)]
+    assert list(results_in_order("processes", 2, die_once, tasks)) == [10 * k for k in range(8)]
+    assert (tmp_path / "killed").exists()
+
+
+def test_an_executor_that_has_lost_its_workers_is_told():
+    class Broken(Executor):
+        def submit(self, function, /, *args, **options):
+            future = Future()
+            future.set_exception(BrokenExecutor("lost"))
+            return future
+
+    with pytest.raises(IntegratorError, match=r"executor must have working processes, but they ended .*: lost"):
+        run(executor=Broken())
 
 
 def test_workers_that_never_live_are_not_started_for_ever():
-    with Workers("processes", 1) as pool, pytest.raises(IntegratorError, match="executor must have workers that live"):
-        list(pool.run(os._exit, [(k,) for k in range(1, 9)]))
+    with pytest.raises(IntegratorError, match="executor must have working processes"):
+        list(results_in_order("processes", 1, os._exit, [(k,) for k in range(1, 9)]))
 
 
 # Going on
@@ -326,10 +308,33 @@ def test_an_ensemble_can_be_gone_on_with(tmp_path, workers, reference):
     assert seen == [(k, 21) for k in range(1, 22)]
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_a_killed_ensemble_is_gone_on_with(tmp_path):
+    script = (
+        "import sys; from integrators import ensemble, perturbed_start, scene\n"
+        "draw = perturbed_start(scene('kepler'), 1e-3)\n"
+        "ensemble('gauss2', scene('kepler'), h=0.02, steps=20_000, sample=draw, members=40, keep=2, final=True,\n"
+        "         workers=2, checkpoint=sys.argv[1]).save(sys.argv[2])\n"
+    )
+    folder, killed = tmp_path / "blocks", 0
+    command = [sys.executable, "-c", script, str(folder)]
+    for blocks in (3, 10):
+        job = subprocess.Popen([*command, str(tmp_path / "killed.npz")])
+        while job.poll() is None and len(list(folder.glob("block-*.npz"))) < blocks:
+            time.sleep(0.002)
+        job.kill()
+        killed += job.wait() == -signal.SIGKILL
+    assert killed
+    subprocess.run([*command, str(tmp_path / "killed.npz")], check=True)
+    subprocess.run([*command[:-1], str(tmp_path / "other"), str(tmp_path / "whole.npz")], check=True)
+    assert (tmp_path / "killed.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
 def test_failures_are_kept_too(tmp_path):
     options = {"h": 0.1, "steps": 20, "y0": [[0.1], [5.0], [np.nan]], "observe": {"value": value}}
-    first = ensemble(RICCATI, "rk4", checkpoint=tmp_path, **options)
-    second = ensemble(RICCATI, "rk4", checkpoint=tmp_path, **options)
+    first = ensemble("rk4", RICCATI, checkpoint=tmp_path, **options)
+    second = ensemble("rk4", RICCATI, checkpoint=tmp_path, **options)
     assert content(first)[:2] == content(second)[:2]
     assert len(second.failures) == 2
 
@@ -362,12 +367,12 @@ def test_blocks_that_do_not_fit_run_again(tmp_path, reference, change):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"h": 0.03}, "there h was 0.02, here it is 0.03"),
-        ({"members": 22}, "there members was 21, here it is 22"),
-        ({"seed": 3}, "there seed was 0, here it is 3"),
-        ({"observe": "energy"}, "there observe was"),
-        ({"sample": thermal_momenta(ATOMS, 0.3)}, "there start was"),
-        ({"split": False}, "there split was true, here it is false"),
+        ({"h": 0.03}, "had as h 0.02 and not 0.03"),
+        ({"members": 22}, "had as members 21 and not 22"),
+        ({"seed": 3}, "had as seed 0 and not 3"),
+        ({"observe": "energy"}, "had as observe"),
+        ({"sample": thermal_momenta(ATOMS, 0.3)}, "had as start other ones"),
+        ({"split": False}, "had as split true and not false"),
     ],
 )
 def test_another_ensemble_is_refused(tmp_path, changed, message):
@@ -391,7 +396,7 @@ def test_folders_that_will_not_do(tmp_path):
 
 def test_files_hold_everything(tmp_path):
     result = ensemble(
-        RICCATI, "rk4", h=0.1, steps=20, y0=[[0.1], [5.0], [0.2]], observe={"value": value}, keep=2, final=True
+        "rk4", RICCATI, h=0.1, steps=20, y0=[[0.1], [5.0], [0.2]], observe={"value": value}, keep=2, final=True
     )
     result.save(tmp_path / "out.npz")
     again = load_ensemble(tmp_path / "out.npz")
@@ -505,8 +510,8 @@ def test_temperatures_and_spreads_must_be_numbers(value):
         ({"sample": len, "members": 0}, "members must be an integer from 1 on, but was 0"),
         ({"sample": len, "members": 3}, "sample must give starts, but the first member has none: TypeError"),
         ({"y0": [[np.inf, 0]]}, "y0 must give starts, but the first member has none: IntegratorError"),
-        ({"y0": [[0, 1]], "steps": 1.5}, "steps must be an integer from 0 on, but was 1.5"),
-        ({"y0": [[0, 1]], "steps": True}, "steps must be an integer from 0 on, but was True"),
+        ({"y0": [[0, 1]], "steps": 1.5}, "steps must be a whole number from 0 to .*, but was 1.5"),
+        ({"y0": [[0, 1]], "steps": True}, "steps must be a whole number from 0 to .*, but was True"),
         ({"y0": [[0, 1]], "h": 0}, "h must not be zero"),
         ({"y0": [[0, 1]], "seed": -1}, "seed must be an integer from 0 on, but was -1"),
         ({"y0": [[0, 1]], "keep": "all"}, "keep must be an integer from 0 on, but was 'all'"),
@@ -520,7 +525,7 @@ def test_temperatures_and_spreads_must_be_numbers(value):
 )
 def test_what_is_refused(options, message):
     with pytest.raises(IntegratorError, match=message):
-        ensemble(PENDULUM, "stormer-verlet", **{"h": 0.1, "steps": 10, **options})
+        ensemble("stormer-verlet", PENDULUM, **{"h": 0.1, "steps": 10, **options})
 
 
 def test_functions_that_cannot_travel_are_refused():
@@ -530,9 +535,9 @@ def test_functions_that_cannot_travel_are_refused():
         return [0.0, 1.0] if lock else []
 
     options = {"h": 0.1, "steps": 10, "sample": draw, "members": 2}
-    assert ensemble(PENDULUM, "stormer-verlet", **options).count[-1] == 2
+    assert ensemble("stormer-verlet", PENDULUM, **options).count[-1] == 2
     with pytest.raises(IntegratorError, match="functions that can be sent to other processes"):
-        ensemble(PENDULUM, "stormer-verlet", executor="processes", **options)
+        ensemble("stormer-verlet", PENDULUM, executor="processes", **options)
 
 
 @pytest.mark.parametrize("options", [{"address": "tcp://127.0.0.1:1", "workers": 2}, {"address": "nowhere:bad:1"}])
@@ -547,20 +552,20 @@ def test_a_run_that_nobody_wants_stops():
 
     class Watching(ThreadPoolExecutor):
         def submit(self, function, /, *args, **options):
-            started.append(args[1])
+            started.append(args[0])
             return super().submit(function, *args, **options)
 
     def stop(done, total):
         raise StopError
 
     with Watching(1) as executor, pytest.raises(StopError):
-        ensemble(PENDULUM, "stormer-verlet", h=1e-3, steps=10**6, y0=[[0, 1]] * 300, executor=executor, progress=stop)
+        ensemble("stormer-verlet", PENDULUM, h=1e-3, steps=10**6, y0=[[0, 1]] * 300, executor=executor, progress=stop)
     assert isinstance(started[0], Members)
     assert started[0].is_stopped
 
 
 def test_no_steps_and_no_quantities():
-    result = ensemble(PENDULUM, "stormer-verlet", h=0.1, steps=0, y0=[[0, 1], [0, 2]], observe=None, final=True)
+    result = ensemble("stormer-verlet", PENDULUM, h=0.1, steps=0, y0=[[0, 1], [0, 2]], observe=None, final=True)
     assert result.t.tolist() == [0]
     assert result.names == ()
     assert result.final.tolist() == [[0, 1], [0, 2]]

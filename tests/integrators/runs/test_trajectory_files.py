@@ -23,7 +23,7 @@ OPTIONS = {"h": 0.1, "steps": 103, "save_every": 10, "observe": ["energy", {"dou
 
 @pytest.fixture
 def run():
-    return integrate(PENDULUM, "rk4", **OPTIONS)
+    return integrate("rk4", PENDULUM, **OPTIONS)
 
 
 def check_same(a, b):
@@ -37,7 +37,7 @@ def check_same(a, b):
 @pytest.mark.parametrize("observe_every", [None, 7])
 @pytest.mark.parametrize("mapped", [True, False])
 def test_a_file_is_read_back(tmp_path, monkeypatch, observe_every, mapped):
-    run = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=observe_every)
+    run = integrate("rk4", PENDULUM, **OPTIONS, observe_every=observe_every)
     run.save(tmp_path / "run.npz")
     if mapped:
         monkeypatch.setattr(stored_arrays, "LARGE", 0)
@@ -66,12 +66,12 @@ def test_the_scene_can_be_made_again_from_meta(run):
 
     table = run.meta["scene"]
     assert loads_scene(tomli_w.dumps(table)) == PENDULUM
-    splitting = integrate(PENDULUM, "strang", h=0.1, steps=1)
+    splitting = integrate("strang", PENDULUM, h=0.1, steps=1)
     assert splitting.meta["method"]["program"][-1].startswith("y1 = ")
 
 
 def test_streamed_and_saved_files_are_the_same_to_the_byte(tmp_path, run):
-    integrate(PENDULUM, "rk4", **OPTIONS, to=tmp_path / "streamed.npz")
+    integrate("rk4", PENDULUM, **OPTIONS, to=tmp_path / "streamed.npz")
     run.save(tmp_path / "saved.npz")
     assert (tmp_path / "streamed.npz").read_bytes() == (tmp_path / "saved.npz").read_bytes()
 
@@ -82,7 +82,7 @@ def test_a_run_is_readable_while_it_lasts(tmp_path, run):
     def look(done, total):
         seen.append(load_trajectory(path).copy())
 
-    whole = integrate(PENDULUM, "rk4", **OPTIONS, to=path, progress=look)
+    whole = integrate("rk4", PENDULUM, **OPTIONS, to=path, progress=look)
     assert len(seen) > 1
     for part in seen:
         n = len(part.t)
@@ -133,7 +133,7 @@ def test_numbers_that_no_run_has_stored_are_refused(tmp_path, change, reason):
 def test_runs_backwards_and_below_the_resolution_of_time_are_read(tmp_path):
     options = [{"h": -0.1}, {"h": 0.1, "control": "1/(1 + p^2)", "t0": 1e18}, {"h": 0.1, "t0": 1e15}]
     for k, option in enumerate(options):
-        run = integrate(PENDULUM, "stormer-verlet", steps=20, **option, to=tmp_path / f"{k}.npz")
+        run = integrate("stormer-verlet", PENDULUM, steps=20, **option, to=tmp_path / f"{k}.npz")
         check_same(load_trajectory(tmp_path / f"{k}.npz"), run)
 
 
@@ -163,12 +163,17 @@ def text(value: str) -> bytes:
 
 DAMAGE = {
     "10^12 numbers": ("t", npy(described("(1000000000000,)")), "t must have 8000000000000 bytes of numbers, but has 0"),
-    "more than memory has addresses": ("t", npy(described(f"(0, {2**40}, {2**40})")), "must be an array that fits"),
+    "more than memory has addresses": (
+        "t",
+        npy(described(f"(0, {2**40}, {2**40})")),
+        "t must be real numbers in the sh",
+    ),
+    "negative lengths": ("t", npy(described("(-1, -11)"), bytes(88)), "t must be an array of numbers or text, but was"),
     "deep header": ("t", npy("(" * 9000), "t must be an array of numbers or text, but was"),
     "nested header": ("t", npy("[" * 9000), "t must be an array of numbers or text, but was"),
     "signs in the header": ("t", npy("-" * 9000 + "1"), "t must be an array of numbers or text, but was"),
     "objects": ("t", npy(described("(11,)", "|O")), "t must be an array of numbers or text, but was"),
-    "no such kind": ("t", npy(described("(11,)", "<f3")), "but was of the kind <f3"),
+    "no such kind": ("t", npy(described("(11,)", "<f3")), "t must be an array of numbers or text, but was not: .*<f3"),
     "no letters": ("variables", npy(described("(2,)", "<U1"), b"\xff" * 8), "variables must be text, but has numbers"),
     "null metadata": ("meta", text("null"), "meta must be a table, but was null"),
     "list of metadata": ("meta", text("[]"), r"meta must be a table, but was \[\]"),
@@ -176,7 +181,7 @@ DAMAGE = {
     "unfinished metadata": ("meta", text('{"a'), "meta must hold JSON, not too deeply nested, but did not$"),
     "method": ("meta", text('{"method": 3}'), "meta.method must be a table, but was 3"),
     "name": ("meta", text('{"scene": {"name": [1]}}'), r"meta.scene.name must be text, but was \[1\]"),
-    "no step": ("h", npy(described("()"), np.array(np.nan).tobytes()), "h must be from .* to .*, but was not"),
+    "no step": ("h", npy(described("()"), np.array(np.nan).tobytes()), "h must be finite and not 0, but was nan"),
 }
 
 
@@ -249,7 +254,7 @@ def test_pandas(run):
     assert frame.index.name == "t"
     np.testing.assert_array_equal(frame.index, run.t)
     np.testing.assert_array_equal(frame["q"], run.y[1])
-    other = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=7)
+    other = integrate("rk4", PENDULUM, **OPTIONS, observe_every=7)
     with pytest.raises(
         IntegratorError, match="observe_every must be save_every for one table, but there are 12 states"
     ):
@@ -259,14 +264,14 @@ def test_pandas(run):
 @pytest.mark.parametrize(("observe_every", "dimension"), [(None, "time"), (7, "observed_time")])
 def test_xarray(observe_every, dimension):
     pytest.importorskip("xarray")
-    run = integrate(PENDULUM, "rk4", **OPTIONS, observe_every=observe_every)
+    run = integrate("rk4", PENDULUM, **OPTIONS, observe_every=observe_every)
     data = run.to_xarray()
     assert data["y"].dims == ("variable", "time")
     assert data["energy"].dims == (dimension,)
     np.testing.assert_array_equal(data["y"].sel(variable="q"), run.y[1])
     np.testing.assert_array_equal(data[dimension], run.observed_t)
     assert json.loads(data.attrs["meta"]) == run.meta
-    clash = integrate(PENDULUM, "rk4", h=0.1, steps=1, observe={"time": "energy"})
+    clash = integrate("rk4", PENDULUM, h=0.1, steps=1, observe={"time": "energy"})
     with pytest.raises(IntegratorError, match="observed must have other names than xarray's coordinates, but has time"):
         clash.to_xarray()
 
@@ -274,5 +279,5 @@ def test_xarray(observe_every, dimension):
 @pytest.mark.parametrize(("module", "call"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
 def test_missing_packages_are_named(monkeypatch, run, module, call):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(IntegratorError, match=f"{module} must be installed for {call}"):
+    with pytest.raises(ImportError, match=f"{call} needs {module}: pip install"):
         getattr(run, call)()

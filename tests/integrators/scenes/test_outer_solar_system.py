@@ -21,7 +21,7 @@ def relative_errors(method, h, exact):
     """Errors in parts of the largest momentum and coordinate of each body, at both times."""
     system = scene("outer-solar-system")
     steps = round(DAYS / h)
-    run = integrate(system, method, h=h, steps=steps, save_every=steps // 10)
+    run = integrate(method, system, h=h, steps=steps, save_every=steps // 10)
     gaps, sizes = (np.abs(x).reshape(2, -1, 3, 2) for x in (run.y[:, [1, -1]] - exact, exact))
     return gaps / sizes.max(axis=(2, 3), keepdims=True)
 

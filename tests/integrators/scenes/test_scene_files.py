@@ -126,12 +126,12 @@ BAD = {
     "empty": ("", "content must have the key variables, but had none"),
     "unknown key": (
         "variable = {y = 1}",
-        r"must have the keys .* only, but had 'variable' \(did you mean variables\?\)",
+        r"must have the keys .* only, but had 'variable'; did you mean variables\?",
     ),
     "odd key": ("variables = {y = 1}\nzzz = 1", "but had 'zzz'$"),
     "effects": ("variables = {y = 1}\neffects = 3", "effects must map names to tables, but was 3"),
     "effect": ("variables = {y = 1}\neffects.a = 3", "effects.a must be a table of keys and values, but was 3"),
-    "effect key": ("variables = {y = 1}\n[effects.a]\nfeld = {y = 1}", r"effects.a .* 'feld' \(did you mean field\?\)"),
+    "effect key": ("variables = {y = 1}\n[effects.a]\nfeld = {y = 1}", r"effects.a .* 'feld'; did you mean field\?"),
     "empty effect": ('variables = {y = 1}\n[effects.a]\nsummary = "s"', "effects.a: an effect must have a hamiltonian"),
     "terms": ("variables = {y = 1}\nterms = 3", "terms must be a sequence, but was 3"),
     "term": ("variables = {y = 1}\nterms = [3]", r"terms\[1\] must be a table of keys and values"),
@@ -149,11 +149,11 @@ BAD = {
     "truth": ("variables = {y = 1}\nfield = {y = true}", "field.y must be a formula or a number, but was True"),
     "date": ("variables = {y = 1}\nfield = {y = 2020-01-01}", "field.y must be a formula or a number"),
     "size": ("variables = {y = 1.5}\nfield = {y = 1}", "variables.y must be a number, a pair"),
-    "active": ('variables = {y = 1}\nfield = {y = 1}\nactive = ["a"]', "effects must be of none, but one was 'a'"),
+    "active": ('variables = {y = 1}\nfield = {y = 1}\nactive = ["a"]', "there is no effect 'a'"),
     "label": ("variables = {y = 1}\nfield = {y = 1}\nname = 3", "name must be text, but was 3"),
     "integral where the field is singular": (
         'variables = {y = 1}\nfield = {y = "1/(sin(y)^2 + cos(y)^2 - 1)"}\ninvariants = {c = "y"}',
-        "field and invariants of scene must be defined near the start, but at a point there are not$",
+        "field and invariants of scene must be defined near the start, but were not at one point$",
     ),
     "integral": ('variables = {y = 1}\nfield = {y = "y"}\ninvariants = {c = "y"}', "along the field, but c is not$"),
 }

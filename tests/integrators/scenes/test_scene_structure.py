@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import Effect, IntegratorError, Scene, Term
-from integrators.scenes.model.local_terms import VALUE
-from integrators.scenes.particles.degrees import Piece, degrees
+from integrators.scenes.model.system import VALUE
+from integrators.scenes.particles.parts import Piece, degrees
 
 PQ = {"p": 1, "q": 1}
 LATTICE = {"p": 3, "q": 3}

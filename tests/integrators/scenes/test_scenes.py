@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import Effect, IntegratorError, Scene, Term
-from integrators.scenes.domain import guards
+from integrators.scenes.checks import guards
 from integrators.scenes.model import formulas
 from integrators.scenes.model.formulas import formula_text, read_formula
 
@@ -210,7 +210,7 @@ BAD = {
     "invariants": ({"invariants": ["p"]}, "invariants must map names to formulas"),
     "positive": ({"positive": "q"}, "positive must be a sequence, but was 'q'"),
     "effects": ({"effects": {"a": {}}}, "effects must map names to Effects"),
-    "active": ({"active": ["a"]}, "effects must be of none, but one was 'a'"),
+    "active": ({"active": ["a"]}, "there is no effect 'a'"),
     "name": ({"name": 3}, "name must be text, but was 3"),
     "poisson": ({"poisson": [[0, 1]]}, "poisson must be square with 1 to 2 rows, but had rows of 2 entries"),
     "symmetric": ({"poisson": [[0, "q"], ["q", 0]]}, r"its entries \(2, 1\) and \(1, 2\) were q and q"),
@@ -238,8 +238,8 @@ BAD_TERMS = {
     "q_j": ({"over": "each", "hamiltonian": "q_j"}, r"terms\[1\].hamiltonian .* p_i, q_i, k, t, but .* 'q_j'"),
     "flat name": ({"over": "each", "hamiltonian": "q_i*q1"}, "has the unknown name 'q1'"),
     "flat target": ({"over": "each", "field": {"p1": "q_i"}}, "must have equations for p_i, q_i, but has one for 'p1'"),
-    "no site": ({"over": "pairs", "hamiltonian": "k"}, "must speak of sites of one number, but spoke of none"),
-    "other sites": ({"over": "each", "hamiltonian": "q_i*m_i"}, "sites of one number, but spoke of 2 of m and 3 of q"),
+    "no site": ({"over": "pairs", "hamiltonian": "k"}, "must have names at equally many sites, but had none"),
+    "other sites": ({"over": "each", "hamiltonian": "q_i*m_i"}, "at equally many sites, but had 2 of m and 3 of q"),
     "part": ({"hamiltonian": "q1", "part": 3}, "part must be text, but was 3"),
 }  # fmt: skip
 
@@ -363,15 +363,15 @@ def test_parameters_and_start_values_can_be_replaced_where_they_exist():
     assert scene.with_start(p=2).start == (2, -1)
     assert scene.with_effects("drive").start == (0, -1, 1)
     assert scene.with_effects("drive").with_start(t=5, q=0).start == (0, 0, 5)
-    with pytest.raises(IntegratorError, match="but one was gamma, which belongs to the effect damping that is off"):
+    with pytest.raises(IntegratorError, match="there is no parameter gamma unless the effect damping is on"):
         scene.with_parameters(gamma=1)
-    with pytest.raises(IntegratorError, match=r"parameters must be of none, but one was k$"):
+    with pytest.raises(IntegratorError, match=r"there is no parameter k; there are none"):
         scene.with_parameters(k=1)
-    with pytest.raises(IntegratorError, match="start must be of p, q, but one was xi, which belongs to the effect"):
+    with pytest.raises(IntegratorError, match=r"there is no block xi unless the effect .* is on; the blocks are p, q"):
         scene.with_start(xi=1)
-    with pytest.raises(IntegratorError, match=r"start must be of p, q, but one was t$"):
+    with pytest.raises(IntegratorError, match=r"there is no block t.*; the blocks are p, q$"):
         scene.with_start(t=1)
-    with pytest.raises(IntegratorError, match=r"effects must be of asymmetry, .* but one was 'friction'"):
+    with pytest.raises(IntegratorError, match=r"there is no effect 'friction'; the effects are asymmetry, .*"):
         scene.with_effects("friction")
     masses = Scene(LATTICE, terms=[Term(over="each", hamiltonian="p_i^2/m_i")], parameters={"m": [1, 2, 3]})
     assert masses.with_parameters(m=[3, 2, 1]).field != masses.field

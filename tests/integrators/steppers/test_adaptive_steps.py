@@ -47,7 +47,7 @@ def eccentric():
 
 @pytest.fixture(scope="module")
 def controlled(eccentric):
-    return stepper(eccentric, "stormer-verlet", control=SIZE)
+    return stepper("stormer-verlet", eccentric, control=SIZE)
 
 
 def test_the_first_step_is_that_of_the_formula(eccentric, controlled):
@@ -60,7 +60,7 @@ def test_the_first_step_is_that_of_the_formula(eccentric, controlled):
     sigma = np.hypot(*q) ** 1.5
     middle = 1 / sigma - epsilon / 2 * 1.5 * np.dot(q, p) / np.dot(q, q)
     h = epsilon / middle
-    constant = stepper(eccentric, "stormer-verlet")
+    constant = stepper("stormer-verlet", eccentric)
     other = constant.start(y0, h=h)
     constant.advance(other, 1)
     assert state.t == pytest.approx(1 + h, rel=1e-15)
@@ -82,7 +82,7 @@ def test_energy_does_not_drift_and_constant_steps_need_many_more(eccentric, cont
     state = controlled.start(h=2 * np.pi / 200)
     errors = energy_errors(controlled, state, 10_000)
     assert max(errors[8000:]) < 1.05 * max(errors[:2000]) < 5e-3
-    constant = stepper(eccentric, "stormer-verlet")
+    constant = stepper("stormer-verlet", eccentric)
     period = state.n * 2 * np.pi / state.t  # steps for each period
     same = constant.start(h=2 * np.pi / period)
     assert max(energy_errors(constant, same, 500)) > 0.1
@@ -90,7 +90,7 @@ def test_energy_does_not_drift_and_constant_steps_need_many_more(eccentric, cont
 
 def test_steps_without_symmetry_drift(eccentric):
     """h_n = ε σ(y_n): the negative control."""
-    constant = stepper(eccentric, "stormer-verlet")
+    constant = stepper("stormer-verlet", eccentric)
     errors = energy_errors(constant, constant.start(h=1), 10_000, lambda y: 2 * np.pi / 200 * np.hypot(*y[2:]) ** 1.5)
     assert max(errors[8000:]) > 2 * max(errors[:2000])
 
@@ -130,7 +130,7 @@ def test_recorded_times_are_those_of_the_states(controlled):
 def test_implicit_methods_keep_their_order():
     """Gauss's method of order 4 on exact orbits: the density of steps is of order 2 only, but y follows the orbit."""
     system = scene("kepler")
-    steps = stepper(system, "gauss2", control=SIZE)
+    steps = stepper("gauss2", system, control=SIZE)
     errors = []
     for n in (100, 200):
         state = steps.start(h=2 * np.pi / n)
@@ -148,7 +148,7 @@ def test_linear_flows_do_without_matrices():
     system = Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", start={"p": [0], "q": [1]})
     builder = ProgramBuilder()
     flow = builder.program(builder.y + builder.flow(builder.y), name="flow")
-    steps = stepper(system, flow, control="1 + q^2/2")
+    steps = stepper(flow, system, control="1 + q^2/2")
     state = steps.start(h=0.1)
     steps.advance(state, 50)
     assert state.y == pytest.approx([-np.sin(state.t), np.cos(state.t)], abs=1e-14)
@@ -172,10 +172,10 @@ def test_steps_that_would_go_back_are_refused(controlled):
 )
 def test_what_is_no_function_of_step_sizes_is_refused(control, message):
     with pytest.raises(IntegratorError, match=message.replace("^", r"\^")):
-        stepper(scene("kepler"), "stormer-verlet", control=control)
+        stepper("stormer-verlet", scene("kepler"), control=control)
 
 
 def test_step_sizes_must_be_positive_at_the_start():
-    steps = stepper(scene("kepler"), "stormer-verlet", control="q2 - q1")
+    steps = stepper("stormer-verlet", scene("kepler"), control="q2 - q1")
     with pytest.raises(IntegratorError, match=r"control must be positive at the start, but was -0\.4"):
         steps.start(h=0.1)

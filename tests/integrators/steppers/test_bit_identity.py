@@ -33,7 +33,7 @@ RUNS = [
 
 
 def begun(where, name, options):
-    compiled = stepper(cases.SCENES[where], name, **options)
+    compiled = stepper(name, cases.SCENES[where], **options)
     return compiled, compiled.start(cases.STARTS[where], h=1 / 32, t0=0.5)
 
 

@@ -73,7 +73,7 @@ def plain(chosen, name):
 
 
 def steps(chosen, name, **options):
-    compiled = stepper(scene(name), chosen, **options)
+    compiled = stepper(chosen, scene(name), **options)
     state = compiled.start(h=STEP_SIZES.get(name, 0.05))
     compiled.advance(state, STEPS)
     return state
@@ -128,7 +128,7 @@ def test_other_coefficients_make_other_steps():
 
 @pytest.mark.parametrize("name", ROSENBROCK[-2:])
 def test_one_factorization_serves_all_stages(name):
-    source = stepper(scene("van-der-pol"), method(name)).source
+    source = stepper(method(name), scene("van-der-pol")).source
     assert source.count(" factorize(") == 1
     assert source.count(" solve(") > 3
 
@@ -147,7 +147,7 @@ STABILITY = {
 @pytest.mark.parametrize("name", STABILITY)
 def test_stiff_linear_systems_to_rounding(name):
     matrix = [[-rate if i == j else 0 for j in range(len(RATES))] for i, rate in enumerate(RATES)]
-    compiled = stepper(scene("linear", matrix=matrix), method(name), solver="newton")
+    compiled = stepper(method(name), scene("linear", matrix=matrix), solver="newton")
     state = compiled.start(h=1.0)
     compiled.advance(state, 1)
     expected = [STABILITY[name](-rate) for rate in RATES]
@@ -161,12 +161,12 @@ def test_stiff_linear_systems_to_rounding(name):
 
 @pytest.mark.parametrize(("name", "order"), [("gauss2", 4), ("radau-iia2", 3), ("rodas4", 4)])
 def test_order_on_the_brusselator(name, order):
-    reference = stepper(scene("brusselator"), "rodas4")
+    reference = stepper("rodas4", scene("brusselator"))
     exact = reference.start(h=1 / 4000)
     reference.advance(exact, 4000)
     errors = []
     for count in (100, 200):
-        compiled = stepper(scene("brusselator"), method(name), solver="newton")
+        compiled = stepper(method(name), scene("brusselator"), solver="newton")
         state = compiled.start(h=1 / count)
         compiled.advance(state, count)
         errors.append(abs(state.y - exact.y).max())
@@ -178,7 +178,7 @@ def test_order_on_the_brusselator(name, order):
 
 def invariant_drift(name, solver):
     system = scene("kepler")
-    compiled, observed = stepper(system, name, solver=solver), np.empty((2, len(system.invariants)))
+    compiled, observed = stepper(name, system, solver=solver), np.empty((2, len(system.invariants)))
     state = compiled.start(h=0.05)
     compiled_scene(system).invariants(state.y, observed[0])
     compiled.advance(state, 2000)
@@ -196,7 +196,7 @@ def test_quadratic_invariants_are_kept_by_gauss_and_by_no_radau():
 
 
 def test_newton_takes_over_where_fixed_points_diverge():
-    compiled = stepper(scene("brusselator"), "gauss2")
+    compiled = stepper("gauss2", scene("brusselator"))
     state = compiled.start(h=0.4)
     compiled.advance(state, 18)
     assert state.solver == "fixed-point"
@@ -210,14 +210,14 @@ def test_newton_takes_over_where_fixed_points_diverge():
     y_rows = np.empty((20, 2))
     compiled.record(state, 60, y_every=3, y_rows=y_rows)
     assert np.array_equal(y_rows[-1], whole.y)
-    fixed = stepper(scene("brusselator"), "gauss2", solver="fixed-point")
+    fixed = stepper("gauss2", scene("brusselator"), solver="fixed-point")
     with pytest.raises(StepError, match=r"from t = 7\.2, did not converge") as caught:
         fixed.advance(fixed.start(h=0.4), 60)
     assert caught.value.step == 19
 
 
 def test_recording_goes_on_with_the_row_after_the_change():
-    compiled = stepper(scene("brusselator"), "gauss2")
+    compiled = stepper("gauss2", scene("brusselator"))
     y_rows = np.empty((30, 2))
     compiled.record(compiled.start(h=0.4), 30, y_every=1, y_rows=y_rows)
     state = compiled.start(h=0.4)
@@ -233,14 +233,14 @@ def test_fixed_points_are_kept_where_they_converge():
 
 def test_rounding_errors_that_come_and_go_in_turn_are_no_failure():
     """In step 10,217 momenta and angles change in every other sweep each, for ever."""
-    compiled = stepper(scene("double-pendulum"), "gauss2", solver="fixed-point")
+    compiled = stepper("gauss2", scene("double-pendulum"), solver="fixed-point")
     state = compiled.start(h=0.02)
     compiled.advance(state, 11000)
     assert state.n == 11000
 
 
 def test_failure_is_told_with_the_last_good_state():
-    compiled = stepper(scene("van-der-pol"), "implicit-euler")
+    compiled = stepper("implicit-euler", scene("van-der-pol"))
     state = compiled.start(h=1e-3)
     with pytest.raises(
         StepError, match=r"h must be small enough for implicit-euler on van-der-pol, but with h = 0.001 step \d+, from"
@@ -254,7 +254,7 @@ def test_failure_is_told_with_the_last_good_state():
 
 def test_solver_must_be_known():
     with pytest.raises(IntegratorError, match="solver must be one of auto, fixed-point, newton, but was 'bisection'"):
-        stepper(scene("kepler"), "gauss2", solver="bisection")
+        stepper("gauss2", scene("kepler"), solver="bisection")
 
 
 @pytest.mark.filterwarnings("ignore:weights b sum to")
@@ -263,7 +263,7 @@ def test_coefficients_below_the_range_of_doubles_are_zero(options):
     """A stage at the start of the step gives an Euler step; weights of zero leave the state as it is."""
     y = np.array([0.25, 1.0])
     for weight in ("1", "1e-400"):
-        compiled = stepper(scene("pendulum"), RungeKutta([["1e-400"]], [weight]), **options)
+        compiled = stepper(RungeKutta([["1e-400"]], [weight]), scene("pendulum"), **options)
         state = compiled.start(y, h=0.125)
         compiled.advance(state, 1)
         euler = y + 0.125 * np.array([-np.sin(1.0), 0.25])

@@ -37,7 +37,7 @@ def test_steps_are_those_of_the_definition(entry, stages, name, order):
     made = cases.built(entry, stages)
     start = cases.STARTS[name]
     expected = plain_steps(made, fields(name, made.names, "numpy"), start, 1 / 32, STEPS)
-    compiled = stepper(cases.SCENES[name], made)
+    compiled = stepper(made, cases.SCENES[name])
     state = compiled.start(start, h=1 / 32)
     compiled.advance(state, STEPS)
     assert np.abs(state.y - expected[:, -1]).max() < 300 * np.spacing(np.abs(expected).max())
@@ -45,7 +45,7 @@ def test_steps_are_those_of_the_definition(entry, stages, name, order):
 
 def test_steps_of_another_method_are_others():
     expected = plain_steps(method("heun3"), fields("pendulum", ["f"], "numpy"), [0.4, 1.1], 1 / 32, STEPS)
-    compiled = stepper(scene("pendulum"), "kutta3")
+    compiled = stepper("kutta3", scene("pendulum"))
     state = compiled.start([0.4, 1.1], h=1 / 32)
     compiled.advance(state, STEPS)
     assert np.abs(state.y - expected[:, -1]).max() > 1e-8
@@ -57,11 +57,11 @@ def test_steps_of_another_method_are_others():
 def return_gap(there, back, name, h=1 / 16, steps=50):
     """How far from the start, in units of rounding errors, steps there and back end."""
     start = np.array(cases.STARTS[name])
-    forth = stepper(cases.SCENES[name], there)
+    forth = stepper(there, cases.SCENES[name])
     state = forth.start(start, h=h)
     forth.advance(state, steps)
     assert np.abs(state.y - start).max() > 0.1
-    return_steps = stepper(cases.SCENES[name], back)
+    return_steps = stepper(back, cases.SCENES[name])
     state = return_steps.start(state.y, h=-h)
     return_steps.advance(state, steps)
     return np.abs(state.y - start).max() / np.spacing(np.abs(start).max())
@@ -114,7 +114,7 @@ def test_symmetric_methods_reverse_to_rounding(name, where):
 @pytest.mark.parametrize(("name", "where"), SYMMETRIC[::4])
 def test_a_run_may_turn_round(name, where):
     """With its compensation; stage derivatives of the last step are not those of the next one."""
-    compiled, start = stepper(cases.SCENES[where], name), cases.STARTS[where]
+    compiled, start = stepper(name, cases.SCENES[where]), cases.STARTS[where]
     state = compiled.start(start, h=1 / 16)
     compiled.advance(state, 50)
     state = compiled.restart(state, h=-state.h)
@@ -173,12 +173,13 @@ def defect_of_symplecticity(made, name):
         )
 
 
-def named(left_out):
-    """Two members of each family, all other methods, but for some kinds."""
+def named(left_out, slow=()):
+    """Two members of each family and all other methods, without some kinds; `slow` kinds are marked."""
     for entry in catalogue():
         if entry.kind not in left_out:
             for stages in range(entry.least_stages, entry.least_stages + 2) if entry.is_family else [None]:
-                yield pytest.param(entry, stages, id=f"{entry.name}{stages or ''}")
+                marks = [pytest.mark.slow] * (entry.kind in slow)
+                yield pytest.param(entry, stages, id=f"{entry.name}{stages or ''}", marks=marks)
 
 
 @pytest.mark.parametrize(("entry", "stages"), [*named({"exponential", "w-method"})])
@@ -194,7 +195,7 @@ SLOW = {"continuous stage"}
 """Averages of this field take minutes in forty digits; they are above."""
 
 
-@pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW)])
+@pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW, slow={"rosenbrock"})])
 def test_symplecticity_where_it_is_not(entry, stages):
     made = cases.built(entry, stages)
     defect = defect_of_symplecticity(made, "double-pendulum")

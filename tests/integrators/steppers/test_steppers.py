@@ -29,7 +29,7 @@ RING = bi.Scene(
 
 def loop_of(method, scene=PENDULUM, **options):
     """The lines of a step."""
-    source = bi.stepper(scene, method, compensated=False, split=False, **options).source
+    source = bi.stepper(method, scene, compensated=False, split=False, **options).source
     return re.search(r"while done < steps:\n(.*?)done \+= 1", source, re.S)[1]
 
 
@@ -55,14 +55,14 @@ def test_forces_in_a_step(method, calls):
 
 
 def test_implicit_methods_take_their_nystrom_form_where_velocities_are_linear():
-    assert len(bi.stepper(bi.scene("kepler"), "gauss3").start(h=0.1).memory) == 3 * 2
-    assert len(bi.stepper(bi.scene("double-pendulum"), "gauss3").start(h=0.1).memory) == 3 * 4
+    assert len(bi.stepper("gauss3", bi.scene("kepler")).start(h=0.1).memory) == 3 * 2
+    assert len(bi.stepper("gauss3", bi.scene("double-pendulum")).start(h=0.1).memory) == 3 * 4
 
 
 def test_an_effect_that_is_off_leaves_no_trace_in_steps():
     bare = bi.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
-    assert bi.stepper(PENDULUM, "rk4").source == bi.stepper(bare, "rk4").source
-    assert bi.stepper(PENDULUM.with_effects("damping"), "rk4").source != bi.stepper(bare, "rk4").source
+    assert bi.stepper("rk4", PENDULUM).source == bi.stepper("rk4", bare).source
+    assert bi.stepper("rk4", PENDULUM.with_effects("damping")).source != bi.stepper("rk4", bare).source
 
 
 @pytest.mark.parametrize(
@@ -71,14 +71,14 @@ def test_an_effect_that_is_off_leaves_no_trace_in_steps():
         (bi.scene("lennard-jones"), True),
         (bi.scene("lennard-jones", particles=20), True),  # more pairs than are taken at once
         (bi.scene("outer-solar-system"), True),
-        (RING, True),
+        (RING, False),  # no pairs
         (bi.scene("toda", n=12), False),
         (bi.scene("fermi-pasta-ulam"), False),
     ],
     ids=["36 pairs", "190 pairs", "masses", "ring and table", "exponentials", "few springs"],
 )
 def test_sums_in_lanes_are_those_of_the_scene(scene, lanes):
-    stepper = bi.stepper(scene, "explicit-euler", compensated=False)
+    stepper = bi.stepper("explicit-euler", scene, compensated=False)
     assert (" = stack(" in stepper.source.split("def advance")[0]) is lanes
     state = stepper.start(h=1.0)
     before, slope = state.y.copy(), np.empty(scene.dimension)
@@ -93,7 +93,7 @@ def test_sums_in_lanes_are_those_of_the_scene(scene, lanes):
 @pytest.mark.parametrize("scene", ["kepler", "lennard-jones"])
 def test_no_call_is_given_an_array_twice(scene, method):
     """Loops are written in vectors, as if arrays of different names did not overlap."""
-    source = bi.stepper(bi.scene(scene), method).source
+    source = bi.stepper(method, bi.scene(scene)).source
     calls = [ast.unparse(node) for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
     arrays = set(re.findall(r"(\w+) = (?:stack|shifted|pointer)\(", source)) | {"source", "lost", "m"}
     given = [[name for name in re.findall(r"[\w.]+", call) if name in arrays] for call in calls]
@@ -105,7 +105,7 @@ def test_no_call_is_given_an_array_twice(scene, method):
 def test_large_scenes_need_no_stack(monkeypatch):
     monkeypatch.setattr(writer, "MOST_STACK", 64)
     scene = bi.scene("fermi-pasta-ulam", m=20)
-    stepper = bi.stepper(scene, "stormer-verlet")
+    stepper = bi.stepper("stormer-verlet", scene)
     state = stepper.start(np.zeros(scene.dimension), h=1e-3)
     stepper.advance(state, 3)
     assert not state.y.any()
@@ -116,7 +116,7 @@ def test_compensation_keeps_what_sums_lose():
     steady = bi.Scene({"y": 1}, field={"y": "1/3"})
     n, h, ends = 10**6, 0.1, {}
     for compensated in (True, False):
-        stepper = bi.stepper(steady, "explicit-euler", compensated=compensated)
+        stepper = bi.stepper("explicit-euler", steady, compensated=compensated)
         state = stepper.start([1.0], h=h)
         stepper.advance(state, n)
         ends[compensated] = abs(state.y[0] - (1 + n * (h * (1 / 3)))) / state.y[0]
@@ -125,7 +125,7 @@ def test_compensation_keeps_what_sums_lose():
 
 
 def test_a_step_that_fails_leaves_the_last_good_state():
-    stepper = bi.stepper(bi.parse_scene("y' = y^2"), "rk4")
+    stepper = bi.stepper("rk4", bi.parse_scene("y' = y^2"))
     state, rows = stepper.start([1.0], h=0.001), np.full((60, 1), np.nan)
     with pytest.raises(
         bi.StepError, match=r"rk4 on .*, but with h = 0.001 step 1003, from t = 1.002, did not end in"
@@ -140,7 +140,7 @@ def test_a_step_that_fails_leaves_the_last_good_state():
 
 
 def test_iterations_that_do_not_converge_are_no_steps():
-    stepper = bi.stepper(bi.scene("kepler"), "gauss2", solver="fixed-point")
+    stepper = bi.stepper("gauss2", bi.scene("kepler"), solver="fixed-point")
     state = stepper.start(h=1.0)
     with pytest.raises(bi.StepError, match="gauss2 on kepler, but with h = 1 step 1, from t = 0, did not converge"):
         stepper.advance(state, 3)
@@ -150,18 +150,18 @@ def test_iterations_that_do_not_converge_are_no_steps():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: bi.stepper("kepler", "rk4"), "scene must be a Scene, but was 'kepler'"),
-        (lambda: bi.stepper(PENDULUM, 4), "method must be a method or its name, but was 4"),
-        (lambda: bi.stepper(PENDULUM, "rk5"), "rk5"),
-        (lambda: bi.stepper(bi.scene("riccati"), "strang"), "scene must have blocks or parts for a, b"),
-        (lambda: bi.stepper(PENDULUM, "rk4", solver="exact"), "solver must be one of"),
-        (lambda: bi.stepper(PENDULUM, "rk4").start(h=0), "h must not be zero"),
-        (lambda: bi.stepper(PENDULUM, "rk4").start(h="x"), "h must be a finite number, but was 'x'"),
-        (lambda: bi.stepper(PENDULUM, "rk4").start(h=float("nan")), "h must be a finite number, but was nan"),
-        (lambda: bi.stepper(PENDULUM, "rk4").start([1.0], h=0.1), r"y0 must hold 2 finite numbers, but was \[1.0\]"),
-        (lambda: bi.stepper(PENDULUM, "rk4").start([1, np.inf], h=0.1), "y0 must hold 2 finite numbers"),
-        (lambda: bi.stepper(bi.Scene({"y": 1}, field={"y": "a*y"}, parameters={"a": "a"}), "rk4"), "parameters.a"),
-        (lambda: bi.stepper(PENDULUM, bi.method("explicit2", alpha="alpha")), "parameters must have values"),
+        (lambda: bi.stepper("rk4", 3), "scene must be a Scene or the name of one, but was 3"),
+        (lambda: bi.stepper(4, PENDULUM), "method must be a method or its name, but was 4"),
+        (lambda: bi.stepper("rk5", PENDULUM), "rk5"),
+        (lambda: bi.stepper("strang", bi.scene("riccati")), "scene must have blocks or parts for a, b"),
+        (lambda: bi.stepper("rk4", PENDULUM, solver="exact"), "solver must be one of"),
+        (lambda: bi.stepper("rk4", PENDULUM).start(h=0), "h must not be zero"),
+        (lambda: bi.stepper("rk4", PENDULUM).start(h="x"), "h must be a formula, but 'x' has the unknown name"),
+        (lambda: bi.stepper("rk4", PENDULUM).start(h=float("nan")), "h must be a finite number, but was nan"),
+        (lambda: bi.stepper("rk4", PENDULUM).start([1.0], h=0.1), r"y0 must hold 2 finite numbers, but was \[1.0\]"),
+        (lambda: bi.stepper("rk4", PENDULUM).start([1, np.inf], h=0.1), "y0 must hold 2 finite numbers"),
+        (lambda: bi.stepper("rk4", bi.Scene({"y": 1}, field={"y": "a*y"}, parameters={"a": "a"})), "parameters.a"),
+        (lambda: bi.stepper(bi.method("explicit2", alpha="alpha"), PENDULUM), "parameters must have values"),
     ],
 )
 def test_bad_input(call, message):
@@ -171,7 +171,7 @@ def test_bad_input(call, message):
 
 def assert_steps_are_plain(scene, method, parts):
     """Three compiled steps end where plain ones do; `parts` are functions of y."""
-    stepper = bi.stepper(scene, method)
+    stepper = bi.stepper(method, scene)
     state = stepper.start(h=0.1)
     stepper.advance(state, 3)
     np.testing.assert_allclose(state.y, plain_steps(method, parts, scene.y0, 0.1, 3)[:, -1], rtol=1e-14)
@@ -224,14 +224,14 @@ def test_blocks_hold_every_place_as_a_whole():
         ],
         start={"y": [1, 1, 1]},
     )
-    stepper = bi.stepper(scene, bi.lie_trotter(["a", "b"]))
+    stepper = bi.stepper(bi.lie_trotter(["a", "b"]), scene)
     state = stepper.start(h=0.1)
     stepper.advance(state, 1)
     np.testing.assert_allclose(state.y, np.exp([-0.1, -0.2, -0.3]), rtol=1e-15)
 
 
 def test_a_state_changes_by_steps_only():
-    stepper = bi.stepper(PENDULUM, "stormer-verlet")
+    stepper = bi.stepper("stormer-verlet", PENDULUM)
     state = stepper.start(h=0.1)
     stepper.advance(state, 3)
     with pytest.raises(ValueError, match="read-only"):
@@ -252,12 +252,12 @@ def test_a_state_changes_by_steps_only():
         (lambda s, t: s.record(t, 9, y_every=2, y_rows=np.empty((2, 4)).T), "y_rows must be a contiguous array"),
         (lambda s, t: s.record(t, 9, y_every=2), "y_rows must be given with y_every"),
         (lambda s, t: s.record(t, 9, o_every=2, o_rows=np.empty((9, 1))), "observer must be the address"),
-        (lambda s, t: s.advance(bi.stepper(bi.scene("kepler"), "rk4").start(h=1), 1), "state must be one that"),
+        (lambda s, t: s.advance(bi.stepper("rk4", bi.scene("kepler")).start(h=1), 1), "state must be one that"),
         (lambda s, t: s.restart(t, y=[1 + 1j, 2]), "y0 must hold 2 finite numbers"),
     ],
 )
 def test_what_compiled_code_would_not_survive_is_refused(call, message):
-    stepper = bi.stepper(PENDULUM, "rk4")
+    stepper = bi.stepper("rk4", PENDULUM)
     with pytest.raises(bi.IntegratorError, match=message):
         call(stepper, stepper.start(h=0.1))
 
@@ -265,4 +265,4 @@ def test_what_compiled_code_would_not_survive_is_refused(call, message):
 @pytest.mark.parametrize("method", ["rkn-nystrom5", "blanes-moan-rkn6", "takahashi-imada"])
 def test_methods_for_special_systems_are_refused_elsewhere(method):
     with pytest.raises(bi.IntegratorError, match="must be of the kind that"):
-        bi.stepper(bi.scene("lotka-volterra"), method)
+        bi.stepper(method, bi.scene("lotka-volterra"))

@@ -158,10 +158,10 @@ def weights(series: bs.BSeries) -> FormalSum:
 @pytest.mark.parametrize(("order", "colors"), [(5, 1), (3, 2)])
 def test_grafting_is_the_lie_derivative_of_series(order: int, colors: int) -> None:
     b, c = random_series(order, colors, 1, 0), random_series(order, colors, 2, 0)
-    derivative = bs.lie_derivative(b, c)
+    derivative = bs.algebra.lie_derivative(b, c)
     grafted, swapped = graft(weights(b), weights(c)), graft(weights(c), weights(b))
     bracket = tree_commutator(weights(b), weights(c))
-    opposite = bs.lie_derivative(c, b)
+    opposite = bs.algebra.lie_derivative(c, b)
     for tree in b:
         assert grafted[tree] * tree.symmetry == derivative[tree]
         assert bracket[tree] * tree.symmetry == derivative[tree] - opposite[tree]

@@ -79,6 +79,10 @@ def test_what_is_no_forest_is_refused(argument, sentence: str) -> None:
         Forest(argument)
 
 
+def test_the_largest_forests_are_read() -> None:
+    assert Forest("τ^10000").order == Forest("τ^9000·[τ]^500").order == 10_000
+
+
 def test_names_of_forests_are_checked() -> None:
     with pytest.raises(TreeError, match="names must name the colours 0 to 1"):
         Forest("p·q").text(["x"])
@@ -150,7 +154,17 @@ def test_texts_of_sums() -> None:
     assert str(x) == "-∅⊗p[q] + p⊗q - 1/2 q·q⊗∅"
     assert x.to_latex() == r"-\emptyset \otimes p[q] + p \otimes q - \frac{1}{2} q \cdot q \otimes \emptyset"
     assert x.text(["u", "v"]) == "-∅⊗u[v] + u⊗v - 1/2 v·v⊗∅"
-    assert (repr(FormalSum()), FormalSum().to_latex(), FormalSum("τ")._repr_latex_()) == ("0", "0", r"$\tau$")
+    assert (repr(FormalSum()), FormalSum().to_latex()) == ("0", "0")
+    assert FormalSum("τ")._repr_latex_() == r"$\displaystyle \tau$"
+
+
+def test_default_names_of_sums_are_those_of_the_largest_colour() -> None:
+    leaves = [Tree.from_levels([0], [color]) for color in range(3)]
+    assert str(FormalSum(leaves[0])) == "τ"
+    assert str(FormalSum(leaves[1])) == "q"
+    assert str(FormalSum(leaves[2])) == "c"
+    assert str(leaves[0] + FormalSum(leaves[1])) == "p + q"
+    assert (str(FormalSum("∅")), str(leaves[0] + FormalSum(leaves[2]))) == ("∅", "a + c")
 
 
 def test_symbols_and_roots_are_exact_coefficients() -> None:

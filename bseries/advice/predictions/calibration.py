@@ -1,0 +1,71 @@
+"""Calibration: the time of a step with all observations, measured on a part of the run by `integrate`."""
+
+from __future__ import annotations
+
+import warnings
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from integrators import Scene
+    from integrators.methods.programs.program import Method
+
+SECONDS = 0.3
+"""Duration of the timed part: some time slices of the scheduler."""
+FIRST_STEPS, GROWTH = 64, 4
+"""Steps of the first trial, and the factor to the next, so that the last one takes less than four times `SECONDS`/2."""
+
+
+class Stopwatch:
+    """Progress function of `integrate` that measures the time of steps, without compilation before the first one."""
+
+    def __init__(self) -> None:
+        self._first, self._last = (0, 0.0), (0, 0.0)
+
+    def __call__(self, done: int, total: int) -> None:
+        """Record the progress of a run."""
+        self._last = done, perf_counter()
+        if not self._first[0]:
+            self._first = self._last
+
+    @property
+    def done(self) -> int:
+        """The number of steps so far."""
+        return self._last[0]
+
+    @property
+    def seconds(self) -> float:
+        """The time since the first record."""
+        return self._last[1] - self._first[1]
+
+    @property
+    def steps(self) -> int:
+        """The number of steps in this time."""
+        return self._last[0] - self._first[0]
+
+
+def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: Any) -> float | None:
+    """Seconds per step of a run, including observations and storage; None if there are too few steps to measure.
+
+    Runs that are shorter than the timed part are repeated. The options are those of `integrate`.
+    """
+    from integrators import integrate
+
+    def run(count: int) -> Stopwatch:
+        watch = Stopwatch()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # left to the run itself
+            integrate(method, scene, steps=count, progress=watch, **options)
+        return watch
+
+    count, watch = FIRST_STEPS, run(min(FIRST_STEPS, steps))
+    while watch.seconds <= SECONDS / 2 and count < steps:
+        count *= GROWTH
+        watch = run(min(count, steps))
+    if not watch.steps:
+        return None
+    costs, began = [watch.seconds / watch.steps], perf_counter()
+    while watch.seconds <= SECONDS / 2 and perf_counter() - began < SECONDS:
+        watch = run(steps)
+        costs.append(watch.seconds / watch.steps)
+    return sorted(costs)[len(costs) // 2]

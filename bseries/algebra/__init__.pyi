@@ -1,0 +1,9 @@
+from .bseries import BSeries as BSeries
+from .composition import compose as compose
+from .composition import lie_derivative as lie_derivative
+from .modified import exact_flow as exact_flow
+from .modified import modified_equation as modified_equation
+from .modified import series as series
+from .substitution import modifying_integrator as modifying_integrator
+from .substitution import substitute as substitute
+from .substitution import substitution_inverse as substitution_inverse

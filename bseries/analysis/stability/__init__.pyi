@@ -1,0 +1,15 @@
+from .contractivity import is_algebraically_stable as is_algebraically_stable
+from .contractivity import linear_ssp_coefficient as linear_ssp_coefficient
+from .contractivity import ssp_coefficient as ssp_coefficient
+from .linear_stability import dispersion_order as dispersion_order
+from .linear_stability import dissipation_order as dissipation_order
+from .linear_stability import e_polynomial as e_polynomial
+from .linear_stability import imaginary_stability_interval as imaginary_stability_interval
+from .linear_stability import is_a_stable as is_a_stable
+from .linear_stability import is_i_stable as is_i_stable
+from .linear_stability import is_l_stable as is_l_stable
+from .linear_stability import linear_order as linear_order
+from .linear_stability import real_stability_interval as real_stability_interval
+from .linear_stability import stability_angle as stability_angle
+from .linear_stability import stability_function as stability_function
+from .rational_functions import StabilityFunction as StabilityFunction

@@ -1,0 +1,13 @@
+from .modified_fields import SceneSeries as SceneSeries
+from .modified_fields import modified_field as modified_field
+from .modified_fields import modifying_field as modifying_field
+from .modified_fields import modifying_steps as modifying_steps
+from .modified_fields import series_map as series_map
+from .modified_invariants import ModifiedInvariant as ModifiedInvariant
+from .modified_invariants import divergence as divergence
+from .modified_invariants import modified_invariant as modified_invariant
+from .truncation import ConvergenceRadius as ConvergenceRadius
+from .truncation import Reach as Reach
+from .truncation import TruncationWarning as TruncationWarning
+from .truncation import convergence_radius as convergence_radius
+from .truncation import reach as reach

@@ -1,0 +1,44 @@
+"""Checked names and formats of picture files, and the data of figures as rows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from itertools import zip_longest
+from typing import TYPE_CHECKING
+
+from bseries.exceptions import SeriesError
+from foundation.plotting import FORMATS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def check_format(format_: str, argument: str) -> str:
+    """The name of a format, checked."""
+    if format_.lower() not in FORMATS:
+        raise SeriesError(f"{argument} must be one of {', '.join(FORMATS)}, but was {format_!r:.60}")
+    return format_.lower()
+
+
+def picture_format(path: str, argument: str = "output") -> str:
+    """The format by the extension of a path.
+
+    Args:
+        path: The path.
+        argument: The name of the path in messages.
+    """
+    return check_format(os.path.splitext(path)[1].removeprefix("."), f"the ending of the {argument} {path!r:.60}")
+
+
+def check_place(path: str, argument: str) -> None:
+    """Check that a file can be written, before the computation."""
+    if os.path.isdir(path) or not os.path.isdir(os.path.dirname(os.path.abspath(path))):
+        raise SeriesError(f"{argument} must be a file in a folder that is there, but was {path!r:.60}")
+
+
+def data_rows(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """The rows of columns, with all digits of numbers; shorter columns are padded with empty cells."""
+    return [
+        list(row) for row in zip_longest(*(map(repr, column.tolist()) for column in columns.values()), fillvalue="")
+    ]

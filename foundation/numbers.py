@@ -1,0 +1,42 @@
+"""Exact and decimal numbers as text and as LaTeX."""
+
+from __future__ import annotations
+
+from decimal import Context, Decimal
+from fractions import Fraction
+from typing import Any
+
+
+def number_text(value: Any, digits: int | None = None, *, is_zero: bool = False) -> str:
+    """A number as text; a fraction is rounded if `digits` of it are known, and 0 if it is zero within them.
+
+    Example:
+        >>> number_text(Fraction(1, 3)), number_text(Fraction(1, 3), 5)
+        ('1/3', '0.33333')
+    """
+    if digits is not None and is_zero:
+        return "0"
+    if digits is None or not isinstance(value, Fraction):
+        return str(value)
+    if value.denominator == 1 and abs(value) < 10**digits:
+        return str(value)
+    rounded = Context(prec=digits).divide(Decimal(value.numerator), Decimal(value.denominator)).normalize()
+    return f"{rounded:e}" if rounded.adjusted() < -4 else str(rounded)
+
+
+def latex_number(value: Any, digits: int | None = None, *, is_zero: bool = False) -> str:
+    r"""A number or a SymPy expression as LaTeX; see `number_text`.
+
+    Example:
+        >>> print(latex_number(Fraction(-1, 3)), latex_number(1e-9))
+        -\frac{1}{3} 1 \cdot 10^{-9}
+    """
+    if isinstance(value, float) or (isinstance(value, Fraction) and digits is not None):
+        mantissa, _, exponent = number_text(value, digits, is_zero=is_zero).lower().partition("e")
+        return f"{mantissa} \\cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+    if isinstance(value, int | Fraction):
+        sign, above = "-" if value < 0 else "", abs(value.numerator)
+        return f"{sign}\\frac{{{above}}}{{{value.denominator}}}" if value.denominator > 1 else str(value)
+    import sympy
+
+    return sympy.latex(value)

@@ -1,0 +1,561 @@
+"""Methods as programs: evaluations of the field and linear combinations of them.
+
+Every one-step method with stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds of
+evaluations suffice; their arguments are linear forms in y₀ and the k_e, including later ones for implicit stages.
+Programs are used by the algebra of series, by substitution (with another field in place of f), and by the generator of
+steppers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import cached_property
+from itertools import zip_longest
+from numbers import Real
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from foundation.table import Column, Table, as_html
+from integrators.core.arguments import as_lists, check_digits, is_listed, read_labels
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.immutable import ImmutableValue
+from integrators.exact import entries
+from integrators.exact.entries import multiply_entries, round_entry
+from integrators.exact.expressions import format_number
+from integrators.methods.programs.evaluations import (
+    Average,
+    Derivative,
+    Evaluation,
+    Field,
+    Flow,
+    LinearForm,
+    check_form,
+    operands,
+)
+
+if TYPE_CHECKING:
+    from integrators.exact.entries import Entry
+
+
+MAX_STAGES = 1000
+"""The largest number of stages of a tableau, and of unknowns in one call."""
+
+
+class Method(ImmutableValue):
+    """A one-step method: the coefficients of its kind, and its `program`.
+
+    A subclass needs only the property `program`, from which all others are derived by default.
+
+    Example:
+        >>> from integrators import ProgramBuilder
+        >>> class Heun(Method):
+        ...     @property
+        ...     def program(self):
+        ...         builder = ProgramBuilder()
+        ...         k1 = builder.field(builder.y)
+        ...         k2 = builder.field(builder.y + k1)
+        ...         return builder.program(builder.y + (k1 + k2) / 2, name="heun")
+        >>> Heun().name, Heun().stages, Heun().is_explicit
+        ('heun', 2, True)
+    """
+
+    @cached_property
+    def program(self) -> Program:
+        """The step as a program, defined by each kind of method."""
+        raise NotImplementedError
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        return (self.program,)
+
+    def to_table(self) -> Table:
+        """The coefficients: the tableau, the flows of a splitting, or the evaluations of a program."""
+        lines = [(line,) for line in program_text(self.program).splitlines()]
+        return Table(self.name, [Column("step")], lines, self.remarks, data=self.to_dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The method as plain data."""
+        return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
+
+    _repr_html_ = as_html
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences on parameters, digits and source."""
+        found = [f"parameters: {', '.join(self.parameters)}"] if self.parameters else []
+        if self.digits is not None:
+            found.append(f"published as decimals with {self.digits} digits")
+        return [*found, f"reference: {self.reference}"] if self.reference else found
+
+    @cached_property
+    def name(self) -> str:
+        """The name of the method in messages."""
+        return self.program.name
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the parts of the field; one part has the name ""."""
+        return self.program.names
+
+    @cached_property
+    def reference(self) -> str | None:
+        """The publication of the method."""
+        return self.program.reference
+
+    @cached_property
+    def digits(self) -> int | None:
+        """The number of correct digits of coefficients published as decimals; None if they are exact."""
+        return self.program.digits
+
+    @cached_property
+    def max_children(self) -> ChildBounds | None:
+        """Bounds on derivatives of each part with respect to each part, and in all; None if unbounded."""
+        return self.program.max_children
+
+    @property
+    def stages(self) -> int:
+        """The number of stages."""
+        return self.program.stages
+
+    @cached_property
+    def domain(self) -> str:
+        """The smallest domain that contains the coefficients: QQ, decimal, algebraic, symbolic or float."""
+        domain = self.program.domain
+        return "decimal" if self.digits is not None and domain == "QQ" else domain
+
+    @property
+    def precision(self) -> Fraction | float:
+        """The relative error of the coefficients: 0 if they are exact."""
+        return entries.relative_error(self.domain, self.digits)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in the coefficients, sorted."""
+        return self.program.parameters
+
+    @cached_property
+    def is_explicit(self) -> bool:
+        """Whether every stage depends only on earlier ones."""
+        return self.program.is_explicit
+
+    @cached_property
+    def issues(self) -> tuple[str, ...]:
+        """One sentence for each contradiction in the coefficients, such as weights that do not sum to 1."""
+        return self.program.issues
+
+    def rational_program(self, decimals: int) -> Program:
+        """The program, with rational approximations of coefficients whose exact form is slow to compute.
+
+        Only tableaux on roots of polynomials (see `StageAlgebra`) have such coefficients.
+
+        Args:
+            decimals: the approximations are within 10^-decimals.
+
+        Returns:
+            The program.
+
+        Example:
+            >>> from integrators import method
+            >>> print(method("gauss2").rational_program(3).result)
+            y + 1/2*k1 + 1/2*k2
+        """
+        return self.program
+
+
+class Program(Method):
+    """A one-step method as a program, created and explained by `ProgramBuilder`.
+
+    Example:
+        >>> from integrators import ProgramBuilder
+        >>> builder = ProgramBuilder()
+        >>> k1 = builder.field(builder.y)
+        >>> k2 = builder.field(builder.y + k1 / 2)
+        >>> method = builder.program(builder.y + k2, name="explicit-midpoint")
+        >>> print(method)
+        k1 = h f(y)
+        k2 = h f(y + 1/2*k1)
+        y1 = y + k2
+        >>> method.is_explicit
+        True
+    """
+
+    auxiliary: tuple[str, ...]
+    evaluations: tuple[Evaluation, ...]
+    result: LinearForm
+
+    def __init__(
+        self, evaluations: Sequence[Evaluation], result: LinearForm, *, parts: Sequence[str] = ("",),
+        auxiliary: Sequence[str] = (), name: str | None = None, reference: str | None = None, digits: int | None = None,
+        max_children: Any = None,
+    ) -> None:  # fmt: skip
+        labels = read_labels(name, reference)
+        check_digits(digits)
+        check_form(result, "result", start=1)
+        names = tuple(parts)
+        self.__dict__.update(
+            names=names,
+            auxiliary=tuple(part for part in names if part in auxiliary),
+            evaluations=tuple(evaluations),
+            result=result,
+            digits=digits,
+            **labels,
+            max_children=read_child_bounds(max_children, len(names)),
+        )
+        self._check_registers()
+        if self.domain == "float" and self.parameters:
+            raise IntegratorError(entries.NO_SYMBOLS_AMONG_FLOATS)
+
+    def _check_registers(self) -> None:
+        count = len(self.evaluations)
+        for form in (*(form for e in self.evaluations for form in operands(e)), self.result):
+            if any(e >= count for e in form.terms):
+                raise IntegratorError(f"evaluations must all be defined, but k{max(form.terms) + 1} is not")
+        remaining = set(range(count))
+        while remaining:
+            ready = {e for e in remaining if not remaining & self.same_order_registers(e)}
+            if not ready:
+                raise IntegratorError(
+                    f"forcing must not depend on the flow that it drives, but that of k{min(remaining) + 1} does"
+                )
+            remaining -= ready
+
+    def same_order_registers(self, e: int) -> set[int]:
+        """The evaluations on which evaluation e depends without a factor of h."""
+        evaluation = self.evaluations[e]
+        forms = evaluation.forcing if isinstance(evaluation, Flow) else ()
+        return {other for form in forms for other in form.terms}
+
+    @property
+    def _data(self) -> tuple[Any, ...]:
+        # With the domain, since 0.5 equals Fraction(1, 2) but a method in floats is not exact.
+        return self.domain, self.names, self.auxiliary, self.evaluations, self.result, self.digits, self.max_children
+
+    @property
+    def program(self) -> Program:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The program itself."""
+        return self
+
+    def restricted(self, max_children: Any) -> Program:
+        """The same method for fields whose elementary differentials vanish for trees beyond bounds.
+
+        Args:
+            max_children: bounds on the children of nodes, as for `ProgramBuilder.program`.
+
+        Returns:
+            The program with these bounds in place of its own.
+
+        Raises:
+            IntegratorError: `max_children` is not such a bound.
+
+        Example:
+            Two steps of the Störmer–Verlet method for p' = g(q), q' = p:
+
+            >>> from integrators import method, repeat
+            >>> repeat(method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
+            ((0, None), (1, 0))
+        """
+        return self.changed(max_children=max_children)
+
+    def changed(self, **changes: Any) -> Program:
+        """The program with some arguments of its constructor changed."""
+        arguments = {
+            "evaluations": self.evaluations,
+            "result": self.result,
+            "parts": self.names,
+            "auxiliary": self.auxiliary,
+            "name": self.name,
+            "reference": self.reference,
+            "digits": self.digits,
+            "max_children": self.max_children,
+        }
+        return Program(**arguments | changes)
+
+    @property
+    def stages(self) -> int:
+        """The number of evaluations."""
+        return len(self.evaluations)
+
+    @cached_property
+    def issues(self) -> tuple[str, ...]:
+        """One sentence for each part of the field whose weights do not sum to 1, or to 0 if it is auxiliary."""
+        wanted = [0 if name in self.auxiliary else 1 for name in self.names]
+        return tuple(
+            f"weights of {f'part {name}' if name else 'the evaluations'} sum to {shorten(str(total))}, not {number}: "
+            "the method is inconsistent"
+            for name, total, number in zip(self.names, self.weight_sums, wanted, strict=True)
+            if entries.certainly_differs(total, number, self.precision)
+        )
+
+    @cached_property
+    def weight_sums(self) -> tuple[Entry, ...]:
+        """For each part the sum of its weights, the factor of a constant field."""
+        return tuple(
+            entries.sum_entries([x * self.total(e, part) for e, x in self.result.terms.items()])
+            for part in range(len(self.names))
+        )
+
+    def total(self, e: int, part: int) -> Any:
+        """The value of k_e / h for a field that is 1 in one part and 0 in the others."""
+        evaluation = self.evaluations[e]
+        if isinstance(evaluation, Derivative):
+            return 0
+        own: Any = int(evaluation.part in (part, None))
+        if isinstance(evaluation, Average):
+            return own * entries.read_entry("1", "weight") / (evaluation.power + 1)
+        if isinstance(evaluation, Flow):
+            own = own * evaluation.time
+            for j, form in enumerate(evaluation.forcing):
+                own += sum(x * self.total(other, part) for other, x in form.terms.items()) / (j + 1)
+        return own
+
+    @cached_property
+    def _entries(self) -> tuple[Entry, ...]:
+        times = (e.time for e in self.evaluations if isinstance(e, Flow))
+        forms = (*(form for e in self.evaluations for form in operands(e)), self.result)
+        return (*times, *(x for form in forms for x in form.entries))
+
+    @cached_property
+    def domain(self) -> str:
+        """The smallest domain that contains the coefficients: QQ, algebraic, symbolic or float."""
+        return entries.find_domain(self._entries)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the symbols in the program, sorted."""
+        return entries.symbol_names(self._entries)
+
+    @cached_property
+    def is_explicit(self) -> bool:
+        """Whether every evaluation depends only on earlier ones."""
+        return all(
+            other < e
+            for e, evaluation in enumerate(self.evaluations)
+            for form in operands(evaluation)
+            for other in form.terms
+        )
+
+    def __str__(self) -> str:
+        return program_text(self)
+
+    def __repr__(self) -> str:
+        count = len(self.evaluations)
+        restricted = "" if self.max_children is None else f", max_children={self.max_children}"
+        return f"<Program {self.name}: {count} evaluation{'s' * (count != 1)}{restricted}>"
+
+
+DIGITS = 10
+"""Of published decimals in the text of a program."""
+
+
+class RepeatedProgram(Program):
+    """Several equal steps as one program, whose evaluations are made when they are read.
+
+    The series of n steps is the n-th power of that of one step, which needs no evaluations.
+
+    Attributes:
+        step: One step.
+        count: The number of steps.
+    """
+
+    step: Program
+    count: int
+
+    def __init__(self, step: Program, count: int, name: str) -> None:
+        self.__dict__.update(
+            step=step,
+            count=count,
+            name=name,
+            names=step.names,
+            auxiliary=step.auxiliary,
+            reference=None,
+            digits=step.digits,
+            max_children=step.max_children,
+            domain=step.domain,
+            parameters=step.parameters,
+            is_explicit=step.is_explicit,
+        )
+
+    @cached_property
+    def _composed(self) -> Program:
+        evaluations: list[Evaluation] = []
+        end = LinearForm(1)
+        parts = range(len(self.names))
+        for _ in range(self.count):
+            added, end = appended(self.step, Fraction(1, self.count), first=len(evaluations), start=end, parts=parts)
+            evaluations += added
+        return self.step.changed(evaluations=evaluations, result=end, name=self.name, reference=None)
+
+    @property
+    def evaluations(self) -> tuple[Evaluation, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The evaluations of all steps."""
+        return self._composed.evaluations
+
+    @property
+    def result(self) -> LinearForm:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The end of the last step."""
+        return self._composed.result
+
+    @property
+    def stages(self) -> int:
+        """The number of evaluations."""
+        return self.count * self.step.stages
+
+    @property
+    def weight_sums(self) -> tuple[Entry, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """For each part the sum of the weights of all steps, which is that of one."""
+        return self.step.weight_sums
+
+
+def program_text(program: Program) -> str:
+    """The evaluations k1, k2, … and the end of the step y1."""
+    show = format_number if program.digits is None else lambda x: f"{round_entry(x):.{DIGITS}g}"
+    lines = [f"k{e} = {_text(x, program.names, show)}" for e, x in enumerate(program.evaluations, 1)]
+    return "\n".join([*lines, f"y1 = {program.result.text(show)}"])
+
+
+def _text(evaluation: Evaluation, names: tuple[str, ...], show: Callable[[Entry], str]) -> str:
+    """An evaluation as a formula."""
+    name = "" if evaluation.part is None else names[evaluation.part]
+    f = f"f_{name}" if name else "f"
+    match evaluation:
+        case Field(_, at):
+            return f"h {f}({at.text(show)})"
+        case Derivative(_, at, along):
+            return f"h {f}'({at.text(show)}) ({along.text(show)})"
+        case Flow(_, at, time, forcing):
+            factor = "" if time == 1 else f"{show(time)} "
+            factor = f"({factor.strip()}) " if " " in factor.strip() else factor
+            driven = "".join(f" + {_power(j)}({form.text(show)})" for j, form in enumerate(forcing))
+            return f"z(1) - z(0), z' = {factor}h {f}(z){driven}, z(0) = {at.text(show)}"
+        case Average(_, path, power):
+            start, *further = (form.text(show) for form in path)
+            along = " + ".join([start, *(f"{_power(j)}({form})" for j, form in enumerate(further, 1))])
+            return f"∫ {_power(power)}h {f}({along}) dθ"
+
+
+def _power(j: int) -> str:
+    return "" if j == 0 else "θ " if j == 1 else f"θ^{j} "
+
+
+ChildBounds: TypeAlias = tuple[tuple[int | None, ...], ...]
+"""For each part the largest orders of its derivatives with respect to each part and, as optional last entry, in all."""
+
+INFINITE = float("inf")
+
+
+def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -> ChildBounds | None:
+    """Bounds in normal form: a row for each part, with a last entry for all children if it is a bound.
+
+    `bounds` is None (no bound), one number (for all children of every node), or for each part a row with a bound for
+    each part and optionally one for all children; None and ``inf`` mean unbounded. The result is None if nothing is
+    bounded.
+
+    Example:
+        >>> read_child_bounds([[1, 1, 1], [None, None, None]], 2)
+        ((1, 1, 1), (None, None))
+        >>> read_child_bounds(3, 1)
+        ((None, 3),)
+    """
+    given = as_lists(bounds)
+    rows = list(map(as_lists, given)) if is_listed(given) else [[None] * parts + [given]] * parts
+    if len(rows) != parts or not all(_is_row(row, parts) for row in rows):
+        raise IntegratorError(
+            f"{argument} must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each a "
+            f"whole number, 0 or more, or None, but was {shown(bounds)}"
+        )
+    read = tuple(tuple(None if bound in (None, INFINITE) else int(bound) for bound in row) for row in rows)
+    read = tuple(row[:parts] if row[parts:] == (None,) else row for row in read)
+    return read if any(bound is not None for row in read for bound in row) else None
+
+
+def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> ChildBounds | None:
+    """The bounds that hold for the fields of both of two methods."""
+    if first is None or second is None:
+        return first or second
+    rows = (zip_longest(a, b) for a, b in zip(first, second, strict=True))
+    return tuple(tuple(min((x for x in pair if x is not None), default=None) for pair in row) for row in rows)
+
+
+def _is_row(row: Any, parts: int) -> bool:
+    return is_listed(row) and len(row) in (parts, parts + 1) and all(map(_is_bound, row))
+
+
+def _is_bound(bound: Any) -> bool:
+    if isinstance(bound, bool) or not isinstance(bound, Real):
+        return bound is None
+    number: Any = bound
+    return number >= 0 and number in (INFINITE, number // 1)
+
+
+def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], LinearForm]:
+    """The evaluations and the end of a step of length factor · h.
+
+    Every k = h f(·) is replaced by factor · k; the time of a flow is multiplied by the factor.
+    """
+    own = [Fraction(1) if isinstance(evaluation, Flow) else factor for evaluation in program.evaluations]
+
+    def change(form: LinearForm) -> LinearForm:
+        return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
+
+    def lengthen(evaluation: Evaluation) -> Evaluation:
+        if isinstance(evaluation, Flow):
+            return evaluation._replace(time=multiply_entries(evaluation.time, factor))
+        return evaluation
+
+    return tuple(lengthen(mapped(evaluation, change)) for evaluation in program.evaluations), change(program.result)
+
+
+def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm]) -> Evaluation:
+    """The evaluation with a function applied to every linear form."""
+    match evaluation:
+        case Field(part, at):
+            return Field(part, function(at))
+        case Derivative(part, at, along):
+            return Derivative(part, function(at), function(along))
+        case Flow(part, at, time, forcing):
+            return Flow(part, function(at), time, tuple(map(function, forcing)))
+        case Average(part, path, power):
+            return Average(part, tuple(map(function, path)), power)
+
+
+def appended(
+    program: Program, factor: Entry, *, first: int, start: LinearForm, parts: Sequence[int]
+) -> tuple[list[Evaluation], LinearForm]:
+    """A step of length factor · h from `start`: its evaluations, numbered from `first`, and its end."""
+    evaluations, end = scaled(program, factor)
+
+    def renumber(form: LinearForm) -> LinearForm:
+        return form.substituted(lambda e: LinearForm(0, {first + e: 1}), start)
+
+    def place(evaluation: Evaluation) -> Evaluation:
+        moved: Any = mapped(evaluation, renumber)
+        return moved if moved.part is None else moved._replace(part=parts[moved.part])
+
+    return [place(evaluation) for evaluation in evaluations], renumber(end)
+
+
+def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]:
+    """The adjoint Φ*_h = Φ_(−h)⁻¹: a step of −h from y1 ends at y0.
+
+    The start of the reversed step is replaced by y − (end − start).
+    """
+    evaluations, end = scaled(program, Fraction(-1))
+    start = LinearForm(1) - (end - LinearForm(1))
+
+    def restart(form: LinearForm) -> LinearForm:
+        return form.substituted(lambda e: LinearForm(0, {e: 1}), start)
+
+    return tuple(mapped(evaluation, restart) for evaluation in evaluations), start
+
+
+def as_decimals(program: Program, digits: int) -> Program:
+    """The program with floats as exact numbers, of which `digits` digits are correct."""
+
+    def change(evaluation: Evaluation) -> Evaluation:
+        changed = mapped(evaluation, exact)
+        return changed._replace(time=Fraction(round_entry(changed.time))) if isinstance(changed, Flow) else changed
+
+    def exact(form: LinearForm) -> LinearForm:
+        return form.map(lambda x: Fraction(round_entry(x)))
+
+    return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)

@@ -1,0 +1,51 @@
+"""What a public host needs: workflows, style before commits, project addresses, the paper's references."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WORKFLOWS = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / ".github" / "workflows").glob("*.yml")}
+PLACEHOLDER = "OWNER"
+
+
+def test_workflows_pin_major_versions_hold_no_secrets_and_have_least_rights():
+    assert WORKFLOWS.keys() == {"tests", "docs", "release"}
+    for name, text in WORKFLOWS.items():
+        used = re.findall(r"uses: (\S+)", text)
+        assert used, name
+        assert all(re.fullmatch(r"[\w-]+/[\w-]+@v\d+", action) for action in used), name
+        assert "secrets." not in text, name
+        assert "permissions:\n  contents: read\n" in text, name
+
+
+def test_workflows_test_the_oldest_python_that_is_allowed_and_all_later_ones():
+    oldest = int(PROJECT["requires-python"].removeprefix(">=3."))
+    (listed,) = re.findall(r"python: \[(.*)\]", WORKFLOWS["tests"])
+    versions = re.findall(r'"3\.(\d+)"', listed)
+    assert versions == [str(minor) for minor in range(oldest, oldest + len(versions))]
+    assert len(versions) >= 4
+
+
+def test_a_tool_has_one_version():
+    text = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    tools = set(re.findall(r'"(\w+==[\d.]+)"', text))
+    assert {tool.partition("==")[0] for tool in tools} == {"ruff", "pyright"}
+    assert tools <= set(PROJECT["optional-dependencies"]["dev"])
+
+
+def test_the_owner_is_named_in_one_place():
+    places = [*ROOT.glob("*"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "paper").glob("*")]
+    texts = {path.name: path.read_text(encoding="utf-8") for path in places if path.suffix in {".md", ".cff", ".toml"}}
+    assert PROJECT["urls"].keys() == {"Homepage", "Documentation", "Issues", "Changelog"}
+    assert not any(f"{PLACEHOLDER}/" in text for name, text in texts.items() if name != "pyproject.toml")
+    assert PLACEHOLDER in WORKFLOWS["release"]  # which refuses to publish as long as it is there
+
+
+def test_the_paper_has_its_length_and_cites_what_its_bibliography_lists():
+    paper = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+    text = re.sub(r"```.*?```", "", paper.split("\n---\n", 1)[1], flags=re.DOTALL)
+    listed = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(re.findall(r"(?<!\w)@(\w+)", text)) == set(listed)
+    assert 750 <= len(text.split()) <= 1000
