@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import accumulate
 from operator import itemgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foundation.table import Column, LazyRows, Table, listed
 from trees.notation import default_names
-from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from trees.tree import Tree
 
 
 def listing(trees: Collection[Tree], order: int, color_count: int) -> Table:

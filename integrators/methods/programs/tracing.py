@@ -9,11 +9,10 @@ from __future__ import annotations
 import linecache
 import math
 import operator
-import sys
 import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from inspect import signature
+from inspect import currentframe, signature
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from integrators.core.arguments import check_partition_names
@@ -198,7 +197,7 @@ class Recorder:
         """The line of the step that runs, or in which an error was raised, quoted."""
         lines = []
         if error is None:
-            frame = sys._getframe()
+            frame = currentframe()
             while frame is not None:
                 lines += [frame.f_lineno] if frame.f_code is self.code else []
                 frame = frame.f_back
