@@ -45,7 +45,9 @@ def arguments(function, names):
     for name, parameter in inspect.signature(function).parameters.items():
         if name in own:
             yield name, own[name]
-        elif parameter.default is parameter.empty or (name == "order" and function.__name__ != "energy_drift"):
+        elif parameter.default is parameter.empty or name == "steps":
+            yield name, NUMBERS[name]
+        elif name == "order" and function.__name__ != "energy_drift":
             yield name, NUMBERS[name]
         elif function.__name__ == "ensemble" and name == "y0":
             yield name, [[0.1, 0.2], [0.2, 0.1]]
