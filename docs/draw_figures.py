@@ -1,4 +1,4 @@
-"""`python docs/draw_figures.py`: all figures with their captions, as a page of the documentation site in docs/figures/."""
+"""`python docs/draw_figures.py`: all figures with their captions, as a page of the site in docs/figures/."""
 
 from pathlib import Path
 
