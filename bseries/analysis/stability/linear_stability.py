@@ -78,7 +78,7 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
         moments.append(dot(weights, vector))
         vector = [dot(row, vector) for row in rows]
     # P = Q (1 + Σ b A^k 1 z^(k+1)): terms beyond degree s cancel by the Cayley–Hamilton theorem.
-    p = multiply(q, [Fraction(1), *moments])[: len(rows) + 1]
+    p = multiply(q, (Fraction(1), *moments))[: len(rows) + 1]
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
 
 
