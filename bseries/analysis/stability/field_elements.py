@@ -184,7 +184,9 @@ class RealAlgebraic(Arithmetic):
         import sympy
 
         numbers = map(from_flint, self.residue.coeffs())
-        return sympy.expand(sympy.Add(*(sympy.sympify(a) * self.field.generator**k for k, a in enumerate(numbers))))
+        return sympy.expand(
+            sympy.Add(*(sympy.sympify(a, strict=True) * self.field.generator**k for k, a in enumerate(numbers)))
+        )
 
 
 def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
@@ -214,7 +216,7 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
     import sympy
     from flint import fmpq_poly
 
-    numbers = list(map(sympy.sympify, values))
+    numbers = [sympy.sympify(value, strict=True) for value in values]
     powers: set[Any] = set().union(*(x.atoms(sympy.Pow) for x in numbers))
     roots: set[Any] = set().union(*(x.atoms(sympy.CRootOf) for x in numbers))
     degrees = [int(p.exp.q) for p in powers if p.exp.is_Rational] + [r.poly.degree() for r in roots]
@@ -240,7 +242,7 @@ def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[
         return list(values)
     import sympy
 
-    formulas = list(map(sympy.sympify, values))
+    formulas = [sympy.sympify(value, strict=True) for value in values]
     if not any(formula.free_symbols for formula in formulas):
         found = to_number_field(values)
         if found is not None:
