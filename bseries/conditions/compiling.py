@@ -117,6 +117,15 @@ def _floats(array: Any, name: str) -> np.ndarray:
         raise SeriesError(f"{name} must be an array of numbers, but was {array!r:.60}") from None
 
 
+def _columns(rows: Sequence[Sequence[tuple[float, ...]]], width: int) -> Tables:
+    """Where each row of terms begins, their factors, and their other entries, which are offsets."""
+    import numpy as np
+
+    factor, *offsets = np.array([term for row in rows for term in row]).reshape(-1, width).T
+    starts = np.cumsum([0, *map(len, rows)], dtype=np.uint64)
+    return starts, factor.copy(), *(column.astype(np.uint64) for column in offsets)
+
+
 class CompiledConditions:
     """Order conditions for a number of stages, as compiled functions of floats.
 
@@ -205,14 +214,7 @@ class CompiledConditions:
     def jacobian(self, *arrays: Any) -> np.ndarray:
         """Derivatives of the residual with respect to the `unknowns`.
 
-        Args:
-            *arrays: As for `residual`.
-
-        Returns:
-            A row for each condition, a column for each unknown.
-
-        Raises:
-            SeriesError: The arrays do not fit.
+        The arrays are those of `residual`. There is a row for each condition, a column for each unknown.
         """
         import numpy as np
 
@@ -248,32 +250,19 @@ class CompiledConditions:
         """The tables of `stage_vectors` and `sums`, and the right-hand sides."""
         import numpy as np
 
-        equations = self._system.equations
-        terms = [term for equation in equations for term in equation.summands]
-        tables = (
-            np.cumsum([0, *(len(equation.summands) for equation in equations)], dtype=np.uint64),
-            np.array([float(term.coefficient) for term in terms]),
-            np.array([self._starts[term.block] for term in terms], np.uint64),
-            np.array([term.value * self.stages for term in terms], np.uint64),
-        )
-        return self._operations(self._system.size), tables, np.array([float(x.right) for x in equations])
+        s, starts, equations = self.stages, self._starts, self._system.equations
+        rows = [[(float(x.coefficient), starts[x.block], x.value * s) for x in e.summands] for e in equations]
+        return self._operations(self._system.size), _columns(rows, 3), np.array([float(x.right) for x in equations])
 
     @cached_property
     def _jacobian_tables(self) -> tuple[Tables, Tables]:
         """The tables of `stage_vectors` and `gradients`."""
-        import numpy as np
-
-        rows = self._system.gradients  # appends operations
-        terms = [term for row in rows for term in row]
-        tables = (
-            np.cumsum([0, *map(len, rows)], dtype=np.uint64),
-            np.array([float(term.factor) for term in terms]),
-            np.array([term.x * self.stages for term in terms], np.uint64),
-            np.array([max(term.y, 0) * self.stages for term in terms], np.uint64),
-            np.array([self._starts[term.block] for term in terms], np.uint64),
-            np.array([term.y >= 0 for term in terms], np.uint8),
-        )
-        return self._operations(len(self._system.program.operations)), tables
+        s, starts = self.stages, self._starts
+        rows = [
+            [(float(t.factor), t.x * s, max(t.y, 0) * s, starts[t.block], t.y >= 0) for t in terms]
+            for terms in self._system.gradients  # appends operations
+        ]
+        return self._operations(len(self._system.program.operations)), _columns(rows, 5)
 
     def _operations(self, count: int) -> Tables:
         """Kinds of the first operations, and offsets of their operands."""

@@ -46,8 +46,7 @@ def read_arrays(
     if len(arrays) != len(program.arguments):
         names = ", ".join(argument.name for argument in program.arguments)
         raise SeriesError(f"arguments must be {names}, but were {len(arrays)}")
-    read = read or _read_exact
-    found = [read(array, argument.name) for argument, array in zip(program.arguments, arrays, strict=True)]
+    found = [(read or _read_exact)(array, argument.name) for argument, array in zip(program.arguments, arrays, strict=True)]
     for argument, array in zip(program.arguments, found, strict=True):
         shape = argument.shape(found[0].shape[-1] if stages is None else stages)
         if array.shape != shape:
