@@ -20,7 +20,7 @@ from trees.compiled import kernel
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.conditions.condition_program import EquationSystem
+    from bseries.conditions.condition_program import ConditionProgram
 
     Tables = tuple[np.ndarray, ...]
 
@@ -149,12 +149,12 @@ class CompiledConditions:
                [1. , 0. , 0.5]])
     """
 
-    def __init__(self, system: EquationSystem, stages: int):
+    def __init__(self, program: ConditionProgram, stages: int):
         import numpy as np
 
         self.stages = stages
-        self._system, self._arguments = system, system.program.arguments
-        entries = named_blocks(system, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
+        self._program, self._arguments = program, program.arguments
+        entries = named_blocks(program, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
         *self._starts, self._size = map(int, np.cumsum([0, *(block.size for block in entries)]))
         self._blocks = [(slice(at, at + x.size), x.shape) for at, x in zip(self._starts, entries, strict=True)]
         flat = np.concatenate([block.ravel() for block in entries])
@@ -163,7 +163,7 @@ class CompiledConditions:
         self._excluded = np.flatnonzero(flat == 0)
 
     def __repr__(self) -> str:
-        return f"<CompiledConditions: {len(self._system.equations)} conditions, {len(self.unknowns)} unknowns>"
+        return f"<CompiledConditions: {len(self._program.equations)} conditions, {len(self.unknowns)} unknowns>"
 
     def pack(self, *arrays: Any) -> np.ndarray:
         """The unknowns as one vector, from arrays of coefficients."""
@@ -220,7 +220,7 @@ class CompiledConditions:
 
         operations, terms = self._jacobian_tables
         _, value = self._evaluated(arrays, operations)
-        result = np.empty((len(self._system.equations), len(self.unknowns)))
+        result = np.empty((len(self._program.equations), len(self.unknowns)))
         derivatives = np.empty(self._size)
         gradients.compiled(np.uint64(self.stages), *terms, value, self._columns, derivatives, result)
         return result
@@ -229,7 +229,7 @@ class CompiledConditions:
         """All entries of all arrays."""
         import numpy as np
 
-        return np.concatenate([x.ravel() for x in read_arrays(self._system.program, arrays, self.stages, _floats)])
+        return np.concatenate([x.ravel() for x in read_arrays(self._program, arrays, self.stages, _floats)])
 
     def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, followed by the stage matrices, and the values of operations."""
@@ -239,7 +239,7 @@ class CompiledConditions:
         if len(self._excluded):
             flat[self._excluded] = 0.0
         blocks = [flat[places].reshape(shape) for places, shape in self._blocks]
-        matrices = stage_matrices(self._system.program, blocks)
+        matrices = stage_matrices(self._program, blocks)
         coefficients = np.concatenate([flat, *map(np.ravel, matrices)])
         value = np.empty(len(operations[0]) * self.stages)
         stage_vectors.compiled(np.uint64(self.stages), *operations, coefficients, value)
@@ -250,9 +250,9 @@ class CompiledConditions:
         """The tables of `stage_vectors` and `sums`, and the right-hand sides."""
         import numpy as np
 
-        s, starts, equations = self.stages, self._starts, self._system.equations
-        rows = [[(float(x.coefficient), starts[x.block], x.value * s) for x in e.summands] for e in equations]
-        return self._operations(self._system.size), _columns(rows, 3), np.array([float(x.right) for x in equations])
+        s, starts, equations = self.stages, self._starts, self._program.equations
+        rows = [[(float(x.factor), starts[x.block], x.value * s) for x in e.summands] for e in equations]
+        return self._operations(self._program.size), _columns(rows, 3), np.array([float(x.right) for x in equations])
 
     @cached_property
     def _jacobian_tables(self) -> tuple[Tables, Tables]:
@@ -260,16 +260,16 @@ class CompiledConditions:
         s, starts = self.stages, self._starts
         rows = [
             [(float(t.factor), t.x * s, max(t.y, 0) * s, starts[t.block], t.y >= 0) for t in terms]
-            for terms in self._system.gradients  # appends operations
+            for terms in self._program.gradients  # appends operations
         ]
-        return self._operations(len(self._system.program.operations)), _columns(rows, 5)
+        return self._operations(len(self._program.operations)), _columns(rows, 5)
 
     def _operations(self, count: int) -> Tables:
         """Kinds of the first operations, and offsets of their operands."""
         import numpy as np
 
         rows = []
-        for kind, x, y in self._system.program.operations[:count]:
+        for kind, x, y in self._program.operations[:count]:
             left = x * self.stages
             if kind in (IMAGE, PULLBACK):
                 left = self._size + x * self.stages**2
