@@ -95,26 +95,20 @@ def _times(factor: Fraction, value: str) -> str:
 
 
 def _numpy_jacobian(program: ConditionProgram) -> list[str]:
-    gradients, blocks, count = program.gradients, program.blocks, len(program.equations)
-    lines = _numpy_header(program, "jacobian", len(program.operations))
-    for k, (argument, part) in enumerate(blocks):
+    gradients, count = program.gradients, len(program.equations)
+    lines, columns = _numpy_header(program, "jacobian", len(program.operations)), []
+    structures = iter(program.structures)
+    for k, (argument, part) in enumerate(program.blocks):
         shape = ", ".join("s" * (1 + argument.is_matrix))
         lines.append(f"    d{k} = np.zeros(({count}, {shape}))  # by {argument.name} {part}".rstrip())
+        band = BANDS.get(next(structures)) if argument.is_matrix else None
+        free = f"[:, np.tri(s, s, {band - 1}, bool)]" if band is not None else f".reshape({count}, -1)"
+        columns.append(f"d{k}{free}")
     for k, terms in enumerate(gradients):
-        for block, x, y, factor in sorted((term.block, term.x, term.y, term.factor) for term in terms):
+        for factor, block, x, y in sorted(terms, key=lambda term: term[1:]):
             value = f"v{x}" if y < 0 else f"np.outer(v{x}, v{y})"
             lines.append(f"    d{block}[{k}] += {_times(factor, value)}")
-    flat = ", ".join(f"d{k}.reshape({count}, -1)" for k in range(len(blocks)))
-    lines.append(f"    J = np.concatenate([{flat}], axis=1)")
-    if not any(structure in BANDS for structure in program.structures):
-        return [*lines, "    return J"]
-    structures = iter(program.structures)
-    masks = []
-    for argument, _ in blocks:
-        band = BANDS.get(next(structures)) if argument.is_matrix else None
-        size = "s * s" if argument.is_matrix else "s"
-        masks.append(f"np.ones({size})" if band is None else f"np.tri(s, s, {band - 1}).ravel()")
-    return [*lines, f"    free = np.flatnonzero(np.concatenate([{', '.join(masks)}]))", "    return J[:, free]"]
+    return [*lines, f"    return np.concatenate([{', '.join(columns)}], axis=1)"]
 
 
 # C and Julia: assignments to scalars, printed by SymPy.
