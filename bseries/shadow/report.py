@@ -38,26 +38,15 @@ KEY = (
 )
 
 
-def title(report: ShadowReport) -> str:
-    """A description of the trajectory."""
-    end = report.start + report.h * (report.states - 1)
-    return f"{report.label}: {report.states:,} states, h = {report.h:g}, t = {report.start:g} to {end:g}"
-
-
-def cells(row: OrderStatistics) -> list[str]:
+def _cells(row: OrderStatistics) -> list[str]:
     """A row of the table."""
     digits = 15 if row.scatter == 0 else max(4, min(16, 3 - math.floor(math.log10(row.scatter / (abs(row.mean) or 1)))))
     numbers = (row.deviation, row.scatter, row.drift, row.drift_error)
     return [str(row.order), f"{row.mean:.{digits}g}", *(f"{number:.2e}" for number in numbers)]
 
 
-def sentences(report: ShadowReport, bound: float | None = None) -> Iterator[str]:
-    """The conclusions from the table, in sentences.
-
-    Args:
-        report: The report.
-        bound: A bound of the energy's deviation, for which the step size is given.
-    """
+def _sentences(report: ShadowReport, bound: float | None) -> Iterator[str]:
+    """The conclusions from the table, in sentences, with the step size for a bound of the energy's deviation."""
     yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
     yield _on_drift(report)
     yield _on_step(report)
@@ -181,6 +170,10 @@ class ShadowReport:
         )
 
     @property
+    def _end(self) -> float:
+        return self.start + self.h * (self.states - 1)
+
+    @property
     def best(self) -> OrderStatistics:
         """The lowest order whose scatter is not much reduced by higher orders."""
         scatters = [row.scatter for row in self.rows]
@@ -280,7 +273,7 @@ class ShadowReport:
             "trajectory": self.label,
             "h": self.h,
             "states": self.states,
-            "t": [self.start, self.start + self.h * (self.states - 1)],
+            "t": [self.start, self._end],
             "best_order": self.best.order,
             "limit": self.limit,
             "noise_floor": self.noise_floor,
@@ -320,10 +313,10 @@ class ShadowReport:
         if bound is not None:
             data["bound"] = {"energy": bound, "step": self.step_for(bound)}
         return Table(
-            title(self),
+            f"{self.label}: {self.states:,} states, h = {self.h:g}, t = {self.start:g} to {self._end:g}",
             [Column(heading, True) for heading in HEADINGS],
-            list(map(cells, self.rows)),
-            [*sentences(self, bound), "", KEY],
+            list(map(_cells, self.rows)),
+            [*_sentences(self, bound), "", KEY],
             data=lambda: data,
             items="rows",
             records=listed([(name, itemgetter(name)) for name in OrderStatistics._fields], data["rows"]),

@@ -9,7 +9,6 @@ from functools import cached_property
 from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self
 
-from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     Inexact,
     from_element,
@@ -20,13 +19,14 @@ from bseries.analysis.stability.field_elements import (
     nearest_float,
     to_elements,
 )
-from bseries.analysis.stability.real_polynomials import evaluate
+from bseries.analysis.stability.real_polynomials import Coefficients, monic_gcd, roots, squarefree_factors
 from foundation.numbers import latex_number
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
+from integrators.exact.polynomials import divide, evaluate, trim
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -57,8 +57,8 @@ class StabilityFunction(ImmutableValue):
     """
 
     # P and Q as elements of one field, see `bseries.analysis.stability.field_elements`
-    p: polynomials.Coefficients
-    q: polynomials.Coefficients
+    p: Coefficients
+    q: Coefficients
     floating: bool
     digits: int | None
 
@@ -84,10 +84,10 @@ class StabilityFunction(ImmutableValue):
         return function
 
     def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
-        p, q = polynomials.strip(p), polynomials.strip(q)
+        p, q = trim(p), trim(q)
         if p and all(map(has_exact_zero_test, (*p, *q))):
-            common = polynomials.monic_gcd(p, q)
-            p, q = polynomials.divide(p, common)[0], polynomials.divide(q, common)[0]
+            common = monic_gcd(p, q)
+            p, q = divide(p, common)[0], divide(q, common)[0]
         if q[0] != 1:
             p, q = tuple(a / q[0] for a in p), (Fraction(1), *(a / q[0] for a in q[1:]))
         self.__dict__.update(p=p, q=q, floating=floating, digits=digits)
@@ -141,8 +141,8 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(
                 f"coefficients must be numbers before poles are found, but Q(z) was {shorten(polynomial_text(self.q))}"
             )
-        factors = enumerate(polynomials.squarefree_factors(tuple(map(midpoint, self.q))), 1)
-        found = [root for times, factor in factors for root in polynomials.roots(factor) * times]
+        factors = enumerate(squarefree_factors(tuple(map(midpoint, self.q))), 1)
+        found = [root for times, factor in factors for root in roots(factor) * times]
         places = [[nearest_float(from_flint(part.mid().fmpq())) for part in (root.real, root.imag)] for root in found]
         return tuple(complex(*place) for place in sorted(places))
 
@@ -177,6 +177,7 @@ class StabilityFunction(ImmutableValue):
     def _in_floats(self, z: Any) -> Any:
         """Values at a number or an array of numbers; in powers of 1/z for |z| > 1, to avoid overflow."""
         import numpy as np
+        from numpy.polynomial.polynomial import polyval
 
         p, q = (
             [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
@@ -190,7 +191,7 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(f"z must be a number or an array of numbers, but was {shorten(repr(z))}")
         with np.errstate(all="ignore"):
             near, inverse, powers = abs(points) <= 1, 1 / points, points ** float(len(p) - len(q))
-            above, below = (np.where(near, evaluate(a, points), evaluate(a[::-1], inverse)) for a in (p, q))
+            above, below = (np.where(near, polyval(points, a), polyval(inverse, a[::-1])) for a in (p, q))
             values = np.where(near, 1.0, powers) * (above / below)
         if values.ndim:
             return values
