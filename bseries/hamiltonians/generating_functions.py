@@ -22,7 +22,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import read_symbolic_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.hamiltonians.power_series import Composition, Expansion, PowerSeries, combination
+from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries, combination
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
     canonical_pairs,
