@@ -281,7 +281,7 @@ def test_the_energy_as_the_measure(pendulum):
         ),
         ({"methods": ["lawson4"]}, "methods must have one that fits pendulum, but had none"),
         ({"span": -1}, "span must be positive, but was -1"),
-        ({"span": "x"}, "span must be a finite number"),
+        ({"span": "x"}, "span must be a number, but 'x'"),
         ({"errors": (1e-5, 1e-3)}, "errors must be two numbers from 1 to 1e-15, the larger one first"),
         ({"errors": 3}, "errors must be two numbers"),
         ({"measure": "speed"}, "measure must be one of solution, energy, but was 'speed'"),
