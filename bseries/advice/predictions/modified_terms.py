@@ -32,15 +32,10 @@ NOISE = 1e-11
 
 
 class ModifiedTerms(NamedTuple):
-    """f_{p+1}, f_{p+2}, … of the modified equation y' = f(y) + h^p f_{p+1}(y) + h^{p+1} f_{p+2}(y) + …
+    """f_{p+1}, f_{p+2}, … of the modified equation y' = f(y) + h^p f_{p+1}(y) + h^{p+1} f_{p+2}(y) + …"""
 
-    Attributes:
-        field: The truncated modified equation.
-        powers: The powers of h of these terms, starting with p.
-    """
-
-    field: SceneSeries
-    powers: tuple[int, ...]
+    field: SceneSeries  # the truncated modified equation
+    powers: tuple[int, ...]  # the powers of h of these terms, starting with p
 
     def values(self, y: np.ndarray) -> np.ndarray:
         """The terms at many points (variables, n), without powers of h: (powers, variables, n)."""
@@ -97,16 +92,7 @@ class ModifiedTerms(NamedTuple):
 
 
 def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: int = 0) -> ModifiedTerms:
-    """The first nonzero terms of the modified equation.
-
-    Args:
-        method: The method.
-        scene: The scene.
-        parts: As for `modified_field`.
-        order: The least order of the terms; by default the first nonzero one and two more powers of h.
-
-    Raises:
-        SeriesError: The assignment of parts is ambiguous, the method is not consistent, or its order is too high.
+    """The terms of the modified equation at the first power of h with any, and at two more, or at more up to `order`.
 
     Example:
         >>> import bseries as bs

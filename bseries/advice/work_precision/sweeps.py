@@ -64,19 +64,12 @@ Point = TypeVar("Point", bound=tuple)
 
 
 class RunErrors(NamedTuple):
-    """The errors of a run; None for those not measured.
+    """The errors of a run; None for those not measured."""
 
-    Attributes:
-        solution: The largest distance from the reference solution, relative to the largest norm of the state.
-        energy: The largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding.
-        seconds: CPU time of the run with its observations.
-        failure: The reason why the run ended early; None if it did not.
-    """
-
-    solution: float | None = None
-    energy: float | None = None
-    seconds: float = 0.0
-    failure: str | None = None
+    solution: float | None = None  # the largest distance from the reference, relative to the largest norm of the state
+    energy: float | None = None  # the largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding
+    seconds: float = 0.0  # CPU time of the run with its observations
+    failure: str | None = None  # the reason why the run ended early
 
     def error(self, measure: str) -> float | None:
         """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
@@ -89,17 +82,10 @@ class RunErrors(NamedTuple):
 
 
 class Judge:
-    """Measurement of errors: runs of methods on a scene from its start over one span.
+    """Measurement of errors, some of `MEASURES`: runs of methods on a scene from its start over one span.
 
-    Args:
-        scene: The scene.
-        span: The length of runs.
-        measures: The errors to measure, of `MEASURES`.
-
-    Attributes:
-        reference: The reference solution; None if the solution is not measured or has no reference.
-        problem: The reason why there is none.
-        is_too_long: Whether there is none because the span is too long.
+    `reference` is the reference solution, if the solution is measured and has one; `problem` says why there is none,
+    `is_too_long` that this is due to the span.
 
     Example:
         >>> import bseries as bs
@@ -171,18 +157,11 @@ class Judge:
 
 
 class Row(NamedTuple):
-    """One step size of a method.
-
-    Attributes:
-        h: The step size.
-        steps: The number of steps for the span.
-        cost: CPU seconds for a step; None if the run failed.
-        errors: The errors of the run.
-    """
+    """One step size of a method."""
 
     h: float
-    steps: int
-    cost: Timing | None
+    steps: int  # over the span
+    cost: Timing | None  # of a step; None if the run failed
     errors: RunErrors
 
     @property
