@@ -32,18 +32,9 @@ class Denominator(NamedTuple):
 
 
 class Elimination:
-    """Series S and N of a Hamiltonian, with their denominators.
+    """Series S and N of the Hamiltonian K + ε H_1 + …, with denominators and the first orders of resonances by k.
 
-    Args:
-        ring: The ring of the terms.
-        terms: The terms K, H_1, …, H_N.
-        keep_resonant: Whether resonant modes stay in N; otherwise they raise an error.
-
-    Attributes:
-        generating: The terms S_0 = 0, S_1, …, S_N.
-        normal: The terms N_0 = K, N_1, …, N_N.
-        denominators: The denominators by k.
-        resonances: The first orders of the resonant modes of N, by k.
+    Resonant modes raise an error, or stay in N.
     """
 
     def __init__(self, ring: FourierRing, terms: Sequence[Element], *, keep_resonant: bool = False):

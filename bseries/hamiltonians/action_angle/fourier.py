@@ -29,12 +29,6 @@ Mode = tuple[int, ...]
 class FourierRing(DifferentialRing):
     """Ring of functions of actions and angles that contains given Fourier polynomials and all their derivatives.
 
-    Args:
-        formulas: The SymPy expressions that the ring contains.
-        actions: The symbols of the actions; further symbols are parameters.
-        angles: The symbols of the angles.
-        limit: Results with more monomials raise `TooLarge`.
-
     Example:
         >>> import sympy
         >>> a, theta = sympy.symbols("a theta")
@@ -159,10 +153,8 @@ class FourierRing(DifferentialRing):
         return sympy.Add(*total)
 
     def is_zero(self, element: Element) -> bool:
-        """Whether an element is zero, by the relations of the ring or to 100 digits at several points.
-
-        The ring does not use all relations between numbers, such as √(3 + 2√2) = 1 + √2.
-        """
+        """Whether an element is zero, by the relations of the ring or to 100 digits at several points."""
+        # The ring does not use all relations between numbers, such as √(3 + 2√2) = 1 + √2.
         return super().is_zero(element) or all(self._vanishes(element, Random(seed)) for seed in range(POINTS))
 
     def _vanishes(self, element: Element, random: Random) -> bool:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_power, in_threads, read_states, read_step, read_symbolic_step
+from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.polynomials import TooLarge
 from bseries.hamiltonians.action_angle.coordinate_change import read_pair
@@ -99,10 +99,7 @@ class NormalForm:
         Raises:
             SeriesError: `eps` is neither a number nor an expression.
         """
-        import sympy
-
-        value = read_symbolic_step(eps, self.parameter)
-        return sympy.Add(*(term * value**k for k, term in enumerate(self._hamiltonians)))
+        return power_sum(self._hamiltonians, eps, self.parameter)
 
     def generating_function(self, k: int) -> sympy.Expr:
         """The term S_k(b, θ) of the generating function with ε^k; S_0 = 0.

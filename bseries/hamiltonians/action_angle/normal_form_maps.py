@@ -37,11 +37,7 @@ def sum_monomials(powers, numbers, first_factor, factors, first_monomial, out):
 
 
 class NormalFormMaps:
-    """The maps for the generating function of an elimination.
-
-    Args:
-        elimination: The series S.
-    """
+    """The maps for the generating function of an elimination."""
 
     def __init__(self, elimination: Elimination):
         import sympy
