@@ -103,7 +103,10 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: in
     plain = method if exact else in_floats(method)
     for trial in ORDERS:
         field = modified_field(plain, scene, trial, parts=parts)
-        _check_consistent(field, method)
+        for tree in field.trees.table.ids(1):
+            if abs((found := field.weights[tree]) - 1) > NOISE:
+                name = method.name or "it"
+                raise SeriesError(f"method must be consistent, but {name} follows {float(found):.3g} times the field")
         powers = _powers(field, exact)
         if powers or not len(field.trees.table.ids(trial)):
             wanted = max(order, powers[0] + TERMS) if powers else trial
@@ -130,14 +133,6 @@ def in_floats(method: Method) -> Program:
         name=program.name,
         max_children=program.max_children,
     )
-
-
-def _check_consistent(field: SceneSeries, method: Method) -> None:
-    for tree in field.trees.table.ids(1):
-        found = field.weights[tree]
-        if abs(found - 1) > NOISE:
-            name = method.name or "it"
-            raise SeriesError(f"method must be consistent, but {name} follows {float(found):.3g} times the field")
 
 
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:

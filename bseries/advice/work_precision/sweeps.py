@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from time import thread_time
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -75,11 +74,6 @@ class RunErrors(NamedTuple):
         """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
         return None if self.failure else getattr(self, measure)
 
-    @property
-    def is_unsolved(self) -> bool:
-        """Whether the run failed because the iteration for the stages did not converge."""
-        return self.failure is not None and UNSOLVED in self.failure
-
 
 class Judge:
     """Measurement of errors, some of `MEASURES`: runs of methods on a scene from its start over one span.
@@ -113,10 +107,6 @@ class Judge:
         has_energy, has_solution = self.scene.is_hamiltonian, self.reference is not None
         return tuple(m for m in self.measures if (has_solution if m == SOLUTION else has_energy))
 
-    @cached_property
-    def _energy_size(self) -> float:
-        return energy_size(self.scene, self.scene.y0)
-
     def run(self, candidate: Candidate, steps: int) -> RunErrors:
         """Run a method with a number of steps and measure its errors."""
         import numpy as np
@@ -145,7 +135,7 @@ class Judge:
                 states, exact = (without_time(self.scene, found) for found in (run.y, self.reference(run.t)))
                 solution = float(relative_distances(states, exact, self.reference.size).max())
             if ENERGY in run.observed:
-                energy = relative_change(run.observed[ENERGY], self._energy_size)
+                energy = relative_change(run.observed[ENERGY], energy_size(self.scene, self.scene.y0))
         if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
             return RunErrors(seconds=seconds, failure="its errors were not finite")
         return RunErrors(solution, energy, seconds)
@@ -255,7 +245,7 @@ def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> t
     """
     swept = _sweep(judge, candidate, finest, budget)
     first = next((errors.error(judge.available[0]) for _, errors in swept if errors.failure is None), 0.0)
-    if any(errors.is_unsolved for _, errors in swept) and first is not None and first < STIFF:
+    if any(UNSOLVED in (errors.failure or "") for _, errors in swept) and first is not None and first < STIFF:
         candidate = candidate._replace(solver="auto")
         return candidate, _sweep(judge, candidate, finest, budget)
     return candidate, swept

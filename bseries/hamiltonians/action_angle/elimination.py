@@ -51,37 +51,23 @@ class Elimination:
         self.generating, self.normal = [ring.zero], [terms[0]]
         self.denominators: dict[Mode, Denominator] = {}
         self.resonances: dict[Mode, int] = {}
-        actions, angles = self._shifted(range(d), d), self._shifted(range(d, 2 * d), -d)
+        actions, angles = [self._shifted(i, d + i) for i in range(d)], [self._shifted(d + i, i) for i in range(d)]
         fixed = [PowerSeries.polynomial(ring.element(x)) for x in ring.variables]
         at_actions, at_angles = Composition(ring, [*actions, *fixed[d:]]), Composition(ring, [*fixed[:d], *angles])
         frequencies, left = [at_actions(x) for x in self._frequencies], [at_actions(x) for x in terms]
         right = [at_angles(terms[0])]
         for n in range(1, len(terms)):
             # n K_n = Σ m a_m·ω_{n−m} for K and ω at the actions a; the summand with m = n has the unknown S_n.
-            pairs = [
-                *(
-                    (Fraction(m, n) * a[m], omega[n - m])
-                    for a, omega in zip(actions, frequencies, strict=True)
-                    for m in range(1, n)
-                ),
-                *((1, left[m][n - m]) for m in range(1, n + 1)),
-                *((-1, right[m][n - m]) for m in range(1, n)),
-            ]
-            self._split(ring.dot(pairs), n)
+            moved = zip(actions, frequencies, strict=True)
+            known = ring.dot((Fraction(m, n) * a[m], omega[n - m]) for a, omega in moved for m in range(1, n))
+            perturbed = ring.dot((1, left[m][n - m]) for m in range(1, n + 1))
+            self._split(known + perturbed - ring.dot((1, right[m][n - m]) for m in range(1, n)), n)
             right.append(at_angles(self.normal[n]))
 
-    def _shifted(self, variables: range, partners: int) -> list[PowerSeries]:
-        """The variables x + ∂S/∂(partner of x) as series in ε."""
-        ring = self.ring
-        return [
-            PowerSeries(
-                ring,
-                lambda n, i=i: (
-                    ring.derivative(self.generating[n], i + partners) if n else ring.element(ring.variables[i])
-                ),
-            )
-            for i in variables
-        ]
+    def _shifted(self, i: int, partner: int) -> PowerSeries:
+        """A variable plus the derivative of S in its partner, as a series in ε."""
+        start, ring = self.ring.element(self.ring.variables[i]), self.ring
+        return PowerSeries(ring, lambda n: ring.derivative(self.generating[n], partner) if n else start)
 
     def _split(self, rest: Element, order: int) -> None:
         """Split R_n into the terms S_n and N_n, and append them."""
@@ -94,8 +80,13 @@ class Elimination:
                 generating += [(s * reciprocal, cosine), (-c * reciprocal, sine)]
             elif k == ring.constant or not (ring.is_zero(c) and ring.is_zero(s)):
                 normal += [(c, cosine), (s, sine)]
+                if any(k) and not self._keep:
+                    raise SeriesError(
+                        f"hamiltonian must have no resonance through its terms of order {order}, but k·omega = 0 "
+                        f"for k = ({', '.join(map(str, k))}): see keep_resonant"
+                    )
                 if any(k):
-                    self._record_resonance(k, order)
+                    self.resonances.setdefault(k, order)
         self.generating.append(ring.dot(generating))
         self.normal.append(ring.dot(normal))
 
@@ -111,11 +102,3 @@ class Elimination:
             return None if reduced is None else reduced * Fraction(1, common)
         value = self._denominator(k)
         return None if self.ring.is_zero(value) else self.ring.reciprocal(value)
-
-    def _record_resonance(self, k: Mode, order: int) -> None:
-        if not self._keep:
-            raise SeriesError(
-                f"hamiltonian must have no resonance through its terms of order {order}, but k·omega = 0 "
-                f"for k = ({', '.join(map(str, k))}): see keep_resonant"
-            )
-        self.resonances.setdefault(k, order)

