@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from itertools import chain
 from random import Random
 from typing import TYPE_CHECKING, Any
 
@@ -55,10 +56,6 @@ class FourierRing(DifferentialRing):
         [self._i] = self._unit.generators
         self.add_relation(self._unit * self._unit + 1)
         self._waves = [self._add_waves(j) for j in range(len(self.angles))]
-        self._steps = {
-            k: (j, sign) for j, pair in enumerate(self._waves) for k, sign in zip(pair, (1, -1), strict=True)
-        }
-        """The angle and the sign of the exponent, for each generator e^(±iθ_j)."""
 
     def _add_waves(self, j: int) -> tuple[int, int]:
         """Add the generators e^(iθ_j) and e^(−iθ_j)."""
@@ -122,22 +119,22 @@ class FourierRing(DifferentialRing):
 
     def modes(self, f: Element) -> dict[Mode, tuple[Element, Element]]:
         """The coefficients c_k and s_k of a real f = Σ c_k cos k·θ + s_k sin k·θ, with one k of each pair ±k."""
+        polynomial = self._current(f)
+        context, last = polynomial.context(), polynomial.context().nvars() - 1
+        places = [(last - forth, last - back) for forth, back in self._waves]
         found: dict[Mode, tuple[dict[Any, Any], dict[Any, Any]]] = {}
-        for monomial, number in f.terms.items():
-            k, rest, is_sine = [0] * len(self.angles), [], False
-            for generator, exponent in monomial:
-                if generator in self._steps:
-                    j, sign = self._steps[generator]
-                    k[j] = sign * exponent
-                elif generator == self._i:
-                    is_sine = True
-                else:
-                    rest.append((generator, exponent))
-            mode = tuple(k)
-            if mode >= self.constant:  # −k has the conjugate coefficient
-                factor = (-2 if is_sine else 2) if any(mode) else 1
-                found.setdefault(mode, ({}, {}))[is_sine][tuple(rest)] = factor * number
-        return {k: (self.from_terms(c), self.from_terms(s)) for k, (c, s) in sorted(found.items())}
+        for exponents, number in polynomial.terms():
+            k = tuple(exponents[forth] - exponents[back] for forth, back in places)
+            if k >= self.constant:  # −k has the conjugate coefficient
+                rest, is_sine = list(exponents), exponents[last - self._i] > 0
+                for place in (last - self._i, *chain(*places)):
+                    rest[place] = 0
+                factor = (-2 if is_sine else 2) if any(k) else 1
+                found.setdefault(k, ({}, {}))[is_sine][tuple(rest)] = factor * number
+        return {
+            k: (Element(self, context.from_dict(c)), Element(self, context.from_dict(s)))
+            for k, (c, s) in sorted(found.items())
+        }
 
     def waves_expression(self, f: Element, *, simplify: bool = True) -> sympy.Expr:
         """The SymPy expression of a real f in cos k·θ and sin k·θ, with factored coefficients if `simplify`."""
