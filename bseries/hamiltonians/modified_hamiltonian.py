@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
+from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
 from bseries.fields.modified_fields import modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.symbolic.differential_rings import DifferentialRing
@@ -209,10 +209,7 @@ class ModifiedHamiltonian:
         Raises:
             SeriesError: `h` is neither a number nor an expression.
         """
-        import sympy
-
-        step = read_symbolic_step(h)
-        return sympy.Add(*(self.symbolic(k) * step**k for k in range(self.order)))
+        return power_sum(map(self.symbolic, range(self.order)), h)
 
     @cached_property
     def field(self) -> SceneSeries:

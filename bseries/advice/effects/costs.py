@@ -193,15 +193,12 @@ def variant_costs(
     most_steps: int = MOST_STEPS,
 ) -> dict[Names, Timing]:
     """CPU seconds per step with each of several sets of effects, timed in interleaved rounds."""
-    work: dict[str, Work] = {}
-    chosen = tuple(chosen)
-    for k, names in enumerate(chosen):
+    chosen, work = tuple(chosen), dict[str, Work]()
+    for names in chosen:
         scene = variants.build(names)
-        work[str(k)] = Work(
-            scene, method, h, options={**options, "parts": variants.parts(parts, scene)}, most_steps=most_steps
-        )
-    found = step_costs(work)
-    return dict(zip(chosen, found.values(), strict=True))
+        given = {**options, "parts": variants.parts(parts, scene)}
+        work[", ".join(names)] = Work(scene, method, h, options=given, most_steps=most_steps)
+    return dict(zip(chosen, step_costs(work).values(), strict=True))
 
 
 def _trees(
