@@ -32,6 +32,9 @@ ELEMENTARY = (
 )
 """The functions of `parse_expression` besides roots."""
 
+COSINES = ("cos", "sin", "tan")
+"""The functions of `parse_number` besides roots: of rational multiples of pi they are algebraic."""
+
 ROOTS = ("sqrt", "cbrt", "root")
 NOT_FINITE = ("nan", "inf", "infinity", "oo", "zoo")
 MAX_LENGTH = 10_000
@@ -43,10 +46,11 @@ _TOKEN = re.compile(
 
 
 def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
-    """Read a formula of numbers, roots and declared symbols.
+    """Read a formula of algebraic numbers and declared symbols.
 
     Args:
-        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)`` and ``root(x, n)``.
+        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)``, ``root(x, n)``, and
+            cosines, sines and tangents of rational multiples of pi, such as ``cos(pi/18)``.
         names: the allowed symbols.
         argument: its name in messages.
 
@@ -54,17 +58,20 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
         A `Fraction` if it is rational, else a SymPy expression in plain symbols (``sympy.Symbol(name)``).
 
     Raises:
-        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
+        IntegratorError: the text is not such a formula, or has a number that is infinite, not real, too long or of too
+            high a degree over the rationals.
 
     Example:
         >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
         (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
+        >>> parse_number("cos(pi/18)/sqrt(3) + 1/2")
+        1/2 + sqrt(3)*cos(pi/18)/3
     """
     names = check_names(names, f"symbols of {argument}")
-    value = _Parser(text, names, (), argument).parse()
+    value = _Parser(text, names, COSINES, argument).algebraic()
     # Reading SymPy's text of a formula can give another form, 1/(3*x + 3) for 1/(3*(x + 1)): repeat until stable.
     while not isinstance(value, Fraction):
-        form = _Parser(format_number(value), names, (), argument).parse()
+        form = _Parser(format_number(value), names, COSINES, argument).algebraic()
         if form == value:
             break
         value = form
@@ -208,6 +215,10 @@ class _Parser:
             self.expected("an operator")
         return value
 
+    def algebraic(self) -> Exact:
+        """As `parse`, but numbers that are not algebraic are refused."""
+        return self.compute(None, exact.algebraic, self.parse())
+
     @property
     def kind(self) -> str:
         return self.tokens[self.place][0]
@@ -230,7 +241,7 @@ class _Parser:
             self.expected(repr(sign))
         self.place += 1
 
-    def compute(self, position: int, operation: Callable[..., T], *arguments: Any) -> T:
+    def compute(self, position: int | None, operation: Callable[..., T], *arguments: Any) -> T:
         """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
         try:
             return operation(*arguments)
