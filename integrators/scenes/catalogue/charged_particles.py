@@ -78,9 +78,7 @@ def magnetic_dipole() -> Scene:
     return Scene(
         {"v": ["vx", "vy", "vz"], "x": list(PLACE)},
         hamiltonian="(vx^2 + vy^2 + vz^2)/2",
-        poisson=_structure(
-            [mu * b / square ** sympy.Rational(5, 2) for b in (3 * x * z, 3 * y * z, 3 * z**2 - square)]
-        ),
+        poisson=_structure(magnetic),
         parameters={"mu": 1},
         invariants={"momentum": "x*vy - y*vx + mu*(x^2 + y^2)/(x^2 + y^2 + z^2)^(3/2)"},
         start={"v": [0, "1/20", "1/20"], "x": ["1/2", 0, 0]},
