@@ -5,6 +5,7 @@
     unary    = {"+" | "-"} power
     power    = atom [("^" | "**") unary]
     atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")"
+             | ("min" | "max") "(" sum {"," sum} ")" | "where(" sum (">" | "<" | ">=" | "<=") sum "," sum "," sum ")"
 
 Decimals are read exactly, as fractions. Rational formulas give `Fraction`s without SymPy.
 """
@@ -28,9 +29,12 @@ T = TypeVar("T")
 
 ELEMENTARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
-    *("exp", "log"),
+    *("exp", "log", "erf"),
 )
-"""The functions of `parse_expression` besides roots."""
+"""The smooth functions of `parse_expression` besides roots."""
+
+BRANCHES = ("abs", "sign", "heaviside", "min", "max", "where")
+"""Its functions that are not smooth."""
 
 COSINES = ("cos", "sin", "tan")
 """The functions of `parse_number` besides roots: of rational multiples of pi they are algebraic."""
@@ -41,7 +45,7 @@ MAX_LENGTH = 10_000
 MAX_DEPTH = 100
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[-+*/^(),]))"
+    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[<>]=?|[-+*/^(),]))"
 )
 
 
@@ -95,18 +99,21 @@ def parse_constant(text: str, *, argument: str = "number") -> Exact:
         >>> parse_constant("1/10"), parse_constant("pi/4")
         (Fraction(1, 10), pi/4)
     """
-    return _Parser(text, (), ELEMENTARY, argument).parse()
+    return _Parser(text, (), (*ELEMENTARY, *BRANCHES), argument).parse()
 
 
 def parse_expression(
-    text: str, *, names: Iterable[str], functions: Iterable[str] = ELEMENTARY, argument: str = "expression"
+    text: str, *, names: Iterable[str], functions: Iterable[str] = (*ELEMENTARY, *BRANCHES), argument: str = "expression"
 ) -> sympy.Expr:
-    """Read a formula of numbers, roots, declared symbols, pi and elementary functions.
+    """Read a formula of numbers, roots, declared symbols, pi, elementary functions and branches.
+
+    ``heaviside(x)`` is (1 + sign(x))/2, ``min`` and ``max`` take two formulas or more, and ``where(x > y, a, b)`` is a
+    where x > y, otherwise b. See `integrators.exact.branches` for their derivatives.
 
     Args:
         text: the formula.
         names: the allowed symbols.
-        functions: the allowed functions, of `ELEMENTARY`.
+        functions: the allowed functions, of `ELEMENTARY` and `BRANCHES`.
         argument: its name in messages.
 
     Returns:
@@ -118,6 +125,8 @@ def parse_expression(
     Example:
         >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
         p**2/2 - cos(q)/2
+        >>> parse_expression("max(q, 1) + abs(-q)", names=["q"])
+        abs(q) + where(q - 1 > 0, q, 1)
     """
     value = _Parser(text, check_names(names, f"symbols of {argument}"), tuple(functions), argument).parse()
     import sympy
@@ -168,7 +177,7 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
     checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
-        if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *NOT_FINITE):
+        if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *BRANCHES, *NOT_FINITE):
             raise IntegratorError(
                 f"{argument} must be letters, digits and _ and not name a function, but one was {shorten(str(name))!r}"
             )
@@ -315,6 +324,24 @@ class _Parser:
         self.skip(")")
         return values
 
+    def branch(self, name: str, position: int) -> Exact:
+        """A function that is not smooth, with its arguments."""
+        self.skip("(")
+        values, relation = [self.nested(self.sum)], ""
+        if name == "where":
+            relation = self.token
+            if relation not in (">", "<", ">=", "<="):
+                self.expected("'>', '<', '>=' or '<='")
+            self.place += 1
+            values.append(self.nested(self.sum))
+        more = {"where": 2, "min": 1, "max": 1}.get(name, 0)
+        while more > 0 or (name in ("min", "max") and self.token == ","):
+            self.skip(",")
+            values.append(self.nested(self.sum))
+            more -= 1
+        self.skip(")")
+        return self.compute(position, exact.branch, name, relation, values)
+
     def number(self, token: str, position: int) -> Fraction:
         exponent = token.lower().partition("e")[2].lstrip("+-0")
         if len(token) > exact.MAX_DIGITS or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
@@ -330,6 +357,8 @@ class _Parser:
             values = self.arguments(2 if name == "root" else 1)
             degree = values[1] if name == "root" else Fraction(2 if name == "sqrt" else 3)
             return self.compute(position, exact.root, values[0], degree)
+        if name in self.functions and name in BRANCHES:
+            return self.branch(name, position)
         if name in self.functions:
             return self.compute(position, exact.apply, name, self.arguments()[0])
         if name == "pi" and self.functions:

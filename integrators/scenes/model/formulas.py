@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
-from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
+from integrators.exact.expressions import BRANCHES, ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
 from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
     import sympy
     from sympy.printing.str import StrPrinter
 
-FUNCTIONS = frozenset((*ELEMENTARY, *ROOTS, "pi"))
+FUNCTIONS = frozenset((*ELEMENTARY, *BRANCHES, *ROOTS, "pi"))
 MAX_FORMS = 10
 """The largest number of write-and-read cycles until a formula is stable; at most two have been observed."""
 FORMULA = "formula"
@@ -142,7 +142,7 @@ def _parse(text: str, names: Collection[str], argument: str) -> sympy.Expr:
 
 def _refuse_name(name: str, text: str, names: Collection[str], argument: str) -> NoReturn:
     if re.search(rf"\b{re.escape(name)}\s*\(", text):
-        functions = ", ".join((*ELEMENTARY, *ROOTS))
+        functions = ", ".join((*ELEMENTARY, *BRANCHES, *ROOTS))
         raise IntegratorError(f"{argument} must have functions of {functions} only, but has {shorten(name)!r}")
     known = ", ".join(islice(names, 20))
     what = f"a formula in {shorten(known)}" if known else "a number"
@@ -176,6 +176,10 @@ def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Ex
     if value.has(sympy.I):
         raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
     floats = {number: sympy.Rational(_fraction_of(number)) for number in value.atoms(sympy.Float)}
+    if value.has(sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.Piecewise):
+        from integrators.exact.branches import from_sympy
+
+        value = from_sympy(value)
     plain = {symbol: sympy.Symbol(symbol.name) for symbol in cast("set[sympy.Symbol]", value.free_symbols)}
     return cast("sympy.Expr", value.xreplace({**floats, **plain}))
 
