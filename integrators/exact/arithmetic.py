@@ -196,7 +196,7 @@ def apply(name: str, argument: Exact) -> Exact:
 
 
 def branch(name: str, relation: str, values: Sequence[Any]) -> Exact:
-    """A function that is not smooth, applied to its arguments; `relation` is that between the first two of ``where``."""
+    """A function that is not smooth, applied to its arguments; `relation` is between the first two of ``where``."""
     import sympy
 
     from integrators.exact import branches

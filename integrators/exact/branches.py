@@ -1,8 +1,8 @@
 """Functions that are not smooth: abs(x), sign(x), and where(x > 0, a, b).
 
 SymPy's own take symbols without assumptions as complex, so that their derivatives are no formulas. Those here are real,
-and their derivatives are the ones on either side: abs' = sign, sign' = 0. This module imports SymPy; it is imported where
-a formula has such a function.
+and their derivatives are the ones on either side: abs' = sign, sign' = 0. This module imports SymPy, and is itself
+imported where a formula has such a function.
 """
 
 from __future__ import annotations

@@ -35,6 +35,7 @@ ELEMENTARY = (
 
 BRANCHES = ("abs", "sign", "heaviside", "min", "max", "where")
 """Its functions that are not smooth."""
+FUNCTIONS = (*ELEMENTARY, *BRANCHES)
 
 COSINES = ("cos", "sin", "tan")
 """The functions of `parse_number` besides roots: of rational multiples of pi they are algebraic."""
@@ -99,11 +100,15 @@ def parse_constant(text: str, *, argument: str = "number") -> Exact:
         >>> parse_constant("1/10"), parse_constant("pi/4")
         (Fraction(1, 10), pi/4)
     """
-    return _Parser(text, (), (*ELEMENTARY, *BRANCHES), argument).parse()
+    return _Parser(text, (), FUNCTIONS, argument).parse()
 
 
 def parse_expression(
-    text: str, *, names: Iterable[str], functions: Iterable[str] = (*ELEMENTARY, *BRANCHES), argument: str = "expression"
+    text: str,
+    *,
+    names: Iterable[str],
+    functions: Iterable[str] = FUNCTIONS,
+    argument: str = "expression",
 ) -> sympy.Expr:
     """Read a formula of numbers, roots, declared symbols, pi, elementary functions and branches.
 
@@ -113,7 +118,7 @@ def parse_expression(
     Args:
         text: the formula.
         names: the allowed symbols.
-        functions: the allowed functions, of `ELEMENTARY` and `BRANCHES`.
+        functions: the allowed functions, of `FUNCTIONS`.
         argument: its name in messages.
 
     Returns:
@@ -177,7 +182,7 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
     checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
-        if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *BRANCHES, *NOT_FINITE):
+        if match is None or match["name"] != name or name in (*ROOTS, *FUNCTIONS, *NOT_FINITE):
             raise IntegratorError(
                 f"{argument} must be letters, digits and _ and not name a function, but one was {shorten(str(name))!r}"
             )

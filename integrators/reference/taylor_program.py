@@ -290,7 +290,8 @@ class Operations:
         if name == "erf":
             import mpmath
 
-            return self.product([(2 / mpmath.sqrt(mpmath.pi), self.one), self.function("exp", self.product([minus, u, u]))])
+            factor = 2 / mpmath.sqrt(mpmath.pi), self.one
+            return self.product([factor, self.function("exp", self.product([minus, u, u]))])
         if name in ("atan", "asinh"):
             square = self.sum([one, self.product([u, u])])
         else:

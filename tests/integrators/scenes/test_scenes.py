@@ -137,8 +137,8 @@ def test_equal_formulas_are_read_again_once_and_refused_under_their_own_names():
     after = formulas._stable_form.cache_info()
     assert (after.misses - before.misses, after.hits - before.hits) == (1, 1)
     for name in ("hamiltonian", "field.p"):
-        with pytest.raises(IntegratorError, match=f"^{name} must have functions of .* only, but has 'Abs'$"):
-            read_formula(sympy.Abs(sympy.Symbol("q")), ["q"], name)
+        with pytest.raises(IntegratorError, match=f"^{name} must have functions of .* only, but has 'gamma'$"):
+            read_formula(sympy.gamma(sympy.Symbol("q")), ["q"], name)
 
 
 # What is refused
