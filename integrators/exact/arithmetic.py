@@ -195,26 +195,6 @@ def apply(name: str, argument: Exact) -> Exact:
     return bounded(getattr(sympy, name)(_limited_argument(sympy.sympify(argument, strict=True))))
 
 
-def branch(name: str, relation: str, values: Sequence[Any]) -> Exact:
-    """A function that is not smooth, applied to its arguments; `relation` is between the first two of ``where``."""
-    import sympy
-
-    from integrators.exact import branches
-
-    first, *others = (sympy.sympify(value, strict=True) for value in values)
-    match name:
-        case "abs":
-            return bounded(branches.Absolute(first))
-        case "sign":
-            return bounded(branches.Sign(first))
-        case "heaviside":
-            return bounded((1 + branches.Sign(first)) / 2)
-        case "where":
-            return bounded(branches.compare(first, relation, *others))
-        case _:
-            return bounded(branches.extreme(name, [first, *others]))
-
-
 def _limited_argument(argument: Any) -> Any:
     """The argument of a function; a number is refused if its exponential would be too large."""
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:

@@ -8,7 +8,7 @@ imported where a formula has such a function.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
@@ -19,6 +19,10 @@ class Branching(sympy.Function):
     """Base class of the functions that are not smooth."""
 
     is_real = True
+    if TYPE_CHECKING:
+        args: tuple[Any, ...]  # type: ignore[override]
+
+        def __new__(cls, *args: Any) -> Any: ...  # noqa: D102
 
 
 class Absolute(Branching):
@@ -33,7 +37,7 @@ class Absolute(Branching):
     nargs = 1
 
     @classmethod
-    def eval(cls, x: Any) -> Any:  # noqa: D102 (called by SymPy, as the methods below)
+    def eval(cls, x: Any) -> Any:  # type: ignore[override]  # noqa: D102 (called by SymPy, as others below)
         if x.is_extended_nonnegative:
             return x
         if x.is_extended_nonpositive or x.could_extract_minus_sign():
@@ -59,7 +63,7 @@ class Sign(Branching):
     nargs = 1
 
     @classmethod
-    def eval(cls, x: Any) -> Any:  # noqa: D102
+    def eval(cls, x: Any) -> Any:  # type: ignore[override]  # noqa: D102
         if x.is_zero:
             return sympy.Integer(0)
         if x.is_extended_positive:
@@ -83,7 +87,7 @@ class Sign(Branching):
         return f"(({x} > 0) - ({x} < 0))"
 
     def _numpycode(self, printer: Any) -> str:
-        return f"{printer._module_format('numpy.sign')}({printer.doprint(self.args[0])})"
+        return printer.doprint(sympy.sign(self.args[0]))
 
     _mpmathcode = _pythoncode
 
@@ -94,7 +98,7 @@ class Where(Branching):
     nargs = 3
 
     @classmethod
-    def eval(cls, x: Any, a: Any, b: Any) -> Any:  # noqa: D102
+    def eval(cls, x: Any, a: Any, b: Any) -> Any:  # type: ignore[override]  # noqa: D102
         if a == b or x.is_extended_positive:
             return a
         return b if x.is_extended_nonpositive else None
@@ -117,8 +121,8 @@ class Where(Branching):
         return f"(({a}) if {x} > 0 else ({b}))"
 
     def _numpycode(self, printer: Any) -> str:
-        x, a, b = map(printer.doprint, self.args)
-        return f"{printer._module_format('numpy.where')}({x} > 0, {a}, {b})"
+        x, a, b = self.args
+        return printer.doprint(sympy.Piecewise((a, x > 0), (b, True)))
 
     _mpmathcode = _pythoncode
 
@@ -177,10 +181,29 @@ def from_sympy(formula: Any) -> Any:
 
 def _chosen(pairs: Any) -> Any:
     """The branches of a `Piecewise` with inequalities, one after the other; the last must hold otherwise."""
+    condition: Any
     (value, condition), *others = pairs
     if condition == sympy.true or not others:
         return from_sympy(value) if condition == sympy.true else sympy.Piecewise((value, condition))
-    if not (isinstance(condition, sympy.Rel) and condition.rel_op in RELATIONS):
+    relation = getattr(condition, "rel_op", "")
+    if relation not in RELATIONS:
         return sympy.Piecewise(*pairs)
     left, right = map(from_sympy, condition.args)
-    return compare(left, condition.rel_op, right, from_sympy(value), _chosen(others))
+    return compare(left, relation, right, from_sympy(value), _chosen(others))
+
+
+def branch(name: str, relation: str, values: Sequence[Any]) -> Any:
+    """The function with a name in formulas, applied to values; `relation` is between the first two of ``where``."""
+    first, *others = (sympy.sympify(value, strict=True) for value in values)
+    match name:
+        case "abs":
+            return Absolute(first)
+        case "sign":
+            return Sign(first)
+        case "heaviside":
+            return (1 + Sign(first)) / 2
+        case "where":
+            right, a, b = others
+            return compare(first, relation, right, a, b)
+        case _:
+            return extreme(name, [first, *others])

@@ -345,7 +345,9 @@ class _Parser:
             values.append(self.nested(self.sum))
             more -= 1
         self.skip(")")
-        return self.compute(position, exact.branch, name, relation, values)
+        from integrators.exact.branches import branch
+
+        return self.compute(position, lambda: exact.bounded(branch(name, relation, values)))
 
     def number(self, token: str, position: int) -> Fraction:
         exponent = token.lower().partition("e")[2].lstrip("+-0")
