@@ -9,11 +9,10 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from integrators.core.errors import shorten, shown
+from integrators.core.errors import shown
 
 if TYPE_CHECKING:
     import numpy as np
-    import sympy
 
 
 def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
@@ -99,11 +98,3 @@ def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
     share = max(1, math.ceil(size / workers))
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
-
-
-def check_smooth(formula: sympy.Expr) -> None:
-    """Refuse a formula with abs, sign or where: a series holds on either side only, and a step may cross."""
-    from integrators.exact.branches import Branching
-
-    for part in formula.atoms(Branching):
-        raise SeriesError(f"field must be smooth for a series, but has {shorten(str(part))}, whose derivatives jump")

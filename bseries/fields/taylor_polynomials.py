@@ -18,7 +18,7 @@ from math import comb, factorial, prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_smooth
+from bseries.fields.symbolic.generators import check_smooth
 
 if TYPE_CHECKING:
     import sympy

@@ -19,8 +19,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_smooth
-from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, prime_factors, primitive
+from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, check_smooth, prime_factors, primitive
 from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
 
 if TYPE_CHECKING:
