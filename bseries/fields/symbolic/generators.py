@@ -279,5 +279,6 @@ def check_smooth(formula: sympy.Expr) -> None:
     """Refuse a formula with abs, sign or where: a series holds on either side only, and a step may cross."""
     from integrators.exact.branches import Branching
 
-    for part in formula.atoms(Branching):
-        raise SeriesError(f"field must be smooth for a series, but has {shorten(str(part))}, whose derivatives jump")
+    found = min(map(str, formula.atoms(Branching)), default="")
+    if found:
+        raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")
