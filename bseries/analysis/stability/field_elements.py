@@ -13,6 +13,8 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
+
 if TYPE_CHECKING:
     import sympy
     from flint import arb, fmpq, fmpq_poly
@@ -24,8 +26,6 @@ EXACT_DIGITS = 30
 """Digits printed of a number without error."""
 FIRST_BITS = 64
 """Working precision at which a sign is tried first."""
-MOST_DEGREE = 16
-"""Fields of higher degree take SymPy too long to build."""
 
 
 def nearest_float(value: Any) -> float:
@@ -217,10 +217,8 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
     from flint import fmpq_poly
 
     numbers = [sympy.sympify(value, strict=True) for value in values]
-    powers: set[Any] = set().union(*(x.atoms(sympy.Pow) for x in numbers))
     roots: set[Any] = set().union(*(x.atoms(sympy.CRootOf) for x in numbers))
-    degrees = [int(p.exp.q) for p in powers if p.exp.is_Rational] + [r.poly.degree() for r in roots]
-    if math.prod(degrees) > MOST_DEGREE:
+    if degree_bound(numbers) * math.prod(root.poly.degree() for root in roots) > MOST_DEGREE:
         return None
     domain: Any
     domain, elements = sympy.construct_domain(numbers, extension=True, field=True)
