@@ -17,7 +17,6 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
 from operator import add
@@ -33,6 +32,7 @@ from bseries.exact.arithmetic import (
     majorants,
     prime_field,
     primes_beyond,
+    rationals,
     wrapped_integers,
 )
 from bseries.exact.rationals import RationalValues, lcm_up_to, primorial, twos
@@ -129,7 +129,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
             )
             return RationalValues(table, numerators, denominators, step)
     with interpreting():
-        values = run(Exact())
+        values = run(rationals())
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
@@ -157,10 +157,13 @@ def _numerators(
     return _run_primes(table, run, max(bits), avoid, denominators)
 
 
-def _integer(value: Fraction | int) -> int:
-    if value.denominator != 1:
+def _integer(value: Any) -> int:
+    """A rational number of flint, or an int, as an integer."""
+    if isinstance(value, int):
+        return value
+    if value.q != 1:
         raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
-    return value.numerator
+    return int(value.p)
 
 
 def _bits(
