@@ -10,7 +10,6 @@ from bseries.algebra.modified import modified_equation, series
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
 from bseries.analysis.order import (
-    LEAST_NODES,
     MOST_STRUCTURE_TREES,
     MOST_TREES,
     affordable_order,

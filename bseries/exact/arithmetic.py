@@ -31,6 +31,7 @@ class Exact:
 
     modulus: Any = 0
     majorant = False
+    dtype = "object"
 
     def __init__(self, element: Callable[[Any], Any] | None = None):
         self._element = element
@@ -38,6 +39,10 @@ class Exact:
     def run(self, kernel: Kernel) -> Any:
         """The interpreted or compiled version of a kernel."""
         return kernel.py_func
+
+    def by_order(self, table: TreeTable) -> bool:
+        """Whether recursions treat all trees of an order at once (`bseries.exact.whole_orders`)."""
+        return False
 
     def zeros(self, size: int) -> Any:
         """A vector of `size` zeros."""
@@ -114,6 +119,10 @@ class Compiled(Exact):
     def run(self, kernel: Kernel) -> Any:
         """The compiled kernel."""
         return kernel.compiled
+
+    def by_order(self, table: TreeTable) -> bool:
+        """Whether the table is not made for compiled kernels."""
+        return not table.compiled
 
     def zeros(self, size: int) -> Any:
         """An array of `size` zeros."""

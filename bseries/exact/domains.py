@@ -32,7 +32,7 @@ from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
-from bseries.exact.operations import Operation, evaluate
+from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.number_text import nearest_double
@@ -416,8 +416,9 @@ def as_ring(values: Any) -> RingValues:
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
+    by_order = first.kind == "rational" and works_by_order(table, operation)
     if first.kind != "ring":
-        table.choose_kernels()
+        table.choose_kernels(interpreted_seconds(table) / (BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return evaluate(table, operands, operation)
     if first.kind == "float":
