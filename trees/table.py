@@ -119,7 +119,7 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self.compiled = compiling_pays(_interpreted_seconds(order, size))
+        self.compiled = compiling_pays(1e-6 * order * size)  # for this loop and that of the splits
         limits = [bound for row in self.limits for bound in row]
         self.columns = Columns(
             self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
@@ -128,9 +128,9 @@ class TreeTable(Sequence[Tree]):
         self.run(kernels.enumerate_trees)(order, colors, self.column(limits), *self.columns)
         self._complete = True
 
-    def choose_kernels(self) -> None:
+    def choose_kernels(self, seconds: float) -> None:
         """Make the columns anew for compiled kernels if these now pay (see `trees.compiled.compiling_pays`)."""
-        if not self.compiled and compiling_pays(_interpreted_seconds(self.max_order, len(self))):
+        if not self.compiled and compiling_pays(seconds):
             compiled = TreeTable(self.max_order, self.colors, self.limits).__dict__
             for name, value in vars(TreeTable).items():
                 if isinstance(value, cached_property):
@@ -359,6 +359,14 @@ class TreeTable(Sequence[Tree]):
             self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
         return splits
 
+    @cached_property
+    def split_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Start, trunk and branch of `splits` as arrays."""
+        import numpy as np
+
+        start, trunk, branch = self.splits[2:]
+        return np.asarray(start), np.asarray(trunk, np.uint32), np.asarray(branch, np.uint32)
+
     def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
         self.run(kernels.split_trees)(
             first, last, self.max_order, self.colors, *self.columns, known.start, known.trunk, known.branch,
@@ -398,11 +406,6 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
         refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
     return count_by_color(order, limits)
-
-
-def _interpreted_seconds(order: int, size: int) -> float:
-    """About the time of one operation on series in the interpreter."""
-    return 2e-5 * order * size
 
 
 @lru_cache(maxsize=16)

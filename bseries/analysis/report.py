@@ -10,7 +10,6 @@ from bseries.algebra.modified import modified_equation, series
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
 from bseries.analysis.order import (
-    LEAST_NODES,
     MOST_STRUCTURE_TREES,
     MOST_TREES,
     affordable_order,
@@ -27,7 +26,6 @@ from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES
 from bseries.analysis.structure_conditions import Verdict, block_names
 from bseries.exceptions import SeriesError
-from foundation.machine_code import load_numba
 from foundation.numbers import latex_number, number_text
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -254,9 +252,6 @@ def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVer
     """
     if auxiliary_colors(check_method(method)):
         return {}
-    if order > LEAST_NODES:
-        load_numba()  # many passes over a larger table: compiled kernels pay off
-
     exact = trusted(method)
     flow = series(exact, order)
     # The uncertainty of a field in decimals is known only for the field of a method.
