@@ -19,6 +19,7 @@ from integrators.core.errors import IntegratorError, shorten
 MOST_CHARACTERS = 1_000_000
 MOST_BRACKETS = 20
 """Of nested brackets."""
+MOST_ENTRIES = 100_000
 MOST_TOKENS = 200
 """Between two commas; the parser's stack is as deep as an entry."""
 ARRAYS = ("array", "asarray")
@@ -109,6 +110,8 @@ class _Reader:
 
     def _check_size(self) -> None:
         """Refuse what would overflow the stack of the parser."""
+        if self.source.count(",") > MOST_ENTRIES:
+            raise IntegratorError(f"{self.name} must have at most {MOST_ENTRIES:,} entries, but has more")
         depth = tokens = 0
         for token in TOKEN.findall(self.source):
             depth += (token in "([{") - (token in ")]}")

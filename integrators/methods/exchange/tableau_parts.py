@@ -138,7 +138,7 @@ def square(values: Any, stages: int) -> Any:
     if any(isinstance(row, list) for row in values):
         return values
     if len(values) != stages * stages:
-        raise IntegratorError(f"A must have {stages} rows of {stages} entries, but has {len(values)} in all")
+        raise IntegratorError(f"A must have {stages}² entries, as many rows as b has entries, but has {len(values)}")
     return [values[i * stages : (i + 1) * stages] for i in range(stages)]
 
 

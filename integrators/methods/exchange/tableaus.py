@@ -23,6 +23,7 @@ from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 
 if TYPE_CHECKING:
     from integrators.methods.exchange.tableau_parts import Format
+    from integrators.methods.programs.program import Method
 
 FORMATS: dict[str, Format] = {
     "nodepy": NODEPY,
@@ -37,7 +38,7 @@ OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": 
 """Attributes that tell the objects of packages."""
 
 
-def export_tableau(method: RungeKutta | str, format: str) -> str:
+def export_tableau(method: Method | str, format: str) -> str:
     """The text of a tableau for another package.
 
     Fractions are written as such, for C and Python as quotients, which these round to doubles. Roots are rounded to
