@@ -51,6 +51,7 @@ from .algebra.composition import compose as compose
 from .algebra.modified import exact_flow as exact_flow
 from .algebra.modified import modified_equation as modified_equation
 from .algebra.modified import series as series
+from .algebra.series_documents import load_series as load_series
 from .algebra.substitution import modifying_integrator as modifying_integrator
 from .algebra.substitution import substitute as substitute
 from .analysis import stability as stability
