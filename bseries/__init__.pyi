@@ -66,6 +66,7 @@ from .analysis.structure import symmetry as symmetry
 from .analysis.structure import symplecticity as symplecticity
 from .analysis.structure import volume_preservation as volume_preservation
 from .conditions.generating import order_conditions as order_conditions
+from .document_schemas import json_schema as json_schema
 from .exceptions import SeriesError as SeriesError
 from .fields.modified_fields import modified_field as modified_field
 from .fields.modified_fields import modifying_field as modifying_field
