@@ -234,9 +234,15 @@ class TreeTable(Sequence[Tree]):
     def _key(self) -> tuple[int, Limits]:
         return self.max_order, self.limits
 
+    @property
+    def max_children(self) -> list[list[int | None]] | None:
+        """The restriction, as the argument of that name; None if there is none."""
+        if self.limits == normal_limits(self.colors, None):
+            return None
+        return [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+
     def __repr__(self) -> str:
-        shown = [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
-        restricted = "" if self.limits == normal_limits(self.colors, None) else f", max_children={shown}"
+        restricted = "" if self.max_children is None else f", max_children={self.max_children}"
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def to_table(self) -> Table:

@@ -120,6 +120,22 @@ def takes_output(
     return write
 
 
+def takes_text(flag: str, metavar: str, help: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Add an option for other text than a table; it allows any suffix of the file and excludes --format."""
+
+    def decorate(write: Callable[..., None]) -> Callable[..., None]:
+        @click.option(flag, "language", metavar=metavar, help=help)
+        @functools.wraps(write)
+        def call(*, language: str | None, format_: str | None, **options: Any) -> None:
+            if language is not None and format_ is not None:
+                raise Refusal(f"format must be left out where {flag} is given, but was {format_!r:.60}")
+            write(language=language, format_=format_ if language is None else "table", **options)
+
+        return call
+
+    return decorate
+
+
 def _choose_format(given: str | None, path: str | None, formats: Collection[str], also: Sequence[str]) -> str:
     if given is not None:
         if given not in formats:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.output import takes_output
+from bseries.cli.output import takes_output, takes_text
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
@@ -20,8 +21,9 @@ HINT = "`bseries methods NAME` shows a tableau and its source; --format csv and 
 
 @click.command()
 @takes_method(required=False)
+@takes_text("--as", "PACKAGE", "Source text for nodepy, diffrax, scipy, sundials, petsc, rungekutta.jl or sciml.")
 @takes_output
-def methods(method: Method | None, output: Output) -> Table:
+def methods(method: Method | None, language: str | None, output: Output) -> Table | str:
     """The catalogue of methods, or the tableau of one.
 
     With METHOD, its tableau and its source. A name that ends in {s} is a family: write the number of stages in its
@@ -35,10 +37,16 @@ def methods(method: Method | None, output: Output) -> Table:
       bseries methods gauss2 --format latex
       bseries methods --format csv -o methods.csv
       bseries methods rk4 -o mine.json
+      bseries methods tsit5 --as diffrax -o tsit5.py
     """
     from bseries.cli.listings import method_table
     from integrators import catalogue
+    from integrators.methods import export_tableau
 
+    if language is not None:
+        if method is None:
+            raise Refusal(f"METHOD must be given where --as is, but only {language!r:.60} was")
+        return export_tableau(method, language)
     if method is None:
         return catalogue().to_table().extended(notes=[HINT])
     return method_table(method)
