@@ -20,7 +20,6 @@ from integrators.core.arguments import as_lists, check_digits, is_listed, read_l
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
-from integrators.exact.entries import multiply_entries, round_entry
 from integrators.exact.expressions import format_number
 from integrators.methods.programs.evaluations import (
     Average,
@@ -31,7 +30,8 @@ from integrators.methods.programs.evaluations import (
     LinearForm,
     check_form,
     operands,
-)
+)  # fmt: skip
+from integrators.methods.programs.pictures import method_picture
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -77,7 +77,7 @@ class Method(ImmutableValue):
         """The method as plain data."""
         return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
 
-    _repr_html_ = as_html
+    _repr_html_, plot = as_html, method_picture
 
     @property
     def remarks(self) -> list[str]:
@@ -408,7 +408,7 @@ class RepeatedProgram(Program):
 
 def program_text(program: Program) -> str:
     """The evaluations k1, k2, … and the end of the step y1."""
-    show = format_number if program.digits is None else lambda x: f"{round_entry(x):.{DIGITS}g}"
+    show = format_number if program.digits is None else lambda x: f"{entries.round_entry(x):.{DIGITS}g}"
     lines = [f"k{e} = {_text(x, program.names, show)}" for e, x in enumerate(program.evaluations, 1)]
     return "\n".join([*lines, f"y1 = {program.result.text(show)}"])
 
@@ -495,11 +495,13 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
     own = [Fraction(1) if isinstance(evaluation, Flow) else factor for evaluation in program.evaluations]
 
     def change(form: LinearForm) -> LinearForm:
-        return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
+        return LinearForm.of_entries(
+            form.start, {e: entries.multiply_entries(x, own[e]) for e, x in form.terms.items()}
+        )
 
     def lengthen(evaluation: Evaluation) -> Evaluation:
         if isinstance(evaluation, Flow):
-            return evaluation._replace(time=multiply_entries(evaluation.time, factor))
+            return evaluation._replace(time=entries.multiply_entries(evaluation.time, factor))
         return evaluation
 
     return tuple(lengthen(mapped(evaluation, change)) for evaluation in program.evaluations), change(program.result)
@@ -553,9 +555,11 @@ def as_decimals(program: Program, digits: int) -> Program:
 
     def change(evaluation: Evaluation) -> Evaluation:
         changed = mapped(evaluation, exact)
-        return changed._replace(time=Fraction(round_entry(changed.time))) if isinstance(changed, Flow) else changed
+        return (
+            changed._replace(time=Fraction(entries.round_entry(changed.time))) if isinstance(changed, Flow) else changed
+        )
 
     def exact(form: LinearForm) -> LinearForm:
-        return form.map(lambda x: Fraction(round_entry(x)))
+        return form.map(lambda x: Fraction(entries.round_entry(x)))
 
     return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)
