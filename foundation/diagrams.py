@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from foundation.plotting import BLACK, BLUE, CENTIMETRE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, fit_picture
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,95 +91,3 @@ def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: A
 def bar_height(count: int) -> float:
     """The height in centimetres of a figure with bars."""
     return 2.2 + 0.75 * count
-
-
-FONT, GAP, LINE = 9.0, 7.0, 0.7
-"""Font size, gaps around entries and line width of a tableau, in points."""
-
-
-class Tableau:
-    """Rows of formulas in mathtext, with a line to the right of the first column and below some rows.
-
-    Args:
-        rows: The formulas; shorter rows have empty cells.
-        below: The number of rows above the horizontal line.
-        title: A name above.
-    """
-
-    def __init__(self, rows: Sequence[Sequence[str]], below: int, title: str = ""):
-        self._rows, self._below, self._title = rows, below, title
-        boxes = [[_extent(cell) for cell in row] for row in rows]
-        columns = range(max(map(len, rows)))
-        self._widths = [max(row[k][0] for row in boxes if k < len(row)) + 2 * GAP for k in columns]
-        self._heights = [max(box[1] for box in row) + GAP for row in boxes]
-        self._top = 2 * FONT if title else 0.0
-        self.width, self.height = sum(self._widths), sum(self._heights) + self._top
-
-    def draw(self, ax: Axes, left: float, top: float, scale: float) -> None:
-        """Draw with the upper left corner at a point, in points; fonts are scaled."""
-        text = {"fontsize": FONT * scale, "ha": "center", "va": "center"}
-        if self._title:
-            ax.text(left + self.width / 2, top + FONT / 2, self._title, **text)
-        y = top + self._top
-        for k, (row, height) in enumerate(zip(self._rows, self._heights, strict=True)):
-            x = left
-            if k == self._below:
-                ax.plot([left, left + self.width], [y, y], color=BLACK, linewidth=LINE * scale)
-            for cell, width in zip(row, self._widths, strict=False):
-                ax.text(x + width / 2, y + height / 2, cell, **text)
-                x += width
-            y += height
-        border = left + self._widths[0]
-        ax.plot([border, border], [top + self._top, y], color=BLACK, linewidth=LINE * scale)
-
-
-def _extent(cell: str) -> tuple[float, float]:
-    """Width and height of a formula, in points."""
-    from matplotlib.textpath import TextPath
-
-    if not cell:
-        return 0.0, FONT
-    box = TextPath((0, 0), cell, size=FONT).get_extents()
-    return box.width, max(box.height, FONT)
-
-
-def tableau_size(tableaux: Sequence[Tableau]) -> tuple[float, float]:
-    """Width and height in centimetres of tableaux side by side."""
-    width, height = _size(tableaux)
-    return width / 72 / CENTIMETRE, height / 72 / CENTIMETRE
-
-
-def _size(tableaux: Sequence[Tableau]) -> tuple[float, float]:
-    return sum(t.width + 2 * GAP for t in tableaux), max(t.height for t in tableaux) + 2 * GAP
-
-
-def draw_tableaux(ax: Axes, tableaux: Sequence[Tableau]) -> None:
-    """Tableaux side by side; the axes' frame is hidden."""
-    width, height = _size(tableaux)
-    scale = fit_picture(ax, width, height)
-    left = GAP
-    for tableau in tableaux:
-        tableau.draw(ax, left, GAP, scale)
-        left += tableau.width + 2 * GAP
-
-
-ASPECT, LEADING = 0.602, 1.35
-"""Width of a letter of fixed width, and distance of lines, relative to the font size."""
-
-
-def listing_size(text: str) -> tuple[float, float]:
-    """Width and height in centimetres of lines in a font of fixed width."""
-    width, height = _listing_points(text)
-    return width / 72 / CENTIMETRE, height / 72 / CENTIMETRE
-
-
-def _listing_points(text: str) -> tuple[float, float]:
-    lines = text.splitlines()
-    return FONT * ASPECT * max(map(len, lines)) + 2 * GAP, FONT * LEADING * len(lines) + 2 * GAP
-
-
-def draw_listing(ax: Axes, text: str) -> None:
-    """Lines in a font of fixed width; the axes' frame is hidden."""
-    scale = fit_picture(ax, *_listing_points(text))
-    style: Any = {"family": "monospace", "fontsize": FONT * scale, "linespacing": LEADING / 1.2, "parse_math": False}
-    ax.text(GAP, GAP, text, va="top", **style)

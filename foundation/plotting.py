@@ -171,8 +171,14 @@ def drawing(
         figure.draw_without_rendering()  # lays out ticks with the current settings
 
 
-def fit_picture(ax: Axes, width: float, height: float) -> float:
+def in_centimetres(size: tuple[float, float]) -> tuple[float, float]:
+    """A size in points, of which 72 are an inch, in centimetres."""
+    return size[0] / 72 / CENTIMETRE, size[1] / 72 / CENTIMETRE
+
+
+def fit_picture(ax: Axes, size: tuple[float, float]) -> float:
     """Let axes without a frame show a picture of a size in points, y downwards; the factor of lengths in points."""
+    width, height = size
     ax.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
     ax.axis("off")
     extent = ax.get_window_extent()

@@ -7,7 +7,7 @@ from html import escape
 from itertools import accumulate, islice
 from typing import TYPE_CHECKING, NamedTuple
 
-from foundation.plotting import CENTIMETRE, PALETTE, drawing, fit_picture
+from foundation.plotting import PALETTE, drawing, fit_picture, in_centimetres
 from trees.errors import TreeError
 from trees.notation import TreeLike, check_names, default_names, parents_of, tree_text
 
@@ -227,17 +227,16 @@ def draw(
         2
     """
     picture = arrange(trees, columns, labels, names)
-    size = picture.width / 72 / CENTIMETRE, picture.height / 72 / CENTIMETRE  # one point per pixel
-    with drawing(ax, TreeError, size, frame=False) as axes:
-        _draw(picture, axes)
+    size = picture.width, picture.height  # one point per pixel
+    with drawing(ax, TreeError, in_centimetres(size), frame=False) as axes:
+        _draw(picture, axes, fit_picture(axes, size))
     return axes
 
 
-def _draw(picture: Picture, ax: Axes) -> None:
-    """Draw a picture on axes."""
+def _draw(picture: Picture, ax: Axes, scale: float) -> None:
+    """Draw a picture on axes, with lengths in points scaled."""
     from matplotlib import collections
 
-    scale = fit_picture(ax, picture.width, picture.height)
     nodes = [node for tree in picture.drawn for node in tree.nodes]
     edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
     diameters = [2 * RADIUS] * len(nodes)

@@ -21,15 +21,26 @@ from bseries.analysis.stability.field_elements import (
     to_elements,
 )
 from bseries.analysis.stability.real_polynomials import evaluate
+from foundation.diagrams import draw_region
 from foundation.numbers import latex_number
+from foundation.plotting import BLACK, drawing
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
+from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
 
 if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
     from integrators.exact.entries import Entry
+
+POINTS = 400
+"""Of a plot, in each direction."""
+NARROW = 4.0
+"""Ratio of sides from which on a plot stretches the shorter one."""
 
 
 class StabilityFunction(ImmutableValue):
@@ -178,10 +189,7 @@ class StabilityFunction(ImmutableValue):
         """Values at a number or an array of numbers; in powers of 1/z for |z| > 1, to avoid overflow."""
         import numpy as np
 
-        p, q = (
-            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
-            for values in (self.numerator, self.denominator)
-        )
+        p, q = self._float_coefficients()
         try:
             points = np.asarray(z) * 1.0
         except (TypeError, ValueError):
@@ -197,6 +205,58 @@ class StabilityFunction(ImmutableValue):
         if not below:
             raise IntegratorError(f"z must not be a pole, but was {z!r}")
         return values.item()
+
+    def _float_coefficients(self) -> tuple[list[float], list[float]]:
+        """The coefficients of numerator and denominator in double precision."""
+        p, q = (
+            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
+            for values in (self.numerator, self.denominator)
+        )
+        return p, q
+
+    def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Any = None) -> Axes:
+        """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            order_star: Whether the order star is drawn.
+            window: The ends (left, right, bottom, top) of the axes; by default, zeros and poles are inside.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: The coefficients have symbols, or an argument has the wrong type.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> from bseries import stability_function
+            >>> axes = stability_function("rk4").plot()
+            >>> axes.get_title(), axes.get_xlabel(), axes.get_xlim()[0] < -2.785
+            ('shaded: |R(z)| ≤ 1', 'Re z,  z = hλ', True)
+
+        References:
+            G. Wanner, E. Hairer, S. P. Nørsett, BIT 18 (1978) 475–489, doi:10.1007/BF01932026 (order stars).
+        """
+        import numpy as np
+
+        poles = np.array(self.poles)
+        zeros = np.roots(self._float_coefficients()[0][::-1])
+        ends = _window(zeros, poles) if window is None else read_window(window)
+        x, y = np.linspace(*ends[:2], POINTS), np.linspace(*ends[2:], POINTS)
+        z = x + 1j * y[:, None]
+        with np.errstate(all="ignore"):
+            sizes = np.log(np.abs(self(z)))
+        with drawing(ax, IntegratorError) as axes:
+            draw_region(axes, x, y, z.real - sizes if order_star else sizes)
+            if order_star:
+                axes.plot(zeros.real, zeros.imag, "o", color=BLACK, mfc="none", markersize=4, clip_on=True)
+                axes.plot(poles.real, poles.imag, "x", color=BLACK, markersize=4, clip_on=True)
+            title = "shaded: |R(z)| > |exp z|;  ○ zeros, × poles" if order_star else "shaded: |R(z)| ≤ 1"
+            axes.set(title=title, xlabel="Re z,  z = hλ", ylabel="Im z", xlim=ends[:2], ylim=ends[2:])
+            if (x[-1] - x[0]) < NARROW * (y[-1] - y[0]):
+                axes.set_aspect("equal")
+        return axes
 
     def __str__(self) -> str:
         above, below = polynomial_text(self.p), polynomial_text(self.q)
@@ -219,6 +279,15 @@ class StabilityFunction(ImmutableValue):
 
     def _repr_latex_(self) -> str:
         return f"${self.latex()}$"
+
+
+def _window(zeros: np.ndarray, poles: np.ndarray) -> tuple[float, float, float, float]:
+    """Ends of axes that show zeros, poles and 0 with some space around."""
+    points = [*zeros.tolist(), *poles.tolist(), 0.0]
+    left, right = min(z.real for z in points), max(z.real for z in points)
+    top = max(z.imag for z in points)
+    space = 1 + 0.3 * max(top, (right - left) / 2)
+    return left - space, right + space, -top - space, top + space
 
 
 def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:

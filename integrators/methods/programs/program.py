@@ -2,8 +2,7 @@
 
 Every one-step method with stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds of
 evaluations suffice; their arguments are linear forms in y₀ and the k_e, including later ones for implicit stages.
-Programs are used by the algebra of series, by substitution (with another field in place of f), and by the generator of
-steppers.
+Programs are used by series, by substitution (another field for f) and by the generator of steppers.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from integrators.core.arguments import as_lists, check_digits, is_listed, read_l
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
+from integrators.exact.entries import multiply_entries, round_entry
 from integrators.exact.expressions import format_number
 from integrators.methods.programs.evaluations import (
     Average,
@@ -30,7 +30,7 @@ from integrators.methods.programs.evaluations import (
     LinearForm,
     check_form,
     operands,
-)  # fmt: skip
+)
 from integrators.methods.programs.pictures import method_picture
 
 if TYPE_CHECKING:
@@ -408,7 +408,7 @@ class RepeatedProgram(Program):
 
 def program_text(program: Program) -> str:
     """The evaluations k1, k2, … and the end of the step y1."""
-    show = format_number if program.digits is None else lambda x: f"{entries.round_entry(x):.{DIGITS}g}"
+    show = format_number if program.digits is None else lambda x: f"{round_entry(x):.{DIGITS}g}"
     lines = [f"k{e} = {_text(x, program.names, show)}" for e, x in enumerate(program.evaluations, 1)]
     return "\n".join([*lines, f"y1 = {program.result.text(show)}"])
 
@@ -495,13 +495,11 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
     own = [Fraction(1) if isinstance(evaluation, Flow) else factor for evaluation in program.evaluations]
 
     def change(form: LinearForm) -> LinearForm:
-        return LinearForm.of_entries(
-            form.start, {e: entries.multiply_entries(x, own[e]) for e, x in form.terms.items()}
-        )
+        return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
 
     def lengthen(evaluation: Evaluation) -> Evaluation:
         if isinstance(evaluation, Flow):
-            return evaluation._replace(time=entries.multiply_entries(evaluation.time, factor))
+            return evaluation._replace(time=multiply_entries(evaluation.time, factor))
         return evaluation
 
     return tuple(lengthen(mapped(evaluation, change)) for evaluation in program.evaluations), change(program.result)
@@ -555,11 +553,9 @@ def as_decimals(program: Program, digits: int) -> Program:
 
     def change(evaluation: Evaluation) -> Evaluation:
         changed = mapped(evaluation, exact)
-        return (
-            changed._replace(time=Fraction(entries.round_entry(changed.time))) if isinstance(changed, Flow) else changed
-        )
+        return changed._replace(time=Fraction(round_entry(changed.time))) if isinstance(changed, Flow) else changed
 
     def exact(form: LinearForm) -> LinearForm:
-        return form.map(lambda x: Fraction(entries.round_entry(x)))
+        return form.map(lambda x: Fraction(round_entry(x)))
 
     return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)

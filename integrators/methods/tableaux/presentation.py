@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from foundation.diagrams import Tableau, draw_tableaux, tableau_size
 from foundation.extras import optional_module
 from foundation.numbers import latex_number
-from foundation.plotting import drawing
 from foundation.table import Column, Table
-from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER, json_text
 from integrators.exact.expressions import format_number
+from integrators.methods.programs.pictures import Tableau, tableaux_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +51,7 @@ def tableau_latex(method: Any) -> str:
 
 
 def tableau_picture(self: Any, ax: Axes | None = None) -> Axes:
-    """The tableau as a picture; those of several parts side by side. Long irrational entries are rounded to floats.
+    r"""The tableau as a picture; those of several parts side by side. Long irrational entries are rounded to floats.
 
     Args:
         self: The method.
@@ -69,16 +67,12 @@ def tableau_picture(self: Any, ax: Axes | None = None) -> Axes:
     Example:
         >>> from integrators import method
         >>> [text.get_text() for text in method("explicit-midpoint").plot().texts if text.get_text()]
-        ['$0$', '$0$', '$0$', '$\\frac{1}{2}$', '$\\frac{1}{2}$', '$0$', '$0$', '$1$']
+        ['$0$', '$0$', '$0$', '$\\dfrac{1}{2}$', '$\\dfrac{1}{2}$', '$0$', '$0$', '$1$']
     """
     optional_module("matplotlib", "a plot")
-    tableaux = [
-        Tableau([[f"${cell}$" if cell else "" for cell in row] for row in _latex_rows(part)], part.stages, name)
-        for name, part in zip(self.names, self.partitions, strict=True)
-    ]
-    with drawing(ax, IntegratorError, tableau_size(tableaux), frame=False) as axes:
-        draw_tableaux(axes, tableaux)
-    return axes
+    parts = zip(self.names, self.partitions, strict=True)
+    tableaux = [Tableau(_latex_rows(part), part.stages, name) for name, part in parts]
+    return tableaux_picture(tableaux, ax)
 
 
 def _latex_rows(method: Any) -> list[list[str]]:
