@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
@@ -20,6 +21,8 @@ SHADE = "#c6dbef"
 """Of regions: light enough for lines and text on it."""
 MANY = 10_000
 """Number of points from which on a curve is stored as an image in PDF and SVG."""
+TITLE = 54
+"""Most characters in a line of a title."""
 BAR = 0.6
 """Thickness of a bar, as a part of the distance of bars."""
 
@@ -34,15 +37,20 @@ def line_style(k: int) -> dict[str, Any]:
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def draw_curves(ax: Axes, x: Any, curves: Mapping[str, Any], *, points: bool = False) -> None:
+def draw_curves(ax: Axes, x: Any, curves: Mapping[str, Any], *, points: bool = False, **style: Any) -> None:
     """Curves over x, or their points; with a legend if there are several."""
     for k, (name, y) in enumerate(curves.items()):
-        style = line_style(k)
+        own = line_style(k) | style
         if points:
-            style |= {"linestyle": "none", "marker": MARKERS[k % len(MARKERS)], "markersize": 1.5}
-        ax.plot(x, y, label=name, rasterized=len(y) > MANY, **style)
+            own |= {"linestyle": "none", "marker": MARKERS[k % len(MARKERS)], "markersize": 1.5}
+        ax.plot(x, y, label=name, rasterized=len(y) > MANY, **own)
     if len(curves) > 1:
         draw_legend(ax)
+
+
+def write_title(ax: Axes, text: str) -> None:
+    """A title in lines that a narrow figure has room for; names from files are no formulas."""
+    ax.set_title(fill(text.removeprefix("the ").replace(" = ", "\xa0=\xa0"), TITLE), parse_math=False)
 
 
 def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SHADE) -> None:

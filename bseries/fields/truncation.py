@@ -18,7 +18,7 @@ from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
-from foundation.diagrams import draw_legend
+from foundation.diagrams import draw_legend, write_title
 from foundation.plotting import BLUE, VERMILION, drawing
 from integrators.core.errors import shown
 from integrators.scenes.particles.parts import Piece, degrees
@@ -232,7 +232,7 @@ class Reach(NamedTuple):
             >>> field = bs.modified_field("explicit-euler", "riccati", 12)
             >>> axes = bs.fields.reach(field, [1.0], 0.25).plot()
             >>> axes.get_ylabel(), len(axes.lines[0].get_xdata())
-            ('size of the term with h^k', 12)
+            ('size of the term with $h^k$', 12)
         """
         sizes = [self.sizes[k] for k in self.powers]
         with drawing(ax, SeriesError) as axes:
@@ -242,10 +242,9 @@ class Reach(NamedTuple):
                 style = {"color": VERMILION, "marker": "D", "markersize": 6, "mfc": "none", "linestyle": "none"}
                 axes.plot([best], [self.sizes[best]], label=f"optimal, k = {best}", **style)
                 draw_legend(axes)
-            axes.xaxis.get_major_locator().set_params(integer=True)
-            axes.set(
-                title=f"{self.label}, h = {self.h:g}", xlabel="k", ylabel="size of the term with h^k", yscale="log"
-            )
+            axes.locator_params(axis="x", integer=True)
+            axes.set(xlabel="k", ylabel="size of the term with $h^k$", yscale="log")
+            write_title(axes, f"{self.label}, h = {self.h:g}")
         return axes
 
     def __str__(self) -> str:

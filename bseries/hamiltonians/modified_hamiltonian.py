@@ -28,7 +28,7 @@ from bseries.scene_text import (
     short_powers,
     span,
 )
-from foundation.diagrams import draw_levels
+from foundation.diagrams import draw_levels, write_title
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError, shown
@@ -302,8 +302,8 @@ class ModifiedHamiltonian:
             draw_levels(axes, across, upwards, values, LEVELS)
             if run is not None:
                 axes.plot(run.y[i], run.y[j], ".", color=BLUE, markersize=2.5)
-            title = f"{self.label.removeprefix('the ')} to $h^{{{self.order - 1}}}$, h = {read_step(h):g}"
-            axes.set(title=title, xlabel=self.variables[i], ylabel=self.variables[j], xlim=ends[:2], ylim=ends[2:])
+            write_title(axes, f"{self.label} on {self.scene.name} to h^{self.order - 1}, h = {read_step(h):g}")
+            axes.set(xlabel=self.variables[i], ylabel=self.variables[j], xlim=ends[:2], ylim=ends[2:])
         return axes
 
     def _plane(self, x: str | None, y: str | None) -> tuple[int, int]:

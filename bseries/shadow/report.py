@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from foundation.diagrams import draw_curves
+from foundation.diagrams import draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.exact.arguments import read_number
@@ -20,6 +20,7 @@ from integrators.exact.arguments import read_number
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
@@ -300,6 +301,10 @@ class ShadowReport:
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
         check_picture(path)
+        save_picture(path, self.draw())
+
+    def draw(self) -> Figure:
+        """The figure of `save_plot`: sizes by order, the energy, and the best shadow energy over time."""
         with print_style():
             figure = new_figure(SIZE)
             gains, energy, shadow = figure.subplots(1, 3)
@@ -308,7 +313,7 @@ class ShadowReport:
             _draw_times(self, shadow, self.rows.index(self.best), VERMILION)
             heading = f"{os.path.basename(self.label)}: {self.states:,} states, h = {self.h:g}"
             figure.suptitle(heading, fontsize="medium", parse_math=False)
-        save_picture(path, figure)
+        return figure
 
     def plot(self, ax: Axes | None = None, *, orders: Sequence[int] | None = None) -> Axes:
         """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.
@@ -346,10 +351,9 @@ class ShadowReport:
             name = "order 2: energy" if order == 2 else f"order {order}"
             curves[name] = np.where(strayed > 0, strayed, np.nan)
         with drawing(ax, SeriesError) as axes:
-            draw_curves(axes, t, curves)
-            about = f"{os.path.basename(self.label)}, h = {self.h:g}"
+            draw_curves(axes, t, curves, linestyle="-", linewidth=0.7)
+            write_title(axes, f"{os.path.basename(self.label)}, h = {self.h:g}")
             axes.set(xlabel="time t", ylabel="largest distance from the mean", yscale="log")
-            axes.set_title(about, parse_math=False)
         return axes
 
     def to_table(self, bound: float | None = None) -> Table:

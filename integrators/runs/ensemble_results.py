@@ -15,7 +15,7 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.diagrams import draw_band, draw_legend
+from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.extras import optional_module
 from foundation.plotting import BLUE, GREY, drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
@@ -269,11 +269,12 @@ class EnsembleResult(Tabular):
             draw_band(axes, self.t, mean - std, mean + std, "mean ± std")
             for k, member in enumerate(self.series[name]):
                 label = "a member" if k == 0 else "_"
-                axes.plot(self.t, member, color=GREY, linewidth=0.5, label=label)
+                axes.plot(self.t, member, color=GREY, linewidth=0.4, label=label)
             axes.plot(self.t, mean, color=BLUE, label="mean")
             draw_legend(axes)
             about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}: {self.meta['members']:,} members"
-            axes.set(title=about, xlabel="time t", ylabel=self._label(name))
+            write_title(axes, about)
+            axes.set(xlabel="time t", ylabel=self._label(name))
         return axes
 
     def _label(self, name: str) -> str:

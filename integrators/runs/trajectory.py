@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from foundation.diagrams import draw_curves
+from foundation.diagrams import draw_curves, write_title
 from foundation.extras import optional_module
 from foundation.plotting import drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
@@ -44,6 +44,8 @@ CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times
 """The content of `RUN`."""
 
 DIGITS = "0123456789"
+WIDTH, ORBIT_WIDTH = 1.0, 0.5
+"""Of lines in a plot, in points; orbits come close to themselves."""
 
 START_AND_END = (
     Column("what", get=lambda record: record["what"]), number_column("start", ".15g"), number_column("end", ".15g"),
@@ -161,10 +163,12 @@ class Trajectory(Tabular):
         with drawing(ax, IntegratorError) as axes:
             if change:
                 curves = [curve - curve[:1] for curve in curves]
-            draw_curves(axes, across, dict(zip(names, curves, strict=True)), points=points)
+            width = WIDTH if x == "t" else ORBIT_WIDTH
+            draw_curves(axes, across, dict(zip(names, curves, strict=True)), points=points, linewidth=width)
             what = names[0] if len(names) == 1 else "value"
             label = f"change of {what} since the start" if change else what
-            axes.set(title=_names(self) + f", h = {self.h:g}", xlabel="time t" if x == "t" else x, ylabel=label)
+            write_title(axes, f"{_names(self)}, h = {self.h:g}")
+            axes.set(xlabel="time t" if x == "t" else x, ylabel=label)
             if len(names) == 1 and x.rstrip(DIGITS) == what.rstrip(DIGITS):
                 axes.set_aspect("equal", "datalim")  # coordinates of one place
         return axes

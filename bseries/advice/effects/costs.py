@@ -11,7 +11,7 @@ from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_trees import trees_of_method
-from foundation.diagrams import bar_height, draw_bars
+from foundation.diagrams import bar_height, draw_bars, write_title
 from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.exact.arguments import read_number
@@ -136,7 +136,8 @@ class EffectCosts(Sequence[CostRow]):
         above = [(time.high - time.seconds) * NANO for time in times]
         with drawing(ax, SeriesError, (WIDTH, bar_height(len(names)))) as axes:
             draw_bars(axes, names, [time.seconds * NANO for time in times], (below, above))
-            axes.set(title=f"{self.method} on {self.scene}", xlabel="CPU time of a step in ns")
+            write_title(axes, f"{self.method} on {self.scene}, h = {self.h:g}")
+            axes.set_xlabel("CPU time of a step in ns")
         return axes
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame

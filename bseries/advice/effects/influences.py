@@ -20,7 +20,7 @@ from bseries.advice.measures import (
 )
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend
+from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
 from foundation.plotting import BLACK, VERMILION, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
@@ -244,7 +244,8 @@ class EffectReport(NamedTuple):
         fills = ["white" if row.name in self.leave_out else SHADE for row in self.rows]
         with drawing(ax, SeriesError, (12.0, bar_height(len(names)))) as axes:
             draw_bars(axes, names, widths, color=fills)
-            axes.set(title=f"{self.method} on {self.scene}, h = {self.h:g}", xscale="log")
+            write_title(axes, f"{self.method} on {self.scene}, h = {self.h:g}")
+            axes.set_xscale("log")
             axes.set_xlabel(f"change of the {self.measure} without the effect")
             axes.axvline(self.accept, color=VERMILION, linestyle="--", label="accepted error")
             axes.axvline(getattr(self.own_error, self.measure), color=BLACK, linestyle=":", label="error of the method")

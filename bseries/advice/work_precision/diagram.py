@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from bseries.advice.work_precision.sweeps import Curve
 
-WIDTH, HEIGHT = 15.0, 7.5
+WIDTH, HEIGHT = 12.0, 8.0
 """Size of a panel, in centimetres."""
 NAME_SIZE = 7
 """Font size of the names of methods, in points: twenty fit beside a panel."""
@@ -62,7 +62,8 @@ def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float]
                 *zip(*points, strict=True), label=curve.candidate.name, **_style(k, curve.candidate.name in best)
             )
     legend = name_curves(panel)
-    legend.set_title("strong: cheapest\nfor some error", {"size": NAME_SIZE})
+    legend.set_title("strong: cheapest\nfor some error")
+    legend.get_title().set_fontsize(NAME_SIZE)
     for line in legend.get_lines():
         line.set_linestyle("none")  # beside a panel, lines would look like curves that go on
 

@@ -16,6 +16,7 @@ from bseries.advice.work_precision.candidates import candidates
 from bseries.advice.work_precision.diagram import HEIGHT, WIDTH, draw_panel
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
+from foundation.diagrams import write_title
 from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
@@ -166,7 +167,7 @@ class WorkPrecision:
             raise IntegratorError(f"measure must be one of {', '.join(self.measures)}, but was {measure!r:.60}")
         with drawing(ax, IntegratorError, (WIDTH, HEIGHT)) as axes:
             draw_panel(axes, self.curves, self.errors, measure)
-            axes.set_title(self.title)
+            write_title(axes, self.title)
         return axes
 
     def to_dict(self) -> dict[str, Any]:

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 POINTS = 400
 """Of a plot, in each direction."""
+SPACE = 1.3
+"""Size of a plot, relative to what it shows."""
 NARROW = 4.0
 """Ratio of sides from which on a plot stretches the shorter one."""
 
@@ -214,13 +216,22 @@ class StabilityFunction(ImmutableValue):
         )
         return p, q
 
+    def _logarithms(self, ends: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A grid x, y of a window, and log |R(x + iy)| there, (len(y), len(x))."""
+        import numpy as np
+
+        left, right, bottom, top = ends
+        x, y = np.linspace(left, right, POINTS), np.linspace(bottom, top, POINTS)
+        with np.errstate(all="ignore"):
+            return x, y, np.log(np.abs(self(x + 1j * y[:, None])))
+
     def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Any = None) -> Axes:
         """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
 
         Args:
             ax: The axes; None for those of a new figure.
             order_star: Whether the order star is drawn.
-            window: The ends (left, right, bottom, top) of the axes; by default, zeros and poles are inside.
+            window: The ends (left, right, bottom, top) of the axes; by default, of the region, or of zeros and poles.
 
         Returns:
             The axes.
@@ -232,8 +243,8 @@ class StabilityFunction(ImmutableValue):
         Example:
             >>> from bseries import stability_function
             >>> axes = stability_function("rk4").plot()
-            >>> axes.get_title(), axes.get_xlabel(), axes.get_xlim()[0] < -2.785
-            ('shaded: |R(z)| ≤ 1', 'Re z,  z = hλ', True)
+            >>> axes.get_xlabel(), -4 < axes.get_xlim()[0] < -2.785
+            ('Re z,  z = hλ', True)
 
         References:
             G. Wanner, E. Hairer, S. P. Nørsett, BIT 18 (1978) 475–489, doi:10.1007/BF01932026 (order stars).
@@ -241,14 +252,16 @@ class StabilityFunction(ImmutableValue):
         import numpy as np
 
         poles = np.array(self.poles)
-        zeros = np.roots(self._float_coefficients()[0][::-1])
-        ends = _window(zeros, poles) if window is None else read_window(window)
-        x, y = np.linspace(*ends[:2], POINTS), np.linspace(*ends[2:], POINTS)
-        z = x + 1j * y[:, None]
-        with np.errstate(all="ignore"):
-            sizes = np.log(np.abs(self(z)))
+        zeros: Any = np.roots(self._float_coefficients()[0][::-1])
+        given = None if window is None else read_window(window)
+        size = SPACE * max(abs(np.concatenate([zeros, poles, [1]])))
+        ends = given or (-size, size, -size, size)
+        x, y, sizes = self._logarithms(ends)
+        if given is None and not order_star:  # the region may be much smaller
+            ends = _region_ends(x, y, sizes <= 0)
+            x, y, sizes = self._logarithms(ends)
         with drawing(ax, IntegratorError) as axes:
-            draw_region(axes, x, y, z.real - sizes if order_star else sizes)
+            draw_region(axes, x, y, x - sizes if order_star else sizes)
             if order_star:
                 axes.plot(zeros.real, zeros.imag, "o", color=BLACK, mfc="none", markersize=4, clip_on=True)
                 axes.plot(poles.real, poles.imag, "x", color=BLACK, markersize=4, clip_on=True)
@@ -281,13 +294,14 @@ class StabilityFunction(ImmutableValue):
         return f"${self.latex()}$"
 
 
-def _window(zeros: np.ndarray, poles: np.ndarray) -> tuple[float, float, float, float]:
-    """Ends of axes that show zeros, poles and 0 with some space around."""
-    points = [*zeros.tolist(), *poles.tolist(), 0.0]
-    left, right = min(z.real for z in points), max(z.real for z in points)
-    top = max(z.imag for z in points)
-    space = 1 + 0.3 * max(top, (right - left) / 2)
-    return left - space, right + space, -top - space, top + space
+def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:
+    """The ends (left, right, bottom, top) of a region and 0 with some space, within those of a grid."""
+    ends = []
+    for grid, axis in ((x, 0), (y, 1)):
+        found = [*grid[inside.any(axis=axis)].tolist(), 0.0]
+        space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
+        ends += [max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])]
+    return ends[0], ends[1], ends[2], ends[3]
 
 
 def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
 from bseries.scene_text import place
-from foundation.diagrams import draw_band, draw_legend
-from foundation.plotting import BLUE, VERMILION, drawing
+from foundation.diagrams import draw_band, draw_legend, write_title
+from foundation.plotting import BLACK, SKY, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.errors import shorten
 from integrators.scenes.latex import latex_formula
@@ -151,7 +151,7 @@ class DriftReport(NamedTuple):
             >>> run = bs.integrate("rk4", scene, steps=5000, observe="energy", **start)
             >>> axes = bs.energy_drift("rk4", scene, **start).plot(run=run)
             >>> [line.get_label() for line in axes.lines]
-            ['measured', 'predicted: slope -1.2e-05']
+            ['measured', 'predicted']
         """
         energies = getattr(run, "observed", {}).get("energy")
         if energies is None:
@@ -159,16 +159,16 @@ class DriftReport(NamedTuple):
         t, h = run.observed_t - run.observed_t[0], run.h
         slope = self.slope(h)
         with drawing(ax, SeriesError) as axes:
-            axes.plot(run.observed_t, energies - energies[0], color=BLUE, linewidth=0.8, label="measured")
-            label = f"predicted: slope {shown_number(slope, LEADING_DIGITS)}"
-            axes.plot(run.observed_t, slope * t, color=VERMILION, linestyle="--", label=label)
+            axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=0.6, label="measured")
+            axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
             if self.spread is not None:
                 deviation = 2 * self.deviation(1.0, h) * abs(t) ** 0.5
                 draw_band(axes, run.observed_t, slope * t - deviation, slope * t + deviation, "± 2 deviations")
             draw_legend(axes)
             method = self.perturbation.field.label.removeprefix(MODIFIED)
             about = f"{place(method, self.perturbation.scene)}, h = {h:g}: {self.verdict}"
-            axes.set(title=about, xlabel="time t", ylabel="change of the energy since the start")
+            write_title(axes, f"{about}, slope {shown_number(slope, LEADING_DIGITS)}" if slope else about)
+            axes.set(xlabel="time t", ylabel="change of the energy since the start")
         return axes
 
     def to_dict(self) -> dict[str, Any]:
