@@ -20,7 +20,6 @@ from integrators.exact.arguments import read_number
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
@@ -291,7 +290,7 @@ class ShadowReport:
         }
 
     def save_plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw the shadow energies over time.
+        """Draw a figure of three panels: sizes by order, the energy and the best shadow energy over time.
 
         Args:
             path: A file with the extension ``.png``, ``.svg`` or ``.pdf``.
@@ -301,10 +300,6 @@ class ShadowReport:
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
         check_picture(path)
-        save_picture(path, self.draw())
-
-    def draw(self) -> Figure:
-        """The figure of `save_plot`: sizes by order, the energy, and the best shadow energy over time."""
         with print_style():
             figure = new_figure(SIZE)
             gains, energy, shadow = figure.subplots(1, 3)
@@ -313,7 +308,7 @@ class ShadowReport:
             _draw_times(self, shadow, self.rows.index(self.best), VERMILION)
             heading = f"{os.path.basename(self.label)}: {self.states:,} states, h = {self.h:g}"
             figure.suptitle(heading, fontsize="medium", parse_math=False)
-        return figure
+        save_picture(path, figure)
 
     def plot(self, ax: Axes | None = None, *, orders: Sequence[int] | None = None) -> Axes:
         """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.

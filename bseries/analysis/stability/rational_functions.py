@@ -251,7 +251,7 @@ class StabilityFunction(ImmutableValue):
         """
         import numpy as np
 
-        poles = np.array(self.poles)
+        poles: Any = np.array(self.poles)
         zeros: Any = np.roots(self._float_coefficients()[0][::-1])
         given = None if window is None else read_window(window)
         size = SPACE * max(abs(np.concatenate([zeros, poles, [1]])))

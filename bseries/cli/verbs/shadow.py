@@ -106,7 +106,8 @@ def shadow(
         progress=output.progress.update,
     )
     table = report.to_table(limit)
-    plot.save(report.draw)
+    if plot.path is not None:
+        report.save_plot(plot.path)
     return table
 
 
