@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 COLOURS = (BLUE, ORANGE, BLACK, VERMILION, SKY, GREEN, PURPLE)
 """Of curves: neighbours differ in grey, too."""
 DASHES = ("-", "--", ":", "-.")
-MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<")
+MARKERS = ("o", "s", "^", "D", "v", "P", "<", "X", ">", "*", "d")
 """Numbers of colours, dashes and markers are such that combinations repeat late."""
 SHADE = "#c6dbef"
 """Of regions: light enough for lines and text on it."""

@@ -100,7 +100,7 @@ def _draw_orders(report: ShadowReport, ax: Axes) -> None:
     ax.axvline(report.best.order, color=VERMILION, linewidth=1, zorder=0)
     ticks = orders[:: max(1, len(orders) // 6)]
     ax.set(xlabel="order", yscale="log", title=f"constant up to (best: order {report.best.order})", xticks=ticks)
-    ax.legend()
+    ax.legend(loc="lower left")  # sizes fall
 
 
 def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:

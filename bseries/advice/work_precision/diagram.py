@@ -81,5 +81,5 @@ def _cheapest(curves: Sequence[Curve], errors: tuple[float, float], measure: str
 
 def _style(k: int, strong: bool) -> dict[str, Any]:
     """The plot style of the k-th curve."""
-    weight = {"linewidth": 1.6, "markersize": 4.5} if strong else {"linewidth": 0.6, "markersize": 2.5}
+    weight = {"linewidth": 1.8, "markersize": 5.5} if strong else {"linewidth": 0.6, "markersize": 3.2}
     return {**line_style(k), "marker": MARKERS[k % len(MARKERS)], **weight}

@@ -159,7 +159,7 @@ class DriftReport(NamedTuple):
         t, h = run.observed_t - run.observed_t[0], run.h
         slope = self.slope(h)
         with drawing(ax, SeriesError) as axes:
-            axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=0.6, label="measured")
+            axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=1.0, label="measured")
             axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
             if self.spread is not None:
                 deviation = 2 * self.deviation(1.0, h) * abs(t) ** 0.5
