@@ -152,11 +152,8 @@ def simulate(
             **common,
         )
     kept = save_every if save_every is not None or (to is None and not output.has_records) else 1
-    thinned = max(1, count // OBSERVATIONS)
-    if kept is None and plot.path is not None and not common["observe"]:
-        kept = thinned
-    if observe_every is None and kept is None:
-        observe_every = thinned
+    if kept is None:
+        kept, observe_every = _few(count, observe_every, of_states=plot.path is not None and not common["observe"])
 
     def expect(cost: float | None) -> Prediction:
         from bseries.advice.predictions.run_prediction import predict_run
@@ -185,6 +182,12 @@ def _number(text: str | None, option: str) -> Fraction:
 
     value = read_given(text, option)
     return value if isinstance(value, Fraction) else Fraction(float(value))
+
+
+def _few(count: int, observe_every: int | None, *, of_states: bool) -> tuple[int | None, int | None]:
+    """Intervals of stored states and of observations where no states are asked for."""
+    interval = max(1, count // OBSERVATIONS)
+    return interval if of_states else None, interval if observe_every is None else observe_every
 
 
 def _energy(scene: Scene) -> str | None:
