@@ -19,13 +19,14 @@ from trees.counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
-from trees.drawing import MAX_TREES, svg
+from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
 from trees.listing import listing
 from trees.tree import Tree
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
 
 KEPT_SPLITS = 2**26
@@ -266,6 +267,27 @@ class TreeTable(Sequence[Tree]):
 
     def _repr_svg_(self) -> str | None:
         return svg(self) if len(self) <= MAX_TREES else None
+
+    def plot(self, ax: Axes | None = None, *, columns: int | None = None, labels: bool = True) -> Axes:
+        """The picture of all trees, in the order of their ids.
+
+        Args:
+            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
+            columns: The number of trees in a row; None for at most 10.
+            labels: Whether the texts of the trees stand below them.
+
+        Returns:
+            The axes.
+
+        Raises:
+            TreeError: There are more than 2,000 trees, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> [text.get_text() for text in TreeTable(3).plot().texts]
+            ['τ', '[τ]', '[[τ]]', '[τ,τ]']
+        """
+        return draw(self, ax, columns, labels)
 
     def ids(self, order: int) -> range:
         """Ids of the trees with `order` nodes."""

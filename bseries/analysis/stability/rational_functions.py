@@ -20,16 +20,29 @@ from bseries.analysis.stability.field_elements import (
     to_elements,
 )
 from bseries.analysis.stability.real_polynomials import Coefficients, monic_gcd, roots, squarefree_factors
+from foundation.diagrams import draw_region
 from foundation.numbers import latex_number
+from foundation.plotting import BLACK, drawing
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
+from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
 from integrators.exact.polynomials import divide, evaluate, trim
 
 if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
     from integrators.exact.entries import Entry
+
+POINTS = 400
+"""Of a plot, in each direction."""
+SPACE = 1.3
+"""Size of a plot, relative to what it shows."""
+NARROW = 4.0
+"""Ratio of sides from which on a plot stretches the shorter one."""
 
 
 class StabilityFunction(ImmutableValue):
@@ -179,10 +192,7 @@ class StabilityFunction(ImmutableValue):
         import numpy as np
         from numpy.polynomial.polynomial import polyval
 
-        p, q = (
-            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
-            for values in (self.numerator, self.denominator)
-        )
+        p, q = self._float_coefficients()
         try:
             points = np.asarray(z) * 1.0
         except (TypeError, ValueError):
@@ -198,6 +208,69 @@ class StabilityFunction(ImmutableValue):
         if not below:
             raise IntegratorError(f"z must not be a pole, but was {z!r}")
         return values.item()
+
+    def _float_coefficients(self) -> tuple[list[float], list[float]]:
+        """The coefficients of numerator and denominator in double precision."""
+        p, q = (
+            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
+            for values in (self.numerator, self.denominator)
+        )
+        return p, q
+
+    def _logarithms(self, ends: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A grid x, y of a window, and log |R(x + iy)| there, (len(y), len(x))."""
+        import numpy as np
+
+        left, right, bottom, top = ends
+        x, y = np.linspace(left, right, POINTS), np.linspace(bottom, top, POINTS)
+        with np.errstate(all="ignore"):
+            return x, y, np.log(np.abs(self(x + 1j * y[:, None])))
+
+    def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Any = None) -> Axes:
+        """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            order_star: Whether the order star is drawn.
+            window: The ends (left, right, bottom, top) of the axes; by default, of the region, or of zeros and poles.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: The coefficients have symbols, or an argument has the wrong type.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> from bseries import stability_function
+            >>> axes = stability_function("rk4").plot()
+            >>> axes.get_xlabel(), -4 < axes.get_xlim()[0] < -2.785
+            ('Re z,  z = hλ', True)
+
+        References:
+            G. Wanner, E. Hairer, S. P. Nørsett, BIT 18 (1978) 475–489, doi:10.1007/BF01932026 (order stars).
+        """
+        import numpy as np
+
+        poles: Any = np.array(self.poles)
+        zeros: Any = np.roots(self._float_coefficients()[0][::-1])
+        given = None if window is None else read_window(window)
+        size = SPACE * max(abs(np.concatenate([zeros, poles, [1]])))
+        ends = given or (-size, size, -size, size)
+        x, y, sizes = self._logarithms(ends)
+        if given is None and not order_star:  # the region may be much smaller
+            ends = _region_ends(x, y, sizes <= 0)
+            x, y, sizes = self._logarithms(ends)
+        with drawing(ax, IntegratorError) as axes:
+            draw_region(axes, x, y, x - sizes if order_star else sizes)
+            if order_star:
+                axes.plot(zeros.real, zeros.imag, "o", color=BLACK, mfc="none", markersize=4, clip_on=True)
+                axes.plot(poles.real, poles.imag, "x", color=BLACK, markersize=4, clip_on=True)
+            title = "shaded: |R(z)| > |exp z|;  ○ zeros, × poles" if order_star else "shaded: |R(z)| ≤ 1"
+            axes.set(title=title, xlabel="Re z,  z = hλ", ylabel="Im z", xlim=ends[:2], ylim=ends[2:])
+            if (x[-1] - x[0]) < NARROW * (y[-1] - y[0]):
+                axes.set_aspect("equal")
+        return axes
 
     def __str__(self) -> str:
         above, below = polynomial_text(self.p), polynomial_text(self.q)
@@ -220,6 +293,16 @@ class StabilityFunction(ImmutableValue):
 
     def _repr_latex_(self) -> str:
         return f"${self.latex()}$"
+
+
+def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:
+    """The ends (left, right, bottom, top) of a region and 0 with some space, within those of a grid."""
+    ends = []
+    for grid, axis in ((x, 0), (y, 1)):
+        found = [*grid[inside.any(axis=axis)].tolist(), 0.0]
+        space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
+        ends += [max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])]
+    return ends[0], ends[1], ends[2], ends[3]
 
 
 def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:

@@ -160,7 +160,7 @@ def test_a_changed_document_is_refused():
 
 
 def test_other_kinds_are_refused_with_a_suggestion():
-    with pytest.raises(bs.SeriesError, match="kind must be one of brackets, .*, but was 'serie'; did you mean series"):
+    with pytest.raises(bs.SeriesError, match=r"kind must be one of brackets, .*, but was 'serie'; did you mean series"):
         bs.json_schema("serie")
     for wrong in (3, "shared-tree", ""):
         with pytest.raises(bs.SeriesError, match="kind must be one of"):

@@ -14,9 +14,9 @@ import pytest
 from shadow_oracles import evaluated
 
 import bseries as bs
+from bseries.picture_files import check_picture
 from bseries.shadow import kernels, trajectory_energies
 from bseries.shadow.formulas import shadow_formula
-from bseries.shadow.report import check_picture
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
 from bseries.shadow.trajectory_energies import formula_arrays
 from integrators.core import text_files
