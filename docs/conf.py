@@ -42,9 +42,10 @@ html_theme_options = {"show_toc_level": 2}
 def link_within_the_site(_: object, name: str, source: list[str]) -> None:
     """Links to notebooks lead to their pages; those to other files outside this folder become text.
 
-    Sessions end with an empty line for doctest, which is not shown.
+    Sessions have marks of empty lines and end with one, for doctest; these are not shown.
     """
     del name
+    source[0] = source[0].replace("<BLANKLINE>", "")
     source[0] = re.sub(r"\n\n```$", "\n```", source[0], flags=re.MULTILINE)
     source[0] = re.sub(r"\(\.\./notebooks/(\w+)\.py\)", r"(/notebooks/\1.ipynb)", source[0])
     source[0] = re.sub(r"\[([^]]+)\]\(\.\./[^)]*\)", r"\1", source[0])

@@ -44,7 +44,7 @@ bs.modified_equation(method, 4)
 # method has order 2. As a formula, without what vanishes:
 
 # %%
-Math(bs.modified_equation(method, 4).to_latex(nonzero=True))
+Math(bs.modified_equation(method, 4).to_latex())
 
 # %% [markdown]
 # **Theorem 1.** The first term that does not vanish is the leading term of the local error: for a method of order r it

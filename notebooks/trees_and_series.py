@@ -121,4 +121,4 @@ b.truncate(3)
 # Coefficients are exact until you round them, and data for other programs comes with everything about each tree.
 
 # %%
-print(b.truncate(3).to_float()["p[q[p]]"], b.to_dict("modified")["terms"][4])
+print(b.truncate(3).to_float()["p[q[p]]"], b.to_dict()["terms"][4])

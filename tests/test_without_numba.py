@@ -25,11 +25,11 @@ RESULTS = """
 import bseries as bs
 
 def results():
-    yield bs.modified_equation("rk4", 8).to_dict("modified")
-    yield bs.modified_equation("gauss2", 7).to_dict("modified")
-    yield bs.modified_equation("dop853", 5).to_dict("modified")
+    yield bs.modified_equation("rk4", 8).to_dict()
+    yield bs.modified_equation("gauss2", 7).to_dict()
+    yield bs.modified_equation("dop853", 5).to_dict()
     yield bs.series("stormer-verlet", 6).to_dict()
-    yield bs.modifying_integrator("heun2", 7).to_dict("modifying")
+    yield bs.modifying_integrator("heun2", 7).to_dict()
     yield bs.compose(bs.series("rk4", 7), bs.series("heun2", 7)).to_dict()
     yield bs.substitute(bs.modified_equation("heun2", 6), bs.series("rk4", 6)).to_dict()
     yield bs.check("lobatto-iiia3").to_dict()

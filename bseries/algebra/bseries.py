@@ -15,7 +15,7 @@ from bseries.exact.domains import alike, apply, as_floats, exact_number, make_va
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import primes_up_to
 from bseries.exceptions import SeriesError
-from foundation.table import MOST_ROWS, LazyRows, short_latex
+from foundation.table import MOST_ROWS, LazyRows, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
 from trees.counting import check_order
 from trees.notation import check_names, default_names
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 EMPTY = "∅"
 
 
-class BSeries(ImmutableValue, Mapping[Tree, Any]):
+class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     """A B-series (or P-series, on coloured trees) up to some number of nodes.
 
     B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
@@ -40,7 +40,8 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
     digits only: the arithmetic treats the printed decimals as exact, and the results are shown rounded.
 
     Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
-    `stored` holds the coefficients in the form of the exact arithmetic (see `bseries.exact.domains`).
+    `stored` holds the coefficients in the form of the exact arithmetic (see `bseries.exact.domains`). `kind` is what
+    tables and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
 
     Example:
         >>> import bseries as bs
@@ -60,6 +61,7 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
     empty: Any
     names: tuple[str, ...]
     label: str
+    kind: str
     digits: int | None
     uncertainty: Callable[[int], float] | None
 
@@ -71,11 +73,13 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
         *,
         names: Sequence[str] = (),
         label: str = "",
+        kind: str | None = None,
         digits: int | None = None,
         uncertainty: Callable[[int], float] | None = None,
     ):
-        self.__dict__.update(table=table, stored=values, empty=exact_number(empty), label=label, digits=digits)
-        self.__dict__.update(names=_checked_names(names, table.colors), uncertainty=uncertainty)
+        empty = exact_number(empty)
+        self.__dict__.update(table=table, stored=values, empty=empty, label=label, kind=kind or _kind(empty))
+        self.__dict__.update(names=_checked_names(names, table.colors), digits=digits, uncertainty=uncertainty)
 
     def __copy__(self) -> BSeries:
         return self
@@ -210,11 +214,12 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
-        return self._replace(empty=exact_number(empty), label="", uncertainty=None)
+        number = exact_number(empty)
+        return self._replace(empty=number, label="", kind=_kind(number), uncertainty=None)
 
-    def with_label(self, label: str) -> BSeries:
-        """The same series under another name."""
-        return self._replace(label=label)
+    def with_label(self, label: str, kind: str | None = None) -> BSeries:
+        """The same series under another name, and as another kind if one is given."""
+        return self._replace(label=label, kind=kind or self.kind)
 
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float.
@@ -424,11 +429,10 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
                 digits = known_digits(coefficient, error, self.digits)
                 yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
 
-    def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
+    def to_dict(self, *, nonzero: bool = False) -> dict[str, Any]:
         """The series as JSON-ready data, which `load_series` reads.
 
         Args:
-            kind: The kind of series: ``series``, ``modified``, ….
             nonzero: Leave out terms with coefficient zero.
 
         Returns:
@@ -439,13 +443,13 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
 
         Example:
             >>> import bseries as bs
-            >>> data = bs.modified_equation(bs.method("explicit-euler"), 2).to_dict("modified")
+            >>> data = bs.modified_equation(bs.method("explicit-euler"), 2).to_dict()
             >>> data["terms"][1]["tree"], data["terms"][1]["coefficient"]
             ('[τ]', '-1/2')
         """
         data: dict[str, Any] = {
             "schema": 1,
-            "kind": kind,
+            "kind": self.kind,
             "method": self.label,
             "order": self.order,
             "domain": self.domain,
@@ -490,8 +494,8 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
         inexact = self.digits is not None or self.stored.kind == "float"
         return presentation.to_julia(self.terms(), self.empty, self.table, inexact=inexact)
 
-    def to_latex(self, *, nonzero: bool = False) -> str:
-        """The series as a sum of weights times powers of h times elementary differentials.
+    def to_latex(self) -> str:
+        """The series as a sum of weights times powers of h times elementary differentials, without terms that are zero.
 
         A field is written as the modified equation f_h, without the factor h.
 
@@ -500,30 +504,23 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
             >>> print(bs.modified_equation(bs.method("explicit-euler"), 2).to_latex())
             f - \\frac{1}{2} h\\, f'(f)
         """
-        return presentation.to_latex(self.terms(nonzero=nonzero), self.empty, self._shown_names)
-
-    def __str__(self) -> str:
-        return presentation.overview(repr(self), self.terms(), len(self), self._shown_names).to_text()
-
-    def _repr_html_(self) -> str:
-        return presentation.overview(repr(self), self.terms(), len(self), self._shown_names, pictures=True).to_html()
+        return presentation.to_latex(self.terms(nonzero=True), self.empty, self._shown_names)
 
     def _repr_latex_(self) -> str | None:
         terms = [term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero]
         dots = " + \\cdots" if len(self) > MOST_ROWS else ""
         return short_latex(presentation.to_latex(terms, self.empty, self._shown_names) + dots)
 
-    def to_table(self, kind: str = "series", *, nonzero: bool = False, as_float: bool = False) -> Table:
+    def to_table(self, *, nonzero: bool = False, as_float: bool = False) -> Table:
         """The terms as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
 
         Args:
-            kind: ``series``, ``modified`` or ``modifying``.
             nonzero: Leave out terms whose coefficient is zero.
             as_float: Round exact coefficients to floats.
 
         Example:
             >>> import bseries as bs
-            >>> print(bs.modified_equation(bs.method("explicit-euler"), 2).to_table("modified").to_text())
+            >>> print(bs.modified_equation("explicit-euler", 2).to_table().to_text())
             Modified equation of explicit-euler: trees with 1 to 2 nodes, powers h^0 to h^1
             <BLANKLINE>
             |τ|  tree τ  coefficient  weight  F(τ)
@@ -538,10 +535,10 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
         shown = self.to_float() if as_float else self
         rows = LazyRows(lambda: shown.terms(nonzero=nonzero), len(self))
         notes = presentation.number_notes(shown.domain, shown.digits, nonzero=nonzero, as_float=as_float)
-        return presentation.term_table(rows, self._shown_names, kind, self.label, self.order)._replace(
-            notes=[presentation.MEANINGS[kind], *notes],
-            data=lambda: shown.to_dict(kind, nonzero=nonzero),
-            own={"latex": lambda width: shown.to_latex(nonzero=True) + "\n"},
+        return presentation.term_table(rows, self._shown_names, self.kind, self.label, self.order)._replace(
+            notes=[presentation.MEANINGS[self.kind], *notes],
+            data=lambda: shown.to_dict(nonzero=nonzero),
+            own={"latex": lambda width: shown.to_latex() + "\n"},
         )
 
 
@@ -582,6 +579,11 @@ def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
 def fewest_digits(*operands: BSeries) -> int | None:
     """Digits of a result of these series; None if all are exact."""
     return min((operand.digits for operand in operands if operand.digits is not None), default=None)
+
+
+def _kind(empty: Any) -> str:
+    """What a series is by its coefficient of the empty tree."""
+    return "field" if empty == 0 else "series"
 
 
 def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:

@@ -97,7 +97,8 @@ def modified_equation(
     """
     method = as_method(method)
     if isinstance(method, BSeries):
-        return series_to(method, order, max_children).log()
+        given = series_to(method, order, max_children)
+        return given.log().with_label(given.label, "modified")
 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return recursions.logarithm(weights(field=True), table, arithmetic)
@@ -108,8 +109,9 @@ def modified_equation(
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
         one = modified_equation(method.step, table).scale_step(Fraction(1, method.count))
-        return (one * method.count).with_label(method.name)
-    return of_method(method, table, operation, 0, inputs_of(method, table.max_order))
+        return (one * method.count).with_label(method.name, "modified")
+    found = of_method(method, table, operation, 0, inputs_of(method, table.max_order))
+    return found.with_label(method.name, "modified")
 
 
 def series_to(s: BSeries, order: Any, max_children: Any = None) -> BSeries:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number, number_text
-from foundation.table import MOST_ROWS, Column, LazyRows, Table, listed
+from foundation.table import Column, LazyRows, Table, listed
 from trees.drawing import svg
 
 if TYPE_CHECKING:
@@ -95,11 +94,17 @@ series = bseries((t, _) -> coefficients[t], {table.max_order}{trees})
 
 INT64_DIGITS = 18
 """Decimal digits that all fit into 64 bits."""
-KINDS = {"modified": "Modified equation", "modifying": "Modifying integrator", "series": "B-series"}
-FIELD = "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ"
+KINDS = {
+    "modified": "Modified equation",
+    "modifying": "Modifying integrator",
+    "series": "B-series",
+    "field": "Field",
+}
+FIELD = "f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ"
 MEANINGS = {
-    "modified": FIELD,
-    "modifying": f"{FIELD}; the method applied to it follows the exact flow of y' = f(y)",
+    "field": FIELD,
+    "modified": f"y' = f_h(y) with {FIELD}",
+    "modifying": f"y' = f_h(y) with {FIELD}; the method applied to it follows the exact flow of y' = f(y)",
     "series": "y1 = y0 + Σ h^|τ| · weight(τ) · F(τ)(y0); weight = coefficient/σ",
 }
 
@@ -131,24 +136,16 @@ def stored_fields(
     return fields
 
 
-def overview(
-    title: str, terms: Iterable[SeriesTerm], count: int, names: Sequence[str] | None, *, pictures: bool = False
-) -> Table:
-    """The first of `count` terms, with pictures of the trees if it becomes HTML."""
-    fields = term_fields(names)
-    columns = [Column(heading, get=fields[heading]) for heading in ("tree", "coefficient", "weight", "differential")]
-    if pictures:
-        columns.insert(0, Column("", get=lambda term: "", html=lambda term: svg(term.tree, names=names)))
-    notes = [f"… {count - MOST_ROWS:,} more trees"] if count > MOST_ROWS else []
-    return Table(title, columns, list(islice(terms, MOST_ROWS)), notes, titled=False)
-
-
 def term_table(rows: LazyRows, names: Sequence[str] | None, kind: str, label: str, order: int) -> Table:
     """The terms of a series of some kind as a table."""
     fields = term_fields(names)
+
+    def picture(term: SeriesTerm) -> str:
+        return f"{svg(term.tree, names=names)} {term.tree.text(names)}"
+
     columns = (
         Column("|τ|", True, fields["order"]),
-        Column("tree τ", get=fields["tree"]),
+        Column("tree τ", get=fields["tree"], html=picture),
         Column("coefficient", get=fields["coefficient"]),
         Column("weight", get=fields["weight"]),
         Column("F(τ)", get=fields["differential"]),
@@ -156,7 +153,8 @@ def term_table(rows: LazyRows, names: Sequence[str] | None, kind: str, label: st
     nodes = f"1 to {order} nodes" if order > 1 else "1 node"
     least, most = (1, order) if kind == "series" else (0, order - 1)
     powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
-    title = f"{KINDS[kind]} of {label}: trees with {nodes}, powers {powers}"
+    of = f" of {label}" if label else ""
+    title = f"{KINDS[kind]}{of}: trees with {nodes}, powers {powers}"
     records = listed(fields.items(), rows)
     return Table(title, columns, rows, items="terms", section=fields["order"], records=records)
 

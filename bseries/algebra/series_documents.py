@@ -49,7 +49,7 @@ def load_series(source: str | os.PathLike[str] | IO[Any]) -> BSeries:
     Example:
         >>> import json
         >>> import bseries as bs
-        >>> text = json.dumps(bs.modified_equation("sdirk2", 4).to_dict("modified"))
+        >>> text = json.dumps(bs.modified_equation("sdirk2", 4).to_dict())
         >>> load_series(text) == bs.modified_equation("sdirk2", 4)
         True
     """
@@ -103,6 +103,7 @@ def _read(data: Mapping[str, Any]) -> BSeries:
         _number(data["empty"], None, "empty"),
         names=names,
         label=data["method"],
+        kind=data["kind"],
         digits=digits,
         uncertainty=errors.__getitem__ if any("error" in term for term in terms) else None,
     )

@@ -130,13 +130,14 @@ def modifying_integrator(
     if isinstance(method, BSeries):
         a = series_to(method, order, max_children)
         check_flow(a, "method")
-        return _solve(a, exact_values(a.table), "method")
+        return _solve(a, exact_values(a.table), "method").with_label(a.label, "modifying")
     table = table_of(method, order, max_children)
     for color in auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
     operation = partial(_modifying_operation, method, table)
-    return of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+    found = of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+    return found.with_label(method.name, "modifying")
 
 
 def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages) -> Operation:

@@ -61,9 +61,9 @@ def compose(
 
     s = functools.reduce(compose_series, map(one, methods, lengths))
     parts = (name.name if text == "1" else f"{name.name} ({text} h)" for name, text in zip(methods, texts, strict=True))
-    s = (s.log() if modified else s).with_label(", then ".join(parts))
+    s = (s.log() if modified else s).with_label(", then ".join(parts), "modified" if modified else "series")
     issues = list(dict.fromkeys(issue for method in methods for issue in method.issues))
-    return answer(s, "modified" if modified else "series", issues, **options)
+    return answer(s, issues, **options)
 
 
 def _parts(method: Any) -> str:

@@ -52,7 +52,7 @@ def modified(method: Method, **options: Any) -> Table:
     """
     from bseries.algebra.modified import modified_equation
 
-    return of_method(method, modified_equation, "modified", **options)
+    return of_method(method, modified_equation, **options)
 
 
 @click.command()
@@ -72,7 +72,7 @@ def modifying(method: Method, **options: Any) -> Table:
     """
     from bseries.algebra.substitution import modifying_integrator
 
-    return of_method(method, modifying_integrator, "modifying", **options)
+    return of_method(method, modifying_integrator, **options)
 
 
 @click.command()
@@ -93,13 +93,12 @@ def series(method: Method, **options: Any) -> Table:
     """
     from bseries.algebra.modified import series
 
-    return of_method(method, series, "series", **options)
+    return of_method(method, series, **options)
 
 
 def of_method(
     method: Method,
     compute: Callable[..., BSeries],
-    kind: str,
     *,
     order: int,
     max_children: Any,
@@ -109,7 +108,7 @@ def of_method(
     """The table of a series of a method."""
     max_children = method.max_children if max_children is None else max_children
     output.check_rows(count_rows(order, len(method.names), max_children))
-    return answer(compute(method, order, max_children=max_children), kind, method.issues, **options)
+    return answer(compute(method, order, max_children=max_children), method.issues, **options)
 
 
 def count_rows(order: int, colors: int, max_children: Any) -> int:
@@ -119,9 +118,9 @@ def count_rows(order: int, colors: int, max_children: Any) -> int:
     return sum(count_trees(order, colors, max_children))
 
 
-def answer(s: BSeries, kind: str, issues: Sequence[str], *, nonzero: bool, as_float: bool) -> Table:
+def answer(s: BSeries, issues: Sequence[str], *, nonzero: bool, as_float: bool) -> Table:
     """The table of a series, with the inconsistencies of the tableaux."""
-    found = s.to_table(kind, nonzero=nonzero, as_float=as_float)
+    found = s.to_table(nonzero=nonzero, as_float=as_float)
     if not issues:
         return found
     return found.extended([f"Warning: {issue}." for issue in issues], issues=list(issues))

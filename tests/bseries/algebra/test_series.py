@@ -213,7 +213,7 @@ def test_weights_are_coefficients_over_symmetry():
 
 
 def test_json_keeps_its_schema():
-    data = json.loads(json.dumps(bs.modified_equation(RK4, 5).to_dict("modified")))
+    data = json.loads(json.dumps(bs.modified_equation(RK4, 5).to_dict()))
     head = {key: value for key, value in data.items() if key != "terms"}
     assert head == {
         "schema": 1, "kind": "modified", "method": "rk4", "order": 5, "domain": "QQ", "colors": [""], "empty": "0",
@@ -228,7 +228,7 @@ def test_json_keeps_its_schema():
 
 def test_decimals_are_shown_with_their_digits_and_zero_within_them():
     b = bs.modified_equation(bs.method("tsit5"), 6)
-    data = b.to_dict("modified")
+    data = b.to_dict()
     assert data["digits"] == 16
     assert all(term["coefficient"] == "0" for term in data["terms"][1:17])
     assert any(term["coefficient"] != "0" for term in data["terms"][17:])
@@ -239,7 +239,7 @@ def test_decimals_are_shown_with_their_digits_and_zero_within_them():
 
 def test_latex_of_a_flow_and_of_a_field():
     assert bs.series(RK4, 2).to_latex() == "y + h\\, f + \\frac{1}{2} h^{2}\\, f'(f)"
-    latex = bs.modified_equation(bs.method("sdirk2"), 3).to_latex(nonzero=True)
+    latex = bs.modified_equation(bs.method("sdirk2"), 3).to_latex()
     assert latex.startswith("f + \\left(- \\gamma^{2} + \\gamma - \\frac{1}{6}\\right) h^{2}\\,")
     tiny = bs.BSeries.from_rule(lambda tree: 1e-10 ** (tree.order - 1), 2)
     assert tiny.to_latex() == "y + 1.0 h\\, f + 1 \\cdot 10^{-10} h^{2}\\, f'(f)"
@@ -248,8 +248,8 @@ def test_latex_of_a_flow_and_of_a_field():
 def test_text_and_html():
     s = bs.modified_equation(bs.method("symplectic-euler-p"), 2)
     lines = str(s).splitlines()
-    assert lines[0].split() == ["tree", "coefficient", "weight", "differential"]
-    assert lines[4].split()[:3] == ["p[p]", "1/2", "1/2"]
+    assert lines[0] == "Modified equation of symplectic-euler-p: trees with 1 to 2 nodes, powers h^0 to h^1"
+    assert lines[7].split()[:4] == ["2", "p[p]", "1/2", "1/2"]
     html = s._repr_html_()
     assert html.count("<svg") == 6
     assert "symplectic-euler-p" in html
@@ -259,11 +259,11 @@ def test_text_and_html():
 def test_long_series_are_shown_in_part():
     s = bs.exact_flow(9)
     lines = str(s).splitlines()
-    assert (len(lines), lines[-1]) == (2 + 200 + 2, "… 286 more trees")
+    assert "… 286 more rows" in lines
     html = s._repr_html_()
     assert html.count("<svg") == 200
-    assert "<p>… 286 more trees</p>" in html
-    assert str(bs.exact_flow(7)).count("\n") == 1 + 85
+    assert "… 286 more rows" in html
+    assert "more" not in str(bs.exact_flow(7))
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ SERIES = {
 
 
 def dumps(series, **options):
-    return json.dumps(series.to_dict("modified" if series.empty == 0 else "series", **options))
+    return json.dumps(series.to_dict(**options))
 
 
 @pytest.mark.parametrize("name", SERIES)
