@@ -10,6 +10,7 @@ from integrators.methods.exchange import array_text
 from integrators.methods.exchange.tableau_parts import (
     Format,
     Numbers,
+    at_least,
     combined,
     header,
     identifier,
@@ -127,12 +128,13 @@ def _write_scipy(method: RungeKutta) -> str:
     )
     shown = rounded(method)
     digits, (order, embedded_order) = shown.digits, orders(method)
+    notes = one_row(method), rounding(method), at_least(order)
     A, b, c, E = shown.A, shown.b, shown.c, combined(shown.embedded[0], shown.b, -1)
     if A[-1] == b and E[-1] != 0:  # the last stage is the derivative at the end of the step
         A, b, c = [row[:-1] for row in A[:-1]], b[:-1], c[:-1]
     else:
         E = [*E, E[0] * 0]
-    return f"""# {header(method, "SciPy, which computes in doubles", one_row(method), rounding(method))}
+    return f"""# {header(method, "SciPy, which computes in doubles", *notes)}
 import numpy as np
 from scipy.integrate import RK45
 

@@ -91,6 +91,8 @@ def test_what_has_no_place_is_said_in_the_first_line():
     assert "no place" in export_tableau("tsit5", "rungekutta.jl").splitlines()[0]
     assert "Roots are rounded" in export_tableau("crouzeix3", "petsc").splitlines()[0]
     assert "Roots" not in export_tableau("crouzeix3", "nodepy")
+    assert "order is 13 or more" in export_tableau("gauss7", "rungekutta.jl").splitlines()[0]
+    assert 'Symbol("gauss6"), 12,' in export_tableau("gauss6", "rungekutta.jl")
     assert "estimated as zero" in export_tableau("rk4", "diffrax").splitlines()[0]
 
 
