@@ -50,7 +50,7 @@ def _write_sundials(method: RungeKutta) -> str:
         f"// {header(method, 'SUNDIALS', one_row(method), rounding(method), at_least(order))}",
         "#include <arkode/arkode_butcher.h>",
         "",
-        f"static ARKodeButcherTable {identifier(method.name)}(void)",
+        f"static ARKodeButcherTable {identifier(method.name)}_table(void)",
         "{",
         f"  sunrealtype A[] = {{\n{matrix}  }};",
         f"  sunrealtype c[] = {_braces(shown.c, shown.digits)};",
@@ -104,7 +104,7 @@ def _petsc_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
 
 
 SUNDIALS = Format(
-    C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$", r"ARKodeButcherTable\s+(\w+)\s*\(void\)",
+    C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$", r"ARKodeButcherTable\s+(\w+?)(?:_table)?\s*\(void\)",
     ("A", "b", "c", "d"), _write_sundials, _sundials_tableau, _printed_table,
 )  # fmt: skip
 PETSC = Format(

@@ -82,7 +82,7 @@ import DiffEqBase
 A = Float64{_matrix(shown.A, digits)}
 c = Float64{_vector(shown.c, digits)}
 α = Float64{_vector(shown.b, digits)}
-{embedded}{identifier(method.name)} = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
+{embedded}{identifier(method.name)}_tableau = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
 """
 
 
@@ -97,6 +97,6 @@ RUNGEKUTTA_JL = Format(
     _write_rungekutta_jl, _rungekutta_jl_tableau, _tabulated,
 )  # fmt: skip
 SCIML = Format(
-    JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau", r"(\w+)\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau",
+    JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau", r"(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau",
     ("A", "c", "α", "αEEst"), _write_sciml, _sciml_tableau,
 )  # fmt: skip

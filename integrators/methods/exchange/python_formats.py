@@ -90,7 +90,7 @@ def _write_diffrax(method: RungeKutta) -> str:
         "import numpy as np",
         "from diffrax import ButcherTableau",
         "",
-        f"{identifier(method.name)} = ButcherTableau(",
+        f"{identifier(method.name)}_tableau = ButcherTableau(",
         f"    c={array(shown.c[1:])},",
         f"    b_sol={array(shown.b)},",
         f"    b_error={array(error)},",
@@ -139,7 +139,7 @@ import numpy as np
 from scipy.integrate import RK45
 
 
-class {"".join(part.capitalize() for part in identifier(method.name).split("_"))}(RK45):
+class {"".join(part.capitalize() for part in identifier(method.name).split("_"))}Solver(RK45):
     order = {order}
     error_estimator_order = {min(order, embedded_order)}
     n_stages = {len(b)}
@@ -173,10 +173,10 @@ NODEPY = Format(
     _write_nodepy, _nodepy_tableau,
 )  # fmt: skip
 DIFFRAX = Format(
-    PYTHON, "ButcherTableau", r"(\w+)\s*=\s*ButcherTableau",
+    PYTHON, "ButcherTableau", r"(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
     ("a_lower", "b_sol", "b_error", "c", "a_diagonal", "c1"), _write_diffrax, _diffrax_tableau,
 )  # fmt: skip
 SCIPY = Format(
-    PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+)\s*\(",
+    PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
     ("A", "B", "C", "E"), _write_scipy, _scipy_tableau,
 )  # fmt: skip

@@ -112,8 +112,9 @@ def quoted(name: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name of letters, digits and _."""
-    return re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "tableau"
+    """A name of letters, digits and _, which begins with a letter; it may be a keyword."""
+    cleaned = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
+    return cleaned if cleaned[:1].isalpha() else f"method_{cleaned}"
 
 
 def orders(method: RungeKutta) -> tuple[int, int]:
