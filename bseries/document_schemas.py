@@ -34,7 +34,13 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
         '#/$defs/series'
         >>> import jsonschema
         >>> import bseries as bs
-        >>> jsonschema.validate(bs.series("rk4", 3).to_dict(), json_schema("series"))
+        >>> document = bs.series("rk4", 3).to_dict()
+        >>> jsonschema.validate(document, json_schema("series"))
+        >>> jsonschema.validate({**document, "order": "3"}, json_schema("series"))
+        Traceback (most recent call last):
+        ...
+        jsonschema.exceptions.ValidationError: '3' is not of type 'integer'
+        ...
 
     References:
         https://json-schema.org/draft/2020-12

@@ -11,6 +11,7 @@ from integrators.methods.exchange.array_text import C
 from integrators.methods.exchange.tableau_parts import (
     Format,
     Numbers,
+    at_least,
     header,
     identifier,
     one_row,
@@ -46,10 +47,10 @@ def _write_sundials(method: RungeKutta) -> str:
     order, embedded_order = orders(method)
     matrix = "".join(f"    {DOUBLES.row(row, shown.digits)},\n" for row in shown.A)
     lines = [
-        f"// {header(method, 'SUNDIALS', one_row(method), rounding(method))}",
+        f"// {header(method, 'SUNDIALS', one_row(method), rounding(method), at_least(order))}",
         "#include <arkode/arkode_butcher.h>",
         "",
-        f"static ARKodeButcherTable {identifier(method.name)}(void)",
+        f"static ARKodeButcherTable {identifier(method.name)}_table(void)",
         "{",
         f"  sunrealtype A[] = {{\n{matrix}  }};",
         f"  sunrealtype c[] = {_braces(shown.c, shown.digits)};",
@@ -76,10 +77,14 @@ def _sundials_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
 def _write_petsc(method: RungeKutta) -> str:
     _require_stages_in_turn(method, "PETSc")
     shown = rounded(method)
-    stages, register = method.stages, "TSRKRegister" if method.is_explicit else "TSDIRKRegister"
+    order, stages, register = (
+        orders(method)[0],
+        method.stages,
+        "TSRKRegister" if method.is_explicit else "TSDIRKRegister",
+    )
     matrix = "".join(f"  {_braces(row, shown.digits)},\n" for row in shown.A)
     lines = [
-        f"// {header(method, 'PETSc', one_row(method), rounding(method))}",
+        f"// {header(method, 'PETSc', one_row(method), rounding(method), at_least(order))}",
         "#include <petscts.h>",
         "",
         f"const PetscReal A[{stages}][{stages}] = {{\n{matrix}}};",
@@ -88,7 +93,7 @@ def _write_petsc(method: RungeKutta) -> str:
     ]
     if shown.embedded:
         lines.append(f"const PetscReal bembed[{stages}] = {_braces(shown.embedded[0], shown.digits)};")
-    arguments = f"{orders(method)[0]}, {stages}, &A[0][0], b, c, {'bembed' if shown.embedded else 'NULL'}, 1, b"
+    arguments = f"{order}, {stages}, &A[0][0], b, c, {'bembed' if shown.embedded else 'NULL'}, 1, b"
     return "\n".join([*lines, f"PetscCall({register}({quoted(method.name)}, {arguments}));", ""])
 
 
@@ -99,7 +104,7 @@ def _petsc_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
 
 
 SUNDIALS = Format(
-    C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$", r"ARKodeButcherTable\s+(\w+)\s*\(void\)",
+    C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$", r"ARKodeButcherTable\s+(\w+?)(?:_table)?\s*\(void\)",
     ("A", "b", "c", "d"), _write_sundials, _sundials_tableau, _printed_table,
 )  # fmt: skip
 PETSC = Format(

@@ -9,6 +9,7 @@ from integrators.methods.exchange.array_text import JULIA
 from integrators.methods.exchange.tableau_parts import (
     Format,
     Numbers,
+    at_least,
     header,
     identifier,
     one_row,
@@ -38,16 +39,16 @@ def _vector(values: Iterable[Any], digits: int | None) -> str:
 
 
 def _write_rungekutta_jl(method: RungeKutta) -> str:
-    shown = rounded(method)
+    shown, order = rounded(method), orders(method)[0]
     left_out = "Embedded weights have no place in it." if method.embedded else ""
     name = quoted(method.name).replace("$", "\\$")
-    return f"""# {header(method, "RungeKutta.jl", left_out, rounding(method))}
+    return f"""# {header(method, "RungeKutta.jl", left_out, rounding(method), at_least(order))}
 using RungeKutta
 
 a = {_matrix(shown.A, shown.digits)}
 b = {_vector(shown.b, shown.digits)}
 c = {_vector(shown.c, shown.digits)}
-tableau = Tableau{{Float64}}(Symbol({name}), {orders(method)[0]}, a, b, c)
+tableau = Tableau{{Float64}}(Symbol({name}), {order}, a, b, c)
 """
 
 
@@ -75,13 +76,13 @@ def _write_sciml(method: RungeKutta) -> str:
         options.append("fsal=true")
     embedded = f"αEEst = Float64{_vector(shown.embedded[0], digits)}\n" if shown.embedded else ""
     kind = "ExplicitRKTableau" if method.is_explicit else "ImplicitRKTableau"
-    return f"""# {header(method, "SciML", one_row(method), rounding(method))}
+    return f"""# {header(method, "SciML", one_row(method), rounding(method), at_least(order))}
 import DiffEqBase
 
 A = Float64{_matrix(shown.A, digits)}
 c = Float64{_vector(shown.c, digits)}
 α = Float64{_vector(shown.b, digits)}
-{embedded}{identifier(method.name)} = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
+{embedded}{identifier(method.name)}_tableau = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
 """
 
 
@@ -96,6 +97,6 @@ RUNGEKUTTA_JL = Format(
     _write_rungekutta_jl, _rungekutta_jl_tableau, _tabulated,
 )  # fmt: skip
 SCIML = Format(
-    JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau", r"(\w+)\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau",
+    JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau", r"(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau",
     ("A", "c", "α", "αEEst"), _write_sciml, _sciml_tableau,
 )  # fmt: skip

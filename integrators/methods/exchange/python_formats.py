@@ -10,6 +10,7 @@ from integrators.methods.exchange import array_text
 from integrators.methods.exchange.tableau_parts import (
     Format,
     Numbers,
+    at_least,
     combined,
     header,
     identifier,
@@ -89,7 +90,7 @@ def _write_diffrax(method: RungeKutta) -> str:
         "import numpy as np",
         "from diffrax import ButcherTableau",
         "",
-        f"{identifier(method.name)} = ButcherTableau(",
+        f"{identifier(method.name)}_tableau = ButcherTableau(",
         f"    c={array(shown.c[1:])},",
         f"    b_sol={array(shown.b)},",
         f"    b_error={array(error)},",
@@ -127,17 +128,18 @@ def _write_scipy(method: RungeKutta) -> str:
     )
     shown = rounded(method)
     digits, (order, embedded_order) = shown.digits, orders(method)
+    notes = one_row(method), rounding(method), at_least(order)
     A, b, c, E = shown.A, shown.b, shown.c, combined(shown.embedded[0], shown.b, -1)
     if A[-1] == b and E[-1] != 0:  # the last stage is the derivative at the end of the step
         A, b, c = [row[:-1] for row in A[:-1]], b[:-1], c[:-1]
     else:
         E = [*E, E[0] * 0]
-    return f"""# {header(method, "SciPy, which computes in doubles", one_row(method), rounding(method))}
+    return f"""# {header(method, "SciPy, which computes in doubles", *notes)}
 import numpy as np
 from scipy.integrate import RK45
 
 
-class {"".join(part.capitalize() for part in identifier(method.name).split("_"))}(RK45):
+class {"".join(part.capitalize() for part in identifier(method.name).split("_"))}Solver(RK45):
     order = {order}
     error_estimator_order = {min(order, embedded_order)}
     n_stages = {len(b)}
@@ -171,10 +173,10 @@ NODEPY = Format(
     _write_nodepy, _nodepy_tableau,
 )  # fmt: skip
 DIFFRAX = Format(
-    PYTHON, "ButcherTableau", r"(\w+)\s*=\s*ButcherTableau",
+    PYTHON, "ButcherTableau", r"(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
     ("a_lower", "b_sol", "b_error", "c", "a_diagonal", "c1"), _write_diffrax, _diffrax_tableau,
 )  # fmt: skip
 SCIPY = Format(
-    PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+)\s*\(",
+    PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
     ("A", "B", "C", "E"), _write_scipy, _scipy_tableau,
 )  # fmt: skip

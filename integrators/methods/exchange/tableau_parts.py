@@ -12,7 +12,7 @@ from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, multiply_entries, read_entry, round_entry, sum_entries
 from integrators.exact.expressions import decimal_text, format_number
-from integrators.methods.tableaux.elementary_weights import order_of_weights
+from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_weights
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -96,6 +96,11 @@ def one_row(method: RungeKutta) -> str:
     return f"Only the first of {count} rows of embedded weights is here." if count > 1 else ""
 
 
+def at_least(order: int) -> str:
+    """A note on an order that is not determined."""
+    return f"Its order is {MAX_ORDER} or more." if order == MAX_ORDER else ""
+
+
 def printable(name: str) -> str:
     """A name for comments, which end with the line."""
     return "".join(filter(str.isprintable, name))
@@ -107,12 +112,13 @@ def quoted(name: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name of letters, digits and _."""
-    return re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "tableau"
+    """A name of letters, digits and _, which begins with a letter; it may be a keyword."""
+    cleaned = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
+    return cleaned if cleaned[:1].isalpha() else f"method_{cleaned}"
 
 
 def orders(method: RungeKutta) -> tuple[int, int]:
-    """The order of a method, and that of its first row of embedded weights or 0."""
+    """The order of a method, at most `MAX_ORDER`, and that of its first row of embedded weights or 0."""
     import numpy as np
 
     doubles = method.to_float()

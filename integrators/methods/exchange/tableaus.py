@@ -67,7 +67,7 @@ def export_tableau(method: Method | str, format: str) -> str:
         ]
         c = Float64[0, 1//2]
         α = Float64[0, 1]
-        explicit_midpoint = DiffEqBase.ExplicitRKTableau(A, c, α, 2)
+        explicit_midpoint_tableau = DiffEqBase.ExplicitRKTableau(A, c, α, 2)
     """
     found = as_method(method)
     if not isinstance(found, RungeKutta):

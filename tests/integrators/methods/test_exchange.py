@@ -91,16 +91,20 @@ def test_what_has_no_place_is_said_in_the_first_line():
     assert "no place" in export_tableau("tsit5", "rungekutta.jl").splitlines()[0]
     assert "Roots are rounded" in export_tableau("crouzeix3", "petsc").splitlines()[0]
     assert "Roots" not in export_tableau("crouzeix3", "nodepy")
+    assert "order is 13 or more" in export_tableau("gauss7", "rungekutta.jl").splitlines()[0]
+    assert 'Symbol("gauss6"), 12,' in export_tableau("gauss6", "rungekutta.jl")
     assert "estimated as zero" in export_tableau("rk4", "diffrax").splitlines()[0]
 
 
 def test_names_cannot_leave_their_place():
     for format in FORMATS:
-        for name in ('x"); evil()\nevil()  # $(evil()) */', "x\\", "class", "2 π"):
+        for name in ('x"); evil()\nevil()  # $(evil()) */', "x\\", "class", "2 π", "none", "π", ""):
             tableau = RungeKutta([[0, 0], ["1/2", 0]], [0, 1], embedded=[1, 0], name=name)
             text = export_tableau(tableau, format)
             assert not any(line.lstrip().startswith("evil") for line in text.splitlines())
             assert read(text, format).A == tableau.A
+            if format in ("nodepy", "diffrax", "scipy"):
+                compile(text, "text", "exec")
     assert '\\"); evil()evil()' in export_tableau(RungeKutta([[0]], [1], name='"); evil()\nevil()'), "petsc")
     assert "\\$(evil())" in export_tableau(RungeKutta([[0]], [1], name="$(evil())"), "rungekutta.jl")
 
