@@ -82,8 +82,17 @@ def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, coun
     """Level curves of values, (len(y), len(x)), as many as wanted, with about equal areas between them."""
     import numpy as np
 
-    levels = np.unique(np.nanquantile(values, np.linspace(0, 1, count + 2)[1:-1]))
-    ax.contour(x, y, values, levels=levels, colors=[GREY], linewidths=0.8, linestyles="solid")
+    finite = values[np.isfinite(values)]
+    levels = np.unique(np.quantile(finite, np.linspace(0, 1, count + 2)[1:-1]))
+    ax.contour(
+        x,
+        y,
+        np.where(np.isfinite(values), values, np.nan),
+        levels=levels,
+        colors=[GREY],
+        linewidths=0.8,
+        linestyles="solid",
+    )
 
 
 def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:

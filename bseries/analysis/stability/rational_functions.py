@@ -298,8 +298,8 @@ class StabilityFunction(ImmutableValue):
 def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:
     """The ends (left, right, bottom, top) of a region and 0 with some space, within those of a grid."""
     ends = []
-    for grid, axis in ((x, 0), (y, 1)):
-        found = [*grid[inside.any(axis=axis)].tolist(), 0.0]
+    for line, axis in ((x, 0), (y, 1)):
+        grid, found = line.tolist(), [*line[inside.any(axis=axis)].tolist(), 0.0]
         space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
         ends += [max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])]
     return ends[0], ends[1], ends[2], ends[3]
