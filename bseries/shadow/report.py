@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from foundation.diagrams import draw_curves, write_title
+from foundation.diagrams import OVER_DATA, draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import items
@@ -90,7 +90,7 @@ def _draw_orders(report: ShadowReport, ax: Axes) -> None:
     ax.axvline(report.best.order, color=VERMILION, linewidth=1, zorder=0)
     ticks = orders[:: max(1, len(orders) // 6)]
     ax.set(xlabel="order", yscale="log", title=f"constant up to (best: order {report.best.order})", xticks=ticks)
-    ax.legend(loc="lower left")  # sizes fall
+    ax.legend(**OVER_DATA | {"loc": "upper right"})  # sizes fall
 
 
 def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:

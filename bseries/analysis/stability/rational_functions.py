@@ -266,7 +266,7 @@ class StabilityFunction(ImmutableValue):
             if order_star:
                 axes.plot(zeros.real, zeros.imag, "o", color=BLACK, mfc="none", markersize=4, clip_on=True)
                 axes.plot(poles.real, poles.imag, "x", color=BLACK, markersize=4, clip_on=True)
-            title = "shaded: |R(z)| > |exp z|;  ○ zeros, × poles" if order_star else "shaded: |R(z)| ≤ 1"
+            title = "shaded: |R| > |exp|, zeros ○, poles ×" if order_star else "shaded: |R(z)| ≤ 1"
             axes.set(title=title, xlabel="Re z,  z = hλ", ylabel="Im z", xlim=ends[:2], ylim=ends[2:])
             if (x[-1] - x[0]) < NARROW * (y[-1] - y[0]):
                 axes.set_aspect("equal")
