@@ -23,6 +23,8 @@ MANY = 10_000
 """Number of points from which on a curve is stored as an image in PDF and SVG."""
 TITLE = 54
 """Most characters in a line of a title."""
+OVER_DATA: dict[str, Any] = {"loc": "best", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+"""Of a legend inside the axes, where curves would cross its text."""
 BAR = 0.6
 """Thickness of a bar, as a part of the distance of bars."""
 
@@ -61,10 +63,10 @@ def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SH
 def draw_legend(ax: Axes, handles: Sequence[Any] | None = None, **options: Any) -> Any:
     """A legend to the right of the axes; inside where the figure makes no room for it."""
     managed: Any = ax.figure
-    outside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
-    place = {"loc": "best"} if managed.get_layout_engine() is None else outside
+    outside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5), "frameon": False}
+    place = OVER_DATA if managed.get_layout_engine() is None else outside
     chosen = {} if handles is None else {"handles": handles}
-    return ax.legend(frameon=False, **place, **chosen, **options)
+    return ax.legend(**place, **chosen, **options)
 
 
 def draw_region(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray) -> None:
@@ -82,8 +84,17 @@ def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, coun
     """Level curves of values, (len(y), len(x)), as many as wanted, with about equal areas between them."""
     import numpy as np
 
-    levels = np.unique(np.nanquantile(values, np.linspace(0, 1, count + 2)[1:-1]))
-    ax.contour(x, y, values, levels=levels, colors=[GREY], linewidths=0.8, linestyles="solid")
+    finite = values[np.isfinite(values)]
+    levels = np.unique(np.quantile(finite, np.linspace(0, 1, count + 2)[1:-1]))
+    ax.contour(
+        x,
+        y,
+        np.where(np.isfinite(values), values, np.nan),
+        levels=levels,
+        colors=[GREY],
+        linewidths=0.8,
+        linestyles="solid",
+    )
 
 
 def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:

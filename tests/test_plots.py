@@ -257,8 +257,16 @@ def test_neighbouring_curves_differ_in_grey():
 @pytest.mark.parametrize(
     ("plot", "sentence"),
     [
-        (lambda: run().plot(x="z"), "x and y must be of energy, p1, p2, q1, q2, t, but one was 'z'"),
+        (lambda: run().plot(x="z"), "x and y must be of t, p1, p2, q1, q2, energy, but one was 'z'"),
         (lambda: run().plot(y=["p1", 3]), "x and y must be of .*, but one was 3"),
+        (lambda: run().plot(y=3), "y must be"),
+        (lambda: example("ShadowReport")[0].plot(orders=3), "orders must be"),
+        (lambda: pendulum_hamiltonian().plot(h=0.1, run=3), "run must have the variables p, q, but was 3"),
+        (
+            lambda: bs.modified_hamiltonian("strang", "lotka-volterra", 2).plot(h=0.1, window=(-2, -1, -2, -1)),
+            "window must have points where H~ is finite, but was",
+        ),
+        (lambda: pendulum_hamiltonian().plot(h="x", window=(0, 1, 0, 1)), "h must be"),
         (lambda: bs.stability_function("sdirk2").plot(), "coefficients must be numbers before poles are found"),
         (lambda: bs.stability_function("rk4").plot(window=(1, 0, 0, 1)), "window must be four numbers, left < right"),
         (lambda: bs.stability_function("rk4").plot(window=3), "window must be four numbers, left < right"),

@@ -284,7 +284,7 @@ class ModifiedHamiltonian:
         import numpy as np
 
         i, j = self._plane(x, y)
-        if run is not None and run.variables != tuple(self.variables):
+        if run is not None and getattr(run, "variables", None) != tuple(self.variables):
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
         if window is None and run is None:
             raise SeriesError("window must be given, as in (-3, 3, -2, 2), where no run is, but was not")
@@ -295,6 +295,8 @@ class ModifiedHamiltonian:
         with catch_warnings():
             simplefilter("ignore")  # H̃ need not be finite everywhere in a window
             values = self(states, h).reshape(POINTS, POINTS)
+        if not np.isfinite(values).any():
+            raise SeriesError(f"window must have points where H~ is finite, but was {ends}")
         with drawing(ax, SeriesError) as axes:
             draw_levels(axes, across, upwards, values, LEVELS)
             if run is not None:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from foundation.diagrams import draw_curves, write_title
+from foundation.diagrams import OVER_DATA, draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def _draw_orders(report: ShadowReport, ax: Axes) -> None:
     ax.axvline(report.best.order, color=VERMILION, linewidth=1, zorder=0)
     ticks = orders[:: max(1, len(orders) // 6)]
     ax.set(xlabel="order", yscale="log", title=f"constant up to (best: order {report.best.order})", xticks=ticks)
-    ax.legend(loc="lower left")  # sizes fall
+    ax.legend(**OVER_DATA | {"loc": "upper right"})  # sizes fall
 
 
 def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
@@ -322,12 +323,12 @@ class ShadowReport:
             >>> report = bs.shadow_energy(bs.integrate("stormer-verlet", "pendulum", h=0.1, steps=4000))
             >>> axes = report.plot()
             >>> [text.get_text() for text in axes.get_legend().get_texts()]
-            ['order 2: energy', 'order 4', 'order 6', 'order 8', 'order 10']
+            ['order 2: energy', 'order 6', 'order 10', 'order 14', 'order 16']
         """
         import numpy as np
 
         known = [row.order for row in self.rows]
-        for order in orders or ():
+        for order in items(orders or (), "orders"):
             if order not in known:
                 raise SeriesError(f"orders must be of {', '.join(map(str, known))}, but one was {order!r:.60}")
         chosen = _shown_orders(known, self.best.order) if orders is None else list(orders)

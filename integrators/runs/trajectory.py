@@ -13,6 +13,7 @@ from foundation.diagrams import draw_curves, write_title
 from foundation.extras import optional_module
 from foundation.plotting import drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
+from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.stored_arrays import (
     MOST_TEXT,
@@ -158,7 +159,7 @@ class Trajectory(Tabular):
             ('time t', 'change of energy since the start')
             >>> axes = run.plot(x="q", y="p")
         """
-        names = (self.variables if y is None else [y] if isinstance(y, str) else list(y)) or self.variables
+        names = ([y] if isinstance(y, str) else items(() if y is None else y, "y")) or self.variables
         across, *curves = self._columns([x, *names])
         with drawing(ax, IntegratorError) as axes:
             if change:
@@ -175,10 +176,10 @@ class Trajectory(Tabular):
 
     def _columns(self, names: Sequence[str]) -> list[np.ndarray]:
         """Variables, observed quantities or t, at the same times."""
-        known = {"t", *self.variables, *self.observed}
+        known = ["t", *self.variables, *self.observed]
         for name in names:
             if name not in known:
-                raise IntegratorError(f"x and y must be of {', '.join(sorted(known))}, but one was {shown(name)}")
+                raise IntegratorError(f"x and y must be of {', '.join(known)}, but one was {shown(name)}")
         stored = dict(zip(self.variables, self.y, strict=True))
         observed = [name for name in names if name not in stored and name != "t"]
         if observed and self.observed_t is not self.t and (mixed := stored.keys() & set(names)):
