@@ -7,7 +7,7 @@ STAMP := .venv/.developer
 EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
 	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
-.PHONY: demo dev test test-all hard-cases bench lint notebooks docs clean
+.PHONY: demo dev test test-all hard-cases bench lint notebooks wheel docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/bseries modified rk4 --order 5
@@ -38,7 +38,12 @@ lint: $(STAMP)
 notebooks: $(STAMP)
 	$(BIN)/python -m notebooks
 
-docs: notebooks
+# `build/lib` would keep modules that are no longer there.
+wheel: $(STAMP)
+	rm -rf build/lib build/wheels
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheels .
+
+docs: notebooks wheel
 	$(BIN)/sphinx-build --fail-on-warning --quiet -d build/doctrees docs build/docs
 
 clean:

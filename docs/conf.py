@@ -6,9 +6,11 @@ Pages link to files as on a code host; links that leave this folder are rewritte
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
+sys.path.append(str(HERE))  # where the extension `browser` is
 EXECUTED = HERE.parent / "notebooks" / "executed"
 COPIES = HERE / "notebooks"
 
@@ -21,6 +23,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_click",
     "sphinx-mathjax-offline",
+    "browser",
 ]
 
 autodoc_member_order = "bysource"
