@@ -38,12 +38,15 @@ def as_notebook(page: str) -> nbformat.NotebookNode:
         if k % 2 == 0:
             cells.append(new_markdown_cell(re.sub(r"\[([^]]+)\]\((?!https?:)[^)]*\)", r"\1", part.strip())))
             continue
-        sources = [""]
+        source = ""
         for example in DocTestParser().get_examples(part):
-            sources[-1] += example.source
+            source += example.source
             if example.want:
-                sources.append("")
-        cells += [new_code_cell(source.rstrip()) for source in sources if source]
+                cells.append(new_code_cell(source.rstrip()))
+                if example.exc_msg:
+                    cells[-1].metadata.tags = ["raises-exception"]  # the cells below still run
+                source = ""
+        cells.append(new_code_cell(source.rstrip()))
     return new_notebook(
         cells=[cell for cell in cells if cell.source],
         metadata={"kernelspec": {"name": "python", "display_name": "Python (Pyodide)", "language": "python"}},
