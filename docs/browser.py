@@ -20,11 +20,12 @@ from sphinx.errors import ExtensionError
 
 HERE = Path(__file__).parent
 WHEELS = HERE.parent / "build" / "wheels"  # `make wheel`
-PAGES = ("try", "trajectories", "programs", "scenes")  # none needs numba, which browsers do not have
+PAGES = ("try", "programs", "scenes")  # none needs numba, which browsers do not have
 BUTTON = """
 ```{{raw}} html
-<button class="btn btn-primary" onclick="const frame = this.nextElementSibling; frame.src = frame.dataset.src;
- frame.hidden = false; this.hidden = true">Run this page</button>
+<button class="btn btn-primary" title="Python and packages are loaded from their public hosts"
+ onclick="const frame = this.nextElementSibling; frame.src = frame.dataset.src; frame.hidden = false;
+ this.hidden = true">Run this page</button>
 <iframe class="notebook" title="This page as a notebook" data-src="lite/notebooks/index.html?path={name}.ipynb"
  hidden></iframe>
 ```
