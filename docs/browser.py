@@ -20,7 +20,7 @@ from sphinx.errors import ExtensionError
 
 HERE = Path(__file__).parent
 WHEELS = HERE.parent / "build" / "wheels"  # `make wheel`
-PAGES = ("try", "programs", "scenes")  # none needs numba, which browsers do not have
+PAGES = ("try", "programs")  # none needs numba, which browsers do not have
 BUTTON = """
 ```{{raw}} html
 <button class="btn btn-primary" title="Python and packages are loaded from their public hosts"
