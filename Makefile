@@ -7,7 +7,7 @@ STAMP := .venv/.developer
 EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
 	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
-.PHONY: demo dev test test-all hard-cases bench lint notebooks figures docs clean
+.PHONY: demo dev test test-all hard-cases bench lint notebooks figures wheel docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/bseries modified rk4 --order 5
@@ -41,8 +41,13 @@ notebooks: $(STAMP)
 figures: $(STAMP)
 	$(BIN)/python docs/draw_figures.py
 
+# `build/lib` would keep modules that are no longer there.
+wheel: $(STAMP)
+	rm -rf build/lib build/wheels
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheels .
+
 docs: $(STAMP)
-	$(MAKE) -j2 notebooks figures
+	$(MAKE) -j2 notebooks figures wheel
 	$(BIN)/sphinx-build --fail-on-warning --quiet -d build/doctrees docs build/docs
 
 clean:

@@ -6,9 +6,13 @@ Pages link to files as on a code host; links that leave this folder are rewritte
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
+from docutils import nodes
+
 HERE = Path(__file__).parent
+sys.path.append(str(HERE))  # where the extension `browser` is
 EXECUTED = HERE.parent / "notebooks" / "executed"
 COPIES = HERE / "notebooks"
 
@@ -21,6 +25,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_click",
     "sphinx-mathjax-offline",
+    "browser",
 ]
 
 autodoc_member_order = "bysource"
@@ -76,6 +81,16 @@ def escape_help(_: object, __: object, lines: list[str]) -> None:
             lines[k] = start[0] + re.sub(r"([*|])", r"\\\1", line[start.end() :])
 
 
+def name_figures(_: object, tree: nodes.document, __: str) -> None:
+    """Figures that notebooks draw have no text in their place; the title of their section is one."""
+    for image in tree.findall(nodes.image):
+        section = image.parent
+        while not isinstance(section, nodes.section | nodes.document):
+            section = section.parent
+        title = section.next_node(nodes.title)
+        image.setdefault("alt", "Figure" if title is None else f"Figure: {title.astext()}")
+
+
 def setup(application: object) -> None:
     """Copy executed notebooks beside the pages, and adapt sources."""
     COPIES.mkdir(exist_ok=True)
@@ -83,6 +98,7 @@ def setup(application: object) -> None:
         shutil.copy(notebook, COPIES / notebook.name)
     connect = application.connect  # type: ignore[attr-defined]
     connect("source-read", link_within_the_site)
+    connect("doctree-resolved", name_figures)
     connect("autodoc-process-docstring", escape_markup)
     connect("sphinx-click-process-description", escape_help)
     connect("sphinx-click-process-options", escape_help)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import doctest
 import json
+import runpy
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 import bseries as bs
 
@@ -42,6 +47,15 @@ def results():
     yield [str(tree) for tree in bs.TreeTable(7, colors=2)][::50]
 """
 
+DOCS = Path(__file__).parent.parent / "docs"
+EXAMPLES = """
+import doctest
+options = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+done = doctest.testfile(sys.argv[1], module_relative=False, optionflags=options, encoding="utf-8")
+assert done.attempted and not done.failed
+assert not BLOCKED & set(sys.modules)
+"""
+
 
 def test_results_are_the_same():
     script = BLOCKED + RESULTS + "\nprint(json.dumps(list(results())))\nassert not BLOCKED & set(sys.modules)\n"
@@ -52,3 +66,21 @@ def test_results_are_the_same():
     import numba  # noqa: F401  # compiled kernels from here on
 
     assert json.loads(done.stdout) == json.loads(json.dumps(list(scope["results"]())))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", runpy.run_path(str(DOCS / "browser.py"))["PAGES"])
+def test_pages_that_run_in_a_browser_show_what_plain_python_gives(page):
+    command = [sys.executable, "-c", BLOCKED + EXAMPLES, str(DOCS / f"{page}.md")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_notebooks_have_all_examples_of_their_page():
+    browser = runpy.run_path(str(DOCS / "browser.py"))
+    for page in browser["PAGES"]:
+        text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+        install, *cells = (cell for cell in browser["as_notebook"](text).cells if cell.cell_type == "code")
+        examples = doctest.DocTestParser().get_examples(text)
+        assert install.source == "%pip install -q bseries-engine"
+        assert "\n".join(cell.source for cell in cells) == "".join(example.source for example in examples).rstrip()
