@@ -32,9 +32,10 @@ from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
-from bseries.exact.operations import Operation, evaluate
+from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
+from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
@@ -175,10 +176,6 @@ class FloatValues:
         return arithmetic.vector(self.raw)
 
 
-MOST_DEGREE = 16
-"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified instead."""
-
-
 class RingValues:
     """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
 
@@ -243,7 +240,7 @@ class RingValues:
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The elements as a raw vector."""
-        return self.elements
+        return arithmetic.vector(self.elements)
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
@@ -268,7 +265,12 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     expressions = [sympy.Rational(e.numerator, e.denominator) if isinstance(e, Fraction) else e for e in entries]
     domain: Any
     ring: Any
-    few = math.prod(_degrees(expressions)) <= MOST_DEGREE
+    few = (degree := degree_bound(expressions)) <= MOST_DEGREE
+    if not few and any(e.has(sympy.cos, sympy.sin, sympy.tan) for e in expressions):  # SymPy may miss that one is zero
+        raise SeriesError(
+            f"entries must lie in a number field of degree {MOST_DEGREE} at most if they have cosines, sines or "
+            f"tangents, but theirs may have degree {degree}"
+        )
     distinct = list(dict.fromkeys(expressions))  # elements of a number field are slow to find
     domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
     found = dict(zip(distinct, elements, strict=True))
@@ -307,14 +309,6 @@ def converted(element: Any, source: Any, target: Any) -> Any:
 @lru_cache(maxsize=64)
 def _image(source: Any, target: Any) -> Any:
     return target.convert_from(source.unit, source)
-
-
-def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
-    """The degree of each distinct root in the expressions."""
-    import sympy
-
-    roots: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
-    return (int(root.exp.q) for root in roots if root.is_number and root.exp.is_Rational)
 
 
 def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:
@@ -415,12 +409,16 @@ def as_ring(values: Any) -> RingValues:
 
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
-    table.choose_kernels()
     first = operands[0]
+    by_order = first.kind == "rational" and works_by_order(table, operation)
+    if first.kind != "ring":
+        table.choose_kernels(interpreted_seconds(table) / (BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return evaluate(table, operands, operation)
     if first.kind == "float":
         arithmetic = floats() if table.compiled else float_lists()
+    elif first.ring.is_AlgebraicField:
+        arithmetic = NumberField(first.ring)
     else:
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
@@ -428,7 +426,38 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
         if not _all_finite(raw):
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
         return FloatValues(table, raw)
-    return RingValues(table, first.ring, raw, first.step).narrowed()
+    elements = list(map(arithmetic.element, raw)) if isinstance(arithmetic, NumberField) else raw
+    return RingValues(table, first.ring, elements, first.step).narrowed()
+
+
+class NumberField(Exact):
+    """Elements of a number field as python-flint's polynomials in its generator.
+
+    They are reduced at the end only: the value of a tree with n nodes is a sum of products of n entries.
+    """
+
+    def __init__(self, field: Any):
+        super().__init__()
+        self.field = field
+        self._relation = self._polynomial(field.mod.to_list())
+
+    @staticmethod
+    def _polynomial(coefficients: Sequence[Any]) -> Any:
+        """A polynomial of flint from the coefficients of SymPy's, the leading one first."""
+        from flint import fmpq, fmpq_poly
+
+        return fmpq_poly([fmpq(int(x.numerator), int(x.denominator)) for x in reversed(coefficients)])
+
+    def number(self, value: Any) -> Any:
+        """A rational number, or an element of the field."""
+        return self._polynomial([value] if isinstance(value, Rational) else value.to_list())
+
+    def element(self, value: Any) -> Any:
+        """A polynomial, or an int, as an element of the field."""
+        if isinstance(value, int):
+            return self.field.convert(value)
+        rest = value % self._relation
+        return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
 
 
 def _all_finite(raw: Any) -> bool:

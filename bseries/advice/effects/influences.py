@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.effects.costs import variant_costs
@@ -20,6 +20,8 @@ from bseries.advice.measures import (
 )
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
+from foundation.plotting import BLACK, VERMILION, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.exact.arguments import read_number
@@ -30,6 +32,7 @@ from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
     from bseries.advice.effects.variants import EffectVariants, Names
     from bseries.advice.timing import Timing
@@ -209,6 +212,42 @@ class EffectReport(NamedTuple):
     def to_table(self) -> Table:
         """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
         return _table(self)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """What leaving out each effect changes, against the accepted error and the error of the method itself.
+
+        Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> options = {"h": 0.02, "span": 6, "accept": 0.06, "effects": ["oblateness", "drag"]}
+            >>> axes = bs.effect_influence("rk4", "kepler", **options).plot()
+            >>> axes.get_xlabel(), [label.get_text() for label in axes.get_yticklabels()]
+            ('change of the solution without the effect', ['oblateness: leave out', 'drag: keep'])
+        """
+        names = [f"{row.name}: {'leave out' if row.name in self.leave_out else 'keep'}" for row in self.rows]
+        changes = [getattr(row.left_out, self.measure) for row in self.rows]
+        widths = [change if change and isfinite(change) else nan for change in changes]
+        fills = ["white" if row.name in self.leave_out else SHADE for row in self.rows]
+        with drawing(ax, SeriesError, (12.0, bar_height(len(names)))) as axes:
+            draw_bars(axes, names, widths, color=fills)
+            write_title(axes, f"{self.method} on {self.scene}, h = {self.h:g}")
+            axes.set_xscale("log")
+            axes.set_xlabel(f"change of the {self.measure} without the effect")
+            axes.axvline(self.accept, color=VERMILION, linestyle="--", label="accepted error")
+            axes.axvline(getattr(self.own_error, self.measure), color=BLACK, linestyle=":", label="error of the method")
+            draw_legend(axes)
+        return axes
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 

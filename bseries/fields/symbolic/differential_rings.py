@@ -19,7 +19,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, prime_factors, primitive
+from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, check_smooth, prime_factors, primitive
 from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ class DifferentialRing(GeneratedRing):
 
     def _opaque(self, formula: sympy.Expr) -> Element:
         """A parameter, or a function of which only SymPy's derivative is used."""
+        check_smooth(formula)
 
         def derivative(i: int) -> Element:
             variable = self.variables[i]

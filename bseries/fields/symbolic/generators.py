@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.polynomials import Element, Monomial, Number, PolynomialRing, TooLarge
+from integrators.core.errors import shorten
 
 if TYPE_CHECKING:
     import sympy
@@ -270,3 +271,12 @@ def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
     import sympy
 
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
+
+
+def check_smooth(formula: sympy.Expr) -> None:
+    """Refuse a formula with abs, sign or where: a series holds on either side only, and a step may cross."""
+    from integrators.exact.branches import Branching
+
+    found = min(map(str, formula.atoms(Branching)), default="")
+    if found:
+        raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")

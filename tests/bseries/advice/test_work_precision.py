@@ -321,7 +321,7 @@ def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
     pytest.importorskip("matplotlib")
     from bseries.advice.work_precision.diagram import draw
 
-    figure = draw(pendulum)
+    figure = draw(pendulum.curves, pendulum.errors, pendulum.measures, pendulum.title)
     assert len(figure.axes) == 2
     legend = figure.axes[0].get_legend()
     assert legend is not None
