@@ -164,26 +164,23 @@ class EffectReport(NamedTuple):
 
     def advice(self) -> Iterator[str]:
         """The recommendation in sentences."""
-        yield from self._recommendation()
-        own = getattr(self.own_error, self.measure)
-        if not own <= self.accept:
-            yield f"The method's own error, {own:.2g}, exceeds the accepted error: use a smaller step."
-
-    def _recommendation(self) -> Iterator[str]:
-        if not self.leave_out:
+        if self.leave_out:
+            left_out, kept = ", ".join(self.leave_out), ", ".join(self.keep) or "none"
+            accepted = f"{self.accept:.2g} is accepted for the {self.measure}"
+            yield f"Leave out {left_out}{self._saving()}; keep {kept}: {accepted}."
+            yield (
+                f"Promised: the {self.measure} changes by at most {self.promised:.2g}, {self.margin:g} times the sum "
+                f"of influences; a run without them: {getattr(self.apart, self.measure):.2g}."
+            )
+        else:
             least = min(getattr(row.left_out, self.measure) for row in self.rows)
             yield (
                 f"Keep all effects: leaving out any of them changes the {self.measure} by {least:.2g} or more, and "
                 f"{self.accept:.2g} is accepted, with a margin of {self.margin:g}."
             )
-            return
-        left_out, kept = ", ".join(self.leave_out), ", ".join(self.keep) or "none"
-        accepted = f"{self.accept:.2g} is accepted for the {self.measure}"
-        yield f"Leave out {left_out}{self._saving()}; keep {kept}: {accepted}."
-        yield (
-            f"Promised: the {self.measure} changes by at most {self.promised:.2g}, {self.margin:g} times the sum of "
-            f"influences; a run without them: {getattr(self.apart, self.measure):.2g}."
-        )
+        own = getattr(self.own_error, self.measure)
+        if not own <= self.accept:
+            yield f"The method's own error, {own:.2g}, exceeds the accepted error: use a smaller step."
 
     def _saving(self) -> str:
         """The effect of the recommendation on the time of a step."""

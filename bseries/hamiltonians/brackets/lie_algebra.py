@@ -143,10 +143,8 @@ class LieAlgebra:
         return found
 
 
-@lru_cache(maxsize=8)
-def lie_algebra(table: TreeTable, letters: tuple[int, ...]) -> LieAlgebra:
-    """The Lie algebra on a table of trees, kept in memory."""
-    return LieAlgebra(table, letters)
+lie_algebra = lru_cache(maxsize=8)(LieAlgebra)
+"""The Lie algebra on a table of trees, kept in memory."""
 
 
 def _listing_order(word: Word) -> tuple[Word, Word]:
