@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from . import advice_cases, algebra_growth, effect_cases, prediction_cases, scene_growth
+from . import advice_cases, algebra_growth, effect_cases, prediction_cases, scene_growth, waiting_cases
 from .kinds import Part
 from .stepping import figures, studies
 
 PARTS = (
+    Part("What a person waits for", waiting_cases.measurements),
     Part("What series cost", studies=(algebra_growth.STUDY, scene_growth.STUDY)),
     Part("Time stepping", figures.measurements, (studies.OVER_C,)),
     Part("Work and precision", studies=(studies.PRECISION,)),

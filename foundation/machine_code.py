@@ -174,8 +174,9 @@ class _Cache:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The cached code for a signature; None if there is none."""
         from numba.core.compiler import CompileResult
+        from numba.core.runtime import rtsys
 
-        target.refresh()
+        rtsys.initialize(target)  # `target.refresh()` would import what only compiling needs, for a quarter of a second
         path = self._path(signature, target.codegen())
         if path is None or not _is_private(path.parent):
             return None

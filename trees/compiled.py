@@ -104,6 +104,10 @@ def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.Module
 
 LOADING, COMPILING = 0.4, 5.0
 """Seconds that the first compiled call takes: numba's import, and machine code from the cache or compiled."""
+ARRAYS = 0.1
+"""Seconds that NumPy's import takes."""
+SMALL = 1e-3
+"""Seconds below which the interpreter takes no longer than calls of NumPy."""
 _interpreted = 0.0  # seconds that the interpreter has spent in kernels
 
 
@@ -116,6 +120,11 @@ def interpreting() -> Iterator[None]:
         yield
     finally:
         _interpreted += perf_counter() - start
+
+
+def arrays_pay(seconds: float) -> bool:
+    """Whether NumPy should do the next work, for which the interpreter would need this time."""
+    return seconds > SMALL and ("numpy" in sys.modules or _interpreted + seconds > ARRAYS)
 
 
 def compiling_pays(seconds: float) -> bool:

@@ -19,13 +19,14 @@ from trees.counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
-from trees.drawing import MAX_TREES, svg
+from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
 from trees.listing import listing
 from trees.tree import Tree
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
 
 KEPT_SPLITS = 2**26
@@ -119,7 +120,7 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self.compiled = compiling_pays(_interpreted_seconds(order, size))
+        self.compiled = compiling_pays(1e-6 * order * size)  # for this loop and that of the splits
         limits = [bound for row in self.limits for bound in row]
         self.columns = Columns(
             self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
@@ -128,9 +129,9 @@ class TreeTable(Sequence[Tree]):
         self.run(kernels.enumerate_trees)(order, colors, self.column(limits), *self.columns)
         self._complete = True
 
-    def choose_kernels(self) -> None:
+    def choose_kernels(self, seconds: float) -> None:
         """Make the columns anew for compiled kernels if these now pay (see `trees.compiled.compiling_pays`)."""
-        if not self.compiled and compiling_pays(_interpreted_seconds(self.max_order, len(self))):
+        if not self.compiled and compiling_pays(seconds):
             compiled = TreeTable(self.max_order, self.colors, self.limits).__dict__
             for name, value in vars(TreeTable).items():
                 if isinstance(value, cached_property):
@@ -234,9 +235,15 @@ class TreeTable(Sequence[Tree]):
     def _key(self) -> tuple[int, Limits]:
         return self.max_order, self.limits
 
+    @property
+    def max_children(self) -> list[list[int | None]] | None:
+        """The restriction, as the argument of that name; None if there is none."""
+        if self.limits == normal_limits(self.colors, None):
+            return None
+        return [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+
     def __repr__(self) -> str:
-        shown = [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
-        restricted = "" if self.limits == normal_limits(self.colors, None) else f", max_children={shown}"
+        restricted = "" if self.max_children is None else f", max_children={self.max_children}"
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def to_table(self) -> Table:
@@ -260,6 +267,27 @@ class TreeTable(Sequence[Tree]):
 
     def _repr_svg_(self) -> str | None:
         return svg(self) if len(self) <= MAX_TREES else None
+
+    def plot(self, ax: Axes | None = None, *, columns: int | None = None, labels: bool = True) -> Axes:
+        """The picture of all trees, in the order of their ids.
+
+        Args:
+            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
+            columns: The number of trees in a row; None for at most 10.
+            labels: Whether the texts of the trees stand below them.
+
+        Returns:
+            The axes.
+
+        Raises:
+            TreeError: There are more than 2,000 trees, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> [text.get_text() for text in TreeTable(3).plot().texts]
+            ['τ', '[τ]', '[[τ]]', '[τ,τ]']
+        """
+        return draw(self, ax, columns, labels)
 
     def ids(self, order: int) -> range:
         """Ids of the trees with `order` nodes."""
@@ -359,6 +387,14 @@ class TreeTable(Sequence[Tree]):
             self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
         return splits
 
+    @cached_property
+    def split_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Start, trunk and branch of `splits` as arrays."""
+        import numpy as np
+
+        start, trunk, branch = self.splits[2:]
+        return np.asarray(start), np.asarray(trunk, np.uint32), np.asarray(branch, np.uint32)
+
     def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
         self.run(kernels.split_trees)(
             first, last, self.max_order, self.colors, *self.columns, known.start, known.trunk, known.branch,
@@ -398,11 +434,6 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
         refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
     return count_by_color(order, limits)
-
-
-def _interpreted_seconds(order: int, size: int) -> float:
-    """About the time of one operation on series in the interpreter."""
-    return 2e-5 * order * size
 
 
 @lru_cache(maxsize=16)

@@ -16,14 +16,13 @@ from bseries.exact.domains import apply
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
-from integrators.exact.entries import round_entry
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import RepeatedProgram
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import MethodStages
+    from bseries.algebra.stages import FloatStages, MethodStages
     from bseries.exact.domains import Values
     from integrators.methods.programs.program import Method
 
@@ -203,36 +202,41 @@ def of_method(
 
     values, digits, uncertainty = values_of(inputs), method.digits, None
     if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
-        uncertainty = Uncertainty(inputs, values_of, digits, values)
+        uncertainty = Uncertainty(inputs, values_of, digits)
     return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
 
 
 class Uncertainty:
     """Estimated errors of the coefficients of a method whose entries are rounded to some digits.
 
-    The coefficients are recomputed exactly with every entry x replaced by x (1 ± 5 · 10^−digits), with random but
-    reproducible signs; the estimate is three times the largest change in three trials, computed on first use. Rigorous
-    bounds lose the signs of the entries and exceed the true coefficients of methods such as tsit5.
+    An entry x may be any number between x (1 ± 5 · 10^−digits). The change of the coefficients with all entries, each
+    with a random but reproducible sign, is linear in so small a number: it is a difference quotient, in floats. The
+    estimate is three times the largest change in three trials, computed on first use. Rigorous bounds lose the signs
+    of the entries and exceed the true coefficients of methods such as tsit5.
     """
+
+    CHANGE = 2.0**-26
+    """Balances the rounding errors of central differences with those of the difference quotient."""
 
     def __init__(
         self,
         inputs: RationalStages | FlowChain,
-        values_of: Callable[[RationalStages | FlowChain], Values],
+        values_of: Callable[[FloatStages | FlowChain], Values],
         digits: int,
-        values: Values,
     ):
-        self._compute = (inputs, values_of, digits, values)
+        self._compute = (inputs, values_of, digits)
 
     @cached_property
     def _spread(self) -> list[float]:
-        inputs, values_of, digits, values = self._compute
-        exact, source = values.coefficients(), random.Random(digits)
-        largest = [0.0] * len(exact)
+        inputs, values_of, digits = self._compute
+        largest: list[float] = []
+        sources = [(random.Random(digits), change) for change in (self.CHANGE, -self.CHANGE)]  # of the same signs
         for _ in range(3):
-            changed = values_of(inputs.perturbed(source, digits)).coefficients()
-            largest = [max(s, abs(round_entry(x - y))) for s, x, y in zip(largest, exact, changed, strict=True)]
-        return [3 * s for s in largest]
+            up, down = (values_of(inputs.perturbed(*source)).coefficients() for source in sources)
+            changes = [abs(x - y) for x, y in zip(up, down, strict=True)]
+            largest = list(map(max, largest or changes, changes))
+        factor = 3 * 5 * 10.0**-digits / (2 * self.CHANGE)
+        return [factor * change for change in largest]
 
     def __call__(self, at: int) -> float:
         """The uncertainty of the coefficient of the tree with this id."""

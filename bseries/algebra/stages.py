@@ -90,12 +90,13 @@ class RationalStages(_StagesBase):
         self.terms = stages.size
         self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
 
-    def perturbed(self, source: random.Random, digits: int) -> RationalStages:
-        """The stages with every entry x replaced by x (1 ± 5 · 10^−digits)."""
-        change = 5 * Fraction(10) ** -digits
-        a, b = ([x * (1 + source.choice((-change, change))) for x in row] for row in (self.stages.a, self.stages.b))
-        changed = self.stages.with_entries(a, b)
-        return RationalStages(changed, changed.with_entries([abs(x) for x in a], [abs(x) for x in b]))
+    def perturbed(self, source: random.Random, change: float) -> FloatStages:
+        """The stages in floats, every entry x replaced by x (1 ± change)."""
+        a, b = (
+            [to_float(x) * (1 + source.choice((-change, change))) for x in row]
+            for row in (self.stages.a, self.stages.b)
+        )
+        return FloatStages(self.stages.with_entries(a, b))
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -463,11 +464,10 @@ class FlowChain:
         """k such that |a(τ)| ≤ 2^(k·n): the exact flow over the sum of all |times| is larger tree by tree."""
         return max(0, (math.ceil(sum(map(abs, self._steps.times))) - 1).bit_length())
 
-    def perturbed(self, source: random.Random, digits: int) -> FlowChain:
-        """The same flows with every time t changed to t (1 ± 5 · 10^−digits)."""
-        change = 5 * Fraction(10) ** -digits
-        times = [time * (1 + source.choice((-change, change))) for time in self._steps.times]
-        return FlowChain(self._steps._replace(times=times), self._order)
+    def perturbed(self, source: random.Random, change: float) -> FlowChain:
+        """The same flows in floats, every time t replaced by t (1 ± change)."""
+        times = [to_float(time) * (1 + source.choice((-change, change))) for time in self._steps.times]
+        return FlowChain(self._steps._replace(times=times, kind="float"), self._order)
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The coefficients of the method."""

@@ -32,7 +32,7 @@ from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats
-from bseries.exact.operations import Operation, evaluate
+from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
@@ -240,7 +240,7 @@ class RingValues:
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The elements as a raw vector."""
-        return self.elements
+        return arithmetic.vector(self.elements)
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
@@ -409,12 +409,16 @@ def as_ring(values: Any) -> RingValues:
 
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
-    table.choose_kernels()
     first = operands[0]
+    by_order = first.kind == "rational" and works_by_order(table, operation)
+    if first.kind != "ring":
+        table.choose_kernels(interpreted_seconds(table) / (BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return evaluate(table, operands, operation)
     if first.kind == "float":
         arithmetic = floats() if table.compiled else float_lists()
+    elif first.ring.is_AlgebraicField:
+        arithmetic = NumberField(first.ring)
     else:
         arithmetic = Exact(partial(ring_element, first.ring))
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
@@ -422,7 +426,38 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
         if not _all_finite(raw):
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
         return FloatValues(table, raw)
-    return RingValues(table, first.ring, raw, first.step).narrowed()
+    elements = list(map(arithmetic.element, raw)) if isinstance(arithmetic, NumberField) else raw
+    return RingValues(table, first.ring, elements, first.step).narrowed()
+
+
+class NumberField(Exact):
+    """Elements of a number field as python-flint's polynomials in its generator.
+
+    They are reduced at the end only: the value of a tree with n nodes is a sum of products of n entries.
+    """
+
+    def __init__(self, field: Any):
+        super().__init__()
+        self.field = field
+        self._relation = self._polynomial(field.mod.to_list())
+
+    @staticmethod
+    def _polynomial(coefficients: Sequence[Any]) -> Any:
+        """A polynomial of flint from the coefficients of SymPy's, the leading one first."""
+        from flint import fmpq, fmpq_poly
+
+        return fmpq_poly([fmpq(int(x.numerator), int(x.denominator)) for x in reversed(coefficients)])
+
+    def number(self, value: Any) -> Any:
+        """A rational number, or an element of the field."""
+        return self._polynomial([value] if isinstance(value, Rational) else value.to_list())
+
+    def element(self, value: Any) -> Any:
+        """A polynomial, or an int, as an element of the field."""
+        if isinstance(value, int):
+            return self.field.convert(value)
+        rest = value % self._relation
+        return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
 
 
 def _all_finite(raw: Any) -> bool:

@@ -17,7 +17,6 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
 from operator import add
@@ -33,14 +32,17 @@ from bseries.exact.arithmetic import (
     majorants,
     prime_field,
     primes_beyond,
+    rationals,
     wrapped_integers,
 )
 from bseries.exact.rationals import RationalValues, lcm_up_to, primorial, twos
-from trees.compiled import interpreting
+from trees.compiled import arrays_pay, interpreting
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
 
+BY_ORDER = 20
+"""How much faster than the interpreter the recursions on whole orders are."""
 SMALL = 2000
 """Number of trees below which a pass takes no longer than handing it to another thread."""
 
@@ -113,8 +115,9 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         loaders = [partial(source.load, table, arithmetic) for source in sources]
         return operation.expression(arithmetic, *loaders)
 
-    stages = max(source.terms for source in sources)
-    if table.compiled and table.max_order <= MOST_TERMS and stages <= MOST_STAGES:
+    by_order = works_by_order(table, operation)
+    has_bounds = table.max_order <= MOST_TERMS and max(source.terms for source in sources) <= MOST_STAGES
+    if has_bounds and (table.compiled or by_order):
         integers = None
         if operation.units % 2:
             integers = operation.integers or wrapped_integers(twos(common))
@@ -123,13 +126,15 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
             bits = _bits(table, run, max(source.exponent for source in sources), denominators)
         else:
             bits = [bound + math.log2(d) for bound, d in zip(operation.bounds, denominators[1:], strict=True)]
+        numerators = None
         if bits is not None:
             numerators = _numerators(
                 table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
             )
+        if numerators is not None:
             return RationalValues(table, numerators, denominators, step)
     with interpreting():
-        values = run(Exact())
+        values = run(rationals())
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
@@ -151,16 +156,33 @@ def _numerators(
     table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
     integers: Wrapped | None, field: bool,
 ) -> Any:  # fmt: skip
-    """The numerators, found modulo 2^64 if they fit there with their powers of two, else modulo primes."""
+    """The numerators, found modulo 2^64 if they fit there with their powers of two, else modulo primes.
+
+    None without compiled kernels, which the residues modulo primes need.
+    """
     if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), field))) < 62:
         return _run_wrapped(table, run, integers, denominators, field)
-    return _run_primes(table, run, max(bits), avoid, denominators)
+    table.choose_kernels(interpreted_seconds(table))
+    return _run_primes(table, run, max(bits), avoid, denominators) if table.compiled else None
 
 
-def _integer(value: Fraction | int) -> int:
-    if value.denominator != 1:
+def interpreted_seconds(table: TreeTable) -> float:
+    """About the time of one operation on series in the interpreter."""
+    return 4e-6 * table.max_order * len(table)
+
+
+def works_by_order(table: TreeTable, operation: Operation) -> bool:
+    """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
+    return bool(operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table)))
+
+
+def _integer(value: Any) -> int:
+    """A rational number of flint, or an int, as an integer."""
+    if isinstance(value, int):
+        return value
+    if value.q != 1:
         raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
-    return value.numerator
+    return int(value.p)
 
 
 def _bits(
@@ -189,8 +211,8 @@ def _run_wrapped(
 ) -> Any:
     values = run(arithmetic)
     odd, shift = _scaling(arithmetic, tuple(denominators), field)
-    values *= odd[table.columns.order]
-    values >>= shift[table.columns.order]
+    values *= odd[table.order]
+    values >>= shift[table.order]
     return values
 
 
@@ -216,7 +238,7 @@ def _run_primes(
     def one(i: int) -> None:
         values = run(prime_field(primes[i])).astype(np.int64)
         factors = np.array([d % primes[i] for d in denominators])
-        values *= factors[table.columns.order]
+        values *= factors[table.order]
         values %= primes[i]
         residues[i] = values
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.exact import kernels
+from bseries.exact import kernels, whole_orders
 from bseries.exact.arithmetic import Exact, factorial_weights
 from trees.counting import memory_estimate, refuse_table_beyond_memory
 from trees.table import partitions_of
@@ -57,6 +57,11 @@ def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, f
     blocks, start, column, a, b, relation = entries(stages, arithmetic, field)
     _, color, left, right = arithmetic.columns(table)
     weight = arithmetic.zeros(size)
+    if arithmetic.by_order(table):
+        whole_orders.elementary_weights(
+            table, count, stages.longest, (blocks, start, column, a, b, relation), weight, arithmetic.dtype
+        )
+        return weight
     arithmetic.run(kernels.elementary_weights)(
         0, size, top, table.colors, left, right, color, arithmetic.size(count), blocks, start,
         column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
@@ -145,9 +150,12 @@ def _lie_series(
     weights: tuple[Any, Any], result: Any,
 ) -> None:  # fmt: skip
     """Run the kernel over all trees, chunk by chunk."""
+    width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
+    if arithmetic.by_order(table):
+        whole_orders.lie_series(table, int(width), solve, field, base, empty, weights, result)
+        return
     run = arithmetic.run(kernels.lie_series)
     top = table.offsets[-2]
-    width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
     rows, terms = arithmetic.zeros(top * int(width)), arithmetic.scratch(int(width) + 1)
     order = arithmetic.columns(table)[0]
     for splits in table.split_chunks():

@@ -194,8 +194,9 @@ class _Parser:
 
     def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
         if not isinstance(text, str):
-            raise IntegratorError(f"{argument} must be a formula as text, but was {shown(text)}")
+            raise IntegratorError(f"{argument} must be text, but was {shown(text)}")
         self.text, self.names, self.functions, self.argument = text, names, functions, argument
+        self.wanted = "a formula" if names else "a number"
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
         self.depth = 0
@@ -205,7 +206,7 @@ class _Parser:
     def refuse(self, problem: str, position: int | None = None) -> NoReturn:
         """Raise an error that quotes the formula."""
         where = "" if position is None else f" at position {position + 1}"
-        raise IntegratorError(f"{self.argument} must be a formula, but {shorten(self.text)!r} {problem}{where}")
+        raise IntegratorError(f"{self.argument} must be {self.wanted}, but {shorten(self.text)!r} {problem}{where}")
 
     def tokenize(self, text: str) -> list[tuple[str, str, int]]:
         """The tokens as (kind, text, position), and an end."""

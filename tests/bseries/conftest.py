@@ -7,14 +7,16 @@ import pytest
 
 import trees.table
 from bseries import BSeries
+from bseries.exact import operations
 
 
-@pytest.fixture(params=["compiled", "interpreted"])
+@pytest.fixture(params=["compiled", "interpreted", "by order"])
 def execution(request, monkeypatch):
-    """Run everything on compiled kernels (the fast exact path), or in the interpreter on plain Fractions."""
+    """Run everything on compiled kernels, or in the interpreter, by NumPy where that is possible or not."""
     if request.param == "compiled":
         import numba  # noqa: F401
     monkeypatch.setattr(trees.table, "compiling_pays", lambda work: request.param == "compiled")
+    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: request.param == "by order")
     trees.table._kept_table.cache_clear()
     yield request.param
     trees.table._kept_table.cache_clear()

@@ -64,12 +64,12 @@ def test_interpreted_time_adds_up(monkeypatch):
 def test_tables_made_by_the_interpreter_take_up_compiled_kernels(monkeypatch):
     monkeypatch.setattr("trees.table.compiling_pays", lambda seconds: False)
     table = TreeTable(6, 2)
-    table.choose_kernels()
+    table.choose_kernels(1.0)
     assert not table.compiled
     assert isinstance(table.columns.left, list)
     symmetry, splits = table.symmetry.tolist(), table.splits
     monkeypatch.setattr("trees.table.compiling_pays", lambda seconds: True)
-    table.choose_kernels()
+    table.choose_kernels(1.0)
     assert table.compiled
     assert isinstance(table.columns.left, np.ndarray)
     assert table.symmetry.tolist() == symmetry

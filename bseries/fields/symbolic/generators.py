@@ -150,9 +150,7 @@ class GeneratedRing(PolynomialRing):
     def quotients(self, element: Element, *, grow: bool = True) -> list[Quotient]:
         """An element as a sum of quotients with different denominators; it is zero if all numerators are.
 
-        Args:
-            element: The element.
-            grow: Whether to use a common denominator even if the numerator grows, or if the denominator has e^b.
+        With `grow`, denominators are common even if the numerator grows, or if the denominator has e^b.
         """
         parts = [Quotient(element, {})]
         for k in sorted(self._roots, reverse=True):  # the base of a root has earlier generators only

@@ -310,3 +310,41 @@ def test_few_methods_are_refused(results):
     """The comparison compares numbers: hardly a method has sums of weights that vanish, or an extra part."""
     refused = {name: r for name, r in results[0][0].items() if isinstance(r, str) or any(isinstance(x, str) for x in r)}
     assert len(refused) < len(results[0][0]) / 10
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: bs.series("rk4", 8),
+        lambda: bs.modified_equation("explicit-midpoint", 10),
+        lambda: bs.modified_equation("gauss2", 7),  # a block of stages
+        lambda: bs.modified_equation("stormer-verlet-kdk", 6),  # two colours
+        lambda: bs.series("lie-trotter", 5).inverse(),
+        lambda: bs.compose(bs.series("rk4", 7), bs.series("heun2", 7)),
+        lambda: bs.modified_equation("heun2", 7).exp(),
+        lambda: bs.series("heun2", 7) ** Fraction(1, 2),
+        lambda: bs.modified_equation("dormand-prince54", 8),  # beyond 64 bits
+        lambda: bs.modified_equation("explicit-euler", 1),
+    ],
+)
+def test_whole_orders_give_what_kernels_give(monkeypatch, make):
+    found = []
+    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: True)
+    for compiled in (False, True):
+        monkeypatch.setattr(trees.table, "compiling_pays", lambda work, compiled=compiled: compiled)
+        trees.table._kept_table.cache_clear()
+        found.append(make())
+    trees.table._kept_table.cache_clear()
+    assert [b.table.compiled for b in found] == [False, True]
+    assert found[0].coefficients() == found[1].coefficients()
+
+
+def test_numbers_beyond_64_bits_are_not_computed_by_order(monkeypatch):
+    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: True)
+    monkeypatch.setattr(trees.table, "compiling_pays", lambda work: False)
+    trees.table._kept_table.cache_clear()
+    wrapped = []
+    monkeypatch.setattr(operations, "_run_wrapped", lambda *inputs: wrapped.append(inputs))
+    assert bs.modified_equation("dormand-prince54", 8).order == 8
+    assert not wrapped
+    trees.table._kept_table.cache_clear()

@@ -149,14 +149,14 @@ def test_refused_with_one_short_sentence(text, message):
     with pytest.raises(IntegratorError, match=message) as caught:
         parse_number(text, argument="A[1][2]")
     sentence = str(caught.value)
-    assert sentence.startswith("A[1][2] must be a formula, but ")
+    assert sentence.startswith("A[1][2] must be a number, but ")
     assert len(sentence) < 300
     assert "\n" not in sentence
 
 
 @pytest.mark.parametrize("value", [None, 5, b"1"])
 def test_only_text_is_read(value):
-    with pytest.raises(IntegratorError, match="entry must be a formula as text, but was"):
+    with pytest.raises(IntegratorError, match="entry must be text, but was"):
         parse_number(value)
 
 
