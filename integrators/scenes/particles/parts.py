@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from integrators.core.canonical_names import canonical_names
 from integrators.core.errors import IntegratorError
 from integrators.methods.programs.program import ChildBounds
+from integrators.scenes.model.blocks import canonical_blocks
 from integrators.scenes.model.system import LocalTerm, Output, Place, System, output_formula
 
 if TYPE_CHECKING:
@@ -108,9 +110,10 @@ def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[P
         names: The names of the colours; a single colour is the whole field.
         scene: The scene.
         parts: Maps every name to a block, a part of the field, or a list of blocks. None if the names are those of
-            blocks (the time variable is added to the last block) or of parts; or if they are a, b and the scene has two
-            blocks: then a advances the positions (drift) and b the momenta (kick), the convention for splitting
-            methods. If the blocks are not canonical, a advances the second block and b the first.
+            blocks (the time variable is added to the last block) or of parts; or if both the names and the two blocks
+            of the scene tell momenta from positions, as v and x do; or if they are a, b and the scene has two blocks:
+            then a advances the positions (drift) and b the momenta (kick), the convention for splitting methods. If
+            the blocks are not canonical, a advances the second block and b the first.
 
     Raises:
         IntegratorError: A colour is ambiguous, or the pieces do not sum to the whole field.
@@ -144,6 +147,10 @@ def default_pieces(names: Sequence[str], scene: System) -> tuple[Piece, ...] | N
         rest = [name for name in blocks if name not in names]
         last = max(names, key=blocks.index)
         return tuple(Piece(frozenset([name, *rest] if name == last else [name])) for name in names)
+    told, pair = canonical_names(names), canonical_blocks(scene.blocks)
+    if told is not None and pair is not None and len(names) == len(blocks) == 2:
+        meant = dict(zip(told, pair, strict=True))
+        return tuple(Piece(frozenset([meant[name].name])) for name in names)
     if set(names) == set(UNNAMED) and len(blocks) == 2 and not scene.parts:
         kicked, drifting = (block.name for block in scene.canonical_pair or scene.blocks)
         return tuple(Piece(frozenset([drifting if name == UNNAMED[0] else kicked])) for name in names)

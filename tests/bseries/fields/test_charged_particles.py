@@ -71,7 +71,7 @@ def test_modified_field_has_no_divergence(effects):
     field = bs.modified_field(BORIS, scene, 5)
     assert [bs.fields.divergence(field, k) for k in range(5)] == [0] * 5
     assert field.formulas.elements(3) != [field.formulas.ring.zero] * 6  # there is a term with h^2
-    other = bs.modified_field(bs.method("stormer-verlet"), scene, 3, parts={"p": "v", "q": "x"})
+    other = bs.modified_field(bs.method("stormer-verlet"), scene, 3)
     assert bs.fields.divergence(other, 2) != 0
 
 
@@ -119,6 +119,14 @@ def test_speed_is_kept_without_a_potential():
     run = bs.integrate(BORIS, DIPOLE, h=0.05, span=1000, save_every=10, observe=["energy", "momentum"])
     assert run.observed["energy"] == pytest.approx(0.0025, rel=1e-13)
     assert run.observed["momentum"] == pytest.approx(2.025, rel=1e-4)
+
+
+def test_without_a_magnetic_field_it_is_verlet():
+    for name in ("pendulum", "kepler"):
+        boris, verlet = (bs.integrate(method, name, h=0.01, steps=100).y for method in (BORIS, "stormer-verlet-dkd"))
+        assert boris == pytest.approx(verlet, abs=1e-14)
+    named = bs.integrate("stormer-verlet", DIPOLE, h=0.01, steps=10, parts={"p": "v", "q": "x"}).y
+    assert (bs.integrate("stormer-verlet", DIPOLE, h=0.01, steps=10).y == named).all()
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ SYMPLECTIC = {
 }
 """Symplectic methods for all Hamiltonian systems (HLW, sections VI.4 and VI.5); lobatto-iiib2 is the midpoint rule."""
 SEPARABLE_KINDS = {"splitting", "nystrom splitting"}
-SEPARABLE = {"rkn-verlet", "takahashi-imada", "chin4a", "chin4b", "chin4c", "gark2"}
+SEPARABLE = {"rkn-verlet", "takahashi-imada", "chin4a", "chin4b", "chin4c", "gark2", "boris"}
 """Those for H = T(p) + U(q) only: compositions of exact flows, and those above (HLW, section VI.4.1)."""
 WIDTH = mpmath.mpf(10) ** -12
 
