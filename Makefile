@@ -7,7 +7,7 @@ STAMP := .venv/.developer
 EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
 	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
-.PHONY: demo dev test test-all hard-cases bench lint notebooks docs clean
+.PHONY: demo dev test test-all hard-cases bench lint notebooks figures docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/bseries modified rk4 --order 5
@@ -38,11 +38,15 @@ lint: $(STAMP)
 notebooks: $(STAMP)
 	$(BIN)/python -m notebooks
 
-docs: notebooks
+figures: $(STAMP)
+	$(BIN)/python docs/draw_figures.py
+
+docs: $(STAMP)
+	$(MAKE) -j2 notebooks figures
 	$(BIN)/sphinx-build --fail-on-warning --quiet -d build/doctrees docs build/docs
 
 clean:
-	rm -rf .venv .pytest_cache .ruff_cache build docs/notebooks docs/reference/generated *.egg-info
+	rm -rf .venv .pytest_cache .ruff_cache build docs/notebooks docs/figures docs/reference/generated *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(INSTALLED): pyproject.toml

@@ -51,6 +51,7 @@ from .algebra.composition import compose as compose
 from .algebra.modified import exact_flow as exact_flow
 from .algebra.modified import modified_equation as modified_equation
 from .algebra.modified import series as series
+from .algebra.series_documents import load_series as load_series
 from .algebra.substitution import modifying_integrator as modifying_integrator
 from .algebra.substitution import substitute as substitute
 from .analysis import stability as stability
@@ -65,6 +66,7 @@ from .analysis.structure import symmetry as symmetry
 from .analysis.structure import symplecticity as symplecticity
 from .analysis.structure import volume_preservation as volume_preservation
 from .conditions.generating import order_conditions as order_conditions
+from .document_schemas import json_schema as json_schema
 from .exceptions import SeriesError as SeriesError
 from .fields.modified_fields import modified_field as modified_field
 from .fields.modified_fields import modifying_field as modifying_field

@@ -1,12 +1,16 @@
-"""Plot style for print at full size, with colours that are distinct for all readers."""
+"""Plot style for print at full size, with colours that are distinct for all readers, and axes to draw on."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from foundation.extras import optional_module
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -34,9 +38,14 @@ def _print_figure() -> type[Figure]:
     from matplotlib.figure import Figure
 
     class PrintFigure(Figure):
-        """A matplotlib figure that notebooks show with its caption."""
+        """A matplotlib figure that notebooks show with its caption, saved with the settings of this file."""
 
         caption: str = ""
+
+        def savefig(self, fname: Any, **options: Any) -> None:
+            """Save with fonts that printers accept."""
+            with print_style():
+                super().savefig(fname, **options)
 
         def _repr_png_(self) -> bytes:
             return picture(self, "png")
@@ -51,6 +60,21 @@ def _print_figure() -> type[Figure]:
             return f'<figure style="max-width: {width}px">{image}{caption}</figure>'
 
     return PrintFigure
+
+
+@cache
+def _print_axes() -> type[Axes]:
+    """The class of axes that notebooks show as their figure."""
+    from matplotlib.axes import Axes
+
+    class PrintAxes(Axes):
+        """Axes of a print figure."""
+
+        def _repr_html_(self) -> str:
+            figure: Any = self.figure
+            return figure._repr_html_()
+
+    return PrintAxes
 
 
 PALETTE = ("#000000", "#ffffff", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
@@ -85,7 +109,9 @@ SETTINGS: dict[str, Any] = {
     "lines.linewidth": 1.2,
     "lines.markersize": 3,
     "patch.linewidth": 0.6,
+    "agg.path.chunksize": 10_000,
     "savefig.dpi": DOTS,
+    "pdf.fonttype": 42,
     "svg.hashsalt": "bseries",
 }
 
@@ -102,3 +128,58 @@ def new_figure(size: tuple[float, float], caption: str = "") -> Figure:
     figure: Any = _print_figure()(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
     figure.caption = caption
     return figure
+
+
+SIZE = (12.0, 7.5)
+"""Width and height of a plot in centimetres: the text width of a book."""
+
+
+@contextmanager
+def drawing(
+    ax: Axes | None, refusal: type[Exception], size: tuple[float, float] = SIZE, *, frame: bool = True
+) -> Iterator[Axes]:
+    """Axes to draw on: those given, or new ones in print style. pyplot does not know their figure.
+
+    Args:
+        ax: The axes; None for new ones.
+        refusal: The class of the error.
+        size: Width and height of the new figure in centimetres.
+        frame: Whether the axes have scales; otherwise they fill the figure.
+
+    Raises:
+        MissingPackage: matplotlib is not installed.
+
+    Example:
+        >>> with drawing(None, ValueError) as axes:
+        ...     line = axes.plot([0, 1], [0, 1])
+        >>> axes.figure.get_size_inches().round(2).tolist()
+        [4.72, 2.95]
+    """
+    axes_of_matplotlib = optional_module("matplotlib.axes", "a plot")
+    if ax is not None and not isinstance(ax, axes_of_matplotlib.Axes):
+        raise refusal(f"ax must be axes of matplotlib or None, but was {ax!r:.60}")
+    if ax is not None:
+        yield ax
+        return
+    with print_style():
+        figure = new_figure(size)
+        place: Any = {"axes_class": _print_axes()}
+        if not frame:
+            figure.set_layout_engine("none")
+        axes = figure.add_subplot(**place) if frame else figure.add_axes((0, 0, 1, 1), **place)
+        yield axes
+        figure.draw_without_rendering()  # lays out ticks with the current settings
+
+
+def in_centimetres(size: tuple[float, float]) -> tuple[float, float]:
+    """A size in points, of which 72 are an inch, in centimetres."""
+    return size[0] / 72 / CENTIMETRE, size[1] / 72 / CENTIMETRE
+
+
+def fit_picture(ax: Axes, size: tuple[float, float]) -> float:
+    """Let axes without a frame show a picture of a size in points, y downwards; the factor of lengths in points."""
+    width, height = size
+    ax.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
+    ax.axis("off")
+    extent = ax.get_window_extent()
+    return 72 / ax.figure.dpi * min(extent.width / width, extent.height / height)

@@ -1,6 +1,5 @@
 from . import methods as methods
 from . import runs as runs
-from .bindings.scipy_bridge import from_scipy as from_scipy
 from .bindings.scipy_bridge import right_hand_side as right_hand_side
 from .bindings.scipy_bridge import scipy_solver as scipy_solver
 from .core.errors import IntegratorError as IntegratorError

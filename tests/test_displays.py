@@ -101,6 +101,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ShadowFormula": lambda: bs.shadow.shadow_formula(4),
     "ShadowReport": lambda: bs.shadow_energy(run()),
     "StabilityFunction": lambda: bs.stability_function("gauss3"),
+    "MethodEntry": lambda: bs.catalogue()[0],
+    "SceneEntry": lambda: bs.scene_catalogue()[0],
 }
 
 

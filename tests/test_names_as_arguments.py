@@ -42,10 +42,11 @@ def arguments(function, names):
     own = {"method": METHODS.get(function.__name__, "rk4"), "scene": SCENES.get(function.__name__, "pendulum")}
     if not names:
         own = {"method": bs.method(own["method"]), "scene": bs.scene(own["scene"])}
+    optional = set() if function.__name__ == "energy_drift" else {"steps", "order"}
     for name, parameter in inspect.signature(function).parameters.items():
         if name in own:
             yield name, own[name]
-        elif parameter.default is parameter.empty or (name == "order" and function.__name__ != "energy_drift"):
+        elif parameter.default is parameter.empty or name in optional:
             yield name, NUMBERS[name]
         elif function.__name__ == "ensemble" and name == "y0":
             yield name, [[0.1, 0.2], [0.2, 0.1]]

@@ -7,8 +7,7 @@ from html import escape
 from itertools import accumulate, islice
 from typing import TYPE_CHECKING, NamedTuple
 
-from foundation.extras import optional_module
-from foundation.plotting import PALETTE
+from foundation.plotting import PALETTE, drawing, fit_picture, in_centimetres
 from trees.errors import TreeError
 from trees.notation import TreeLike, check_names, default_names, parents_of, tree_text
 
@@ -217,7 +216,8 @@ def draw(
         The axes.
 
     Raises:
-        TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
+        TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree, or
+            `ax` is no axes.
         ImportError: If matplotlib is not installed.
 
     Example:
@@ -227,17 +227,16 @@ def draw(
         2
     """
     picture = arrange(trees, columns, labels, names)
-    collections = optional_module("matplotlib.collections", "draw")
-    if ax is None:
-        from matplotlib import pyplot
+    size = picture.width, picture.height  # one point per pixel
+    with drawing(ax, TreeError, in_centimetres(size), frame=False) as axes:
+        _draw(picture, axes, fit_picture(axes, size))
+    return axes
 
-        figure = pyplot.figure(figsize=(picture.width / 72, picture.height / 72))  # one point per pixel
-        ax = figure.add_axes((0, 0, 1, 1))
-    ax.set(xlim=(0, picture.width), ylim=(picture.height, 0), aspect="equal")
-    ax.axis("off")
-    # Scale lengths in points with the picture.
-    extent = ax.get_window_extent()
-    scale = 72 / ax.figure.dpi * min(extent.width / picture.width, extent.height / picture.height)
+
+def _draw(picture: Picture, ax: Axes, scale: float) -> None:
+    """Draw a picture on axes, with lengths in points scaled."""
+    from matplotlib import collections
+
     nodes = [node for tree in picture.drawn for node in tree.nodes]
     edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
     diameters = [2 * RADIUS] * len(nodes)
@@ -257,7 +256,6 @@ def draw(
     ax.add_collection(circles)
     for tree in picture.drawn:
         ax.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
-    return ax
 
 
 def _fill(color: int) -> str:

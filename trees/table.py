@@ -19,13 +19,14 @@ from trees.counting import (
     normal_limits,
     refuse_table_beyond_memory,
 )
-from trees.drawing import MAX_TREES, svg
+from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
 from trees.listing import listing
 from trees.tree import Tree
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
 
 KEPT_SPLITS = 2**26
@@ -234,9 +235,15 @@ class TreeTable(Sequence[Tree]):
     def _key(self) -> tuple[int, Limits]:
         return self.max_order, self.limits
 
+    @property
+    def max_children(self) -> list[list[int | None]] | None:
+        """The restriction, as the argument of that name; None if there is none."""
+        if self.limits == normal_limits(self.colors, None):
+            return None
+        return [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+
     def __repr__(self) -> str:
-        shown = [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
-        restricted = "" if self.limits == normal_limits(self.colors, None) else f", max_children={shown}"
+        restricted = "" if self.max_children is None else f", max_children={self.max_children}"
         return f"TreeTable({self.max_order}, colors={self.colors}{restricted})"
 
     def to_table(self) -> Table:
@@ -260,6 +267,27 @@ class TreeTable(Sequence[Tree]):
 
     def _repr_svg_(self) -> str | None:
         return svg(self) if len(self) <= MAX_TREES else None
+
+    def plot(self, ax: Axes | None = None, *, columns: int | None = None, labels: bool = True) -> Axes:
+        """The picture of all trees, in the order of their ids.
+
+        Args:
+            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
+            columns: The number of trees in a row; None for at most 10.
+            labels: Whether the texts of the trees stand below them.
+
+        Returns:
+            The axes.
+
+        Raises:
+            TreeError: There are more than 2,000 trees, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> [text.get_text() for text in TreeTable(3).plot().texts]
+            ['τ', '[τ]', '[[τ]]', '[τ,τ]']
+        """
+        return draw(self, ax, columns, labels)
 
     def ids(self, order: int) -> range:
         """Ids of the trees with `order` nodes."""

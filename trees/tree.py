@@ -8,13 +8,14 @@ from math import factorial, prod
 from operator import index
 from typing import TYPE_CHECKING, Any
 
-from trees.drawing import svg
+from trees.drawing import draw, svg
 from trees.errors import TreeError
 from trees.formulas import elementary_differential, elementary_weight, order_condition
 from trees.notation import MAX_ORDER, from_networkx, parse, to_networkx, tree_text
 
 if TYPE_CHECKING:
     import networkx as nx
+    from matplotlib.axes import Axes
 
 
 class Tree:
@@ -295,6 +296,25 @@ class Tree:
 
     def _repr_svg_(self) -> str:
         return svg(self)
+
+    def plot(self, ax: Axes | None = None, names: Iterable[str] | None = None) -> Axes:
+        """The picture of the tree, with the root at the bottom; `draw` has tables of trees.
+
+        Args:
+            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
+            names: The names of the colours, as for `draw`.
+
+        Returns:
+            The axes.
+
+        Raises:
+            TreeError: The tree has more than 1,000 nodes, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> Tree("[τ,[τ]]").plot().figure.savefig("/dev/null", format="pdf")
+        """
+        return draw(self, ax, names=names)
 
     def __hash__(self) -> int:
         return self._hash

@@ -31,9 +31,8 @@ def draw(curves: Sequence[Curve], problems: Sequence[Problem]) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.5 * len(problems), 7.5))
-    room = {"left": 0.15 / len(problems), "right": 1 - 0.35 / len(problems), "wspace": 0.75}
-    panels = figure.subplots(1, len(problems), squeeze=False, gridspec_kw=room)[0]
+    figure = Figure(figsize=(8.5 * len(problems), 7.5), layout="constrained")
+    panels = figure.subplots(1, len(problems), squeeze=False)[0]
     for panel, problem in zip(panels, problems, strict=True):
         _panel(panel, [curve for curve in curves if curve.problem == problem.name])
         panel.set(title=problem.title, xlabel="largest relative error of energy", ylabel="CPU time in seconds")

@@ -91,23 +91,14 @@ def summary(samples: list[float]) -> Timing:
 
 
 class Work(NamedTuple):
-    """Steps to time.
-
-    Attributes:
-        scene: The scene.
-        method: The method, or its name.
-        h: The step size, which affects the cost of implicit steps.
-        y0: The start; by default that of the scene.
-        options: Further options of `integrators.stepper`.
-        most_steps: The most steps of a sample; longer samples start again.
-    """
+    """Steps to time."""
 
     scene: Scene
     method: Method | str
-    h: float
-    y0: np.ndarray | None = None
-    options: Mapping[str, Any] = {}
-    most_steps: int = MOST_STEPS
+    h: float  # affects the cost of implicit steps
+    y0: np.ndarray | None = None  # by default the start of the scene
+    options: Mapping[str, Any] = {}  # of `integrators.stepper`
+    most_steps: int = MOST_STEPS  # of a sample; longer samples start again
 
 
 def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:

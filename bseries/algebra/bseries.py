@@ -425,15 +425,17 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
                 yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
 
     def to_dict(self, kind: str = "series", *, nonzero: bool = False) -> dict[str, Any]:
-        """The series as JSON-ready data.
+        """The series as JSON-ready data, which `load_series` reads.
 
         Args:
             kind: The kind of series: ``series``, ``modified``, ….
             nonzero: Leave out terms with coefficient zero.
 
         Returns:
-            The keys schema, kind, method, order, domain, colors, empty, digits (for decimal methods) and terms, each
-            term with tree, levels, colors, order, symmetry, density, coefficient, weight and differential.
+            The keys schema, kind, method, order, domain, colors, max_children, empty, nonzero, digits (for decimal
+            methods) and terms, each term with tree, levels, colors, order, symmetry, density, coefficient, weight and
+            differential. For decimal methods a term also has the value before rounding, ``exact``, and its
+            uncertainty, ``error``.
 
         Example:
             >>> import bseries as bs
@@ -448,13 +450,45 @@ class BSeries(ImmutableValue, Mapping[Tree, Any]):
             "order": self.order,
             "domain": self.domain,
             "colors": list(self.names),
+            "max_children": self.table.max_children,
             "empty": str(self.empty),
+            "nonzero": nonzero,
         }
         if self.digits is not None:
             data["digits"] = self.digits
-        fields = presentation.term_fields(self._shown_names).items()
+        fields = presentation.stored_fields(self._shown_names, self.table, self.digits, self.uncertainty).items()
         data["terms"] = [{key: get(term) for key, get in fields} for term in self.terms(nonzero=nonzero)]
         return data
+
+    def to_julia(self) -> str:
+        """The series as source text for BSeries.jl, which has the same normalisation.
+
+        Returns:
+            Text that makes a `TruncatedBSeries` with the name ``series``; two colours are ``false`` and ``true``.
+
+        Raises:
+            SeriesError: The coefficients have roots or symbols, some trees are left out, or there are more than two
+                colours.
+
+        Example:
+            >>> import bseries as bs
+            >>> print(bs.modified_equation("explicit-euler", 3).to_julia(), end="")
+            using BSeries, RootedTrees
+            <BLANKLINE>
+            # Modified equations have the coefficient 0 of the empty tree, methods 1.
+            coefficients = Dict{Any, Rational{Int}}(
+                rootedtree(Int[]) => 0,
+                rootedtree([1]) => 1,
+                rootedtree([1, 2]) => -1//2,
+                rootedtree([1, 2, 3]) => 1//3,
+                rootedtree([1, 2, 2]) => 1//6,
+            )
+            series = bseries((t, _) -> coefficients[t], 3)
+        """
+        if self.stored.kind == "ring":
+            raise SeriesError(f"coefficients must be rational or floats for BSeries.jl, but were in {self.domain}")
+        inexact = self.digits is not None or self.stored.kind == "float"
+        return presentation.to_julia(self.terms(), self.empty, self.table, inexact=inexact)
 
     def to_latex(self, *, nonzero: bool = False) -> str:
         """The series as a sum of weights times powers of h times elementary differentials.

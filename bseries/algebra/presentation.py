@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number, number_text
 from foundation.table import MOST_ROWS, Column, LazyRows, Table, listed
 from trees.drawing import svg
 
 if TYPE_CHECKING:
+    from trees.table import TreeTable
     from trees.tree import Tree
 
 
@@ -63,6 +65,36 @@ def _factor(number: str) -> str:
     return f"\\left({number}\\right)" if " + " in number or " - " in number[1:] else number
 
 
+def to_julia(terms: Iterable[SeriesTerm], empty: Any, table: TreeTable, *, inexact: bool) -> str:
+    """Terms as source text for BSeries.jl: a dictionary from level sequences, counted from 1, to coefficients."""
+    if table.max_children is not None:
+        raise SeriesError(f"max_children must be None for BSeries.jl, but was {table.max_children}")
+    if table.colors > 2:
+        raise SeriesError(f"series must have one or two colours for BSeries.jl, but has {table.colors}")
+    colored = table.colors > 1
+    texts = [("Int[]", "Bool[]", number_text(empty))]
+    for term in terms:
+        levels = ", ".join(str(level + 1) for level in term.tree.levels)
+        colors = ", ".join(("false", "true")[color] for color in term.tree.colors)
+        texts.append((f"[{levels}]", f"[{colors}]", term.coefficient_text))
+    lines = []
+    for levels, colors, number in texts:
+        tree = f"{levels}, {colors}" if colored else levels
+        lines.append(f"    rootedtree({tree}) => {number.replace('/', '//')},\n")
+    is_long = any(len(part) > INT64_DIGITS for *_, number in texts for part in number.lstrip("-").split("/"))
+    kind = "Float64" if inexact else f"Rational{{{'BigInt' if is_long else 'Int'}}}"
+    trees = ", BicoloredRootedTreeIterator" if colored else ""
+    return f"""using BSeries, RootedTrees
+
+# Modified equations have the coefficient 0 of the empty tree, methods 1.
+coefficients = Dict{{Any, {kind}}}(
+{"".join(lines)})
+series = bseries((t, _) -> coefficients[t], {table.max_order}{trees})
+"""
+
+
+INT64_DIGITS = 18
+"""Decimal digits that all fit into 64 bits."""
 KINDS = {"modified": "Modified equation", "modifying": "Modifying integrator", "series": "B-series"}
 FIELD = "y' = f_h(y) with f_h = Σ h^(|τ|-1) · weight(τ) · F(τ); weight = coefficient/σ"
 MEANINGS = {
@@ -85,6 +117,18 @@ def term_fields(names: Sequence[str] | None) -> dict[str, Callable[[SeriesTerm],
         "weight": lambda term: term.weight_text,
         "differential": lambda term: term.tree.differential(names=names),
     }
+
+
+def stored_fields(
+    names: Sequence[str] | None, table: TreeTable, digits: int | None, error: Callable[[int], float] | None
+) -> dict[str, Callable[[SeriesTerm], Any]]:
+    """What a document holds of a term; for decimals also the value before rounding and its uncertainty."""
+    fields = term_fields(names)
+    if digits is not None:
+        fields["exact"] = lambda term: str(term.coefficient)
+    if error is not None:
+        fields["error"] = lambda term: error(table.index(term.tree))
+    return fields
 
 
 def overview(

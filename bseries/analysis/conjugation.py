@@ -27,7 +27,6 @@ from bseries.analysis.structure_conditions import Verdict, closure, failing, has
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from foundation.table import as_html
-from integrators.methods.catalogue.registry import as_method
 from trees.free_trees import grafting, rootings
 
 if TYPE_CHECKING:
@@ -168,7 +167,6 @@ def effective_order(method: Method | BSeries | str, order: int | None = None) ->
         J. C. Butcher, *The effective order of Runge–Kutta methods*, Lecture Notes in Mathematics 109 (1969),
         doi:10.1007/BFb0060019; S. Blanes, F. Casas, A. Murua, SIAM J. Numer. Anal. 42 (2004), 531–552 (processing).
     """
-    method = as_method(method)
     flows = flows_of(method, order)
     table = flows[0].table
     node = _inconsistent(flows)
@@ -210,7 +208,6 @@ def conjugate_symplecticity(
         E. Hairer, C. J. Zbinden, *On conjugate symplecticity of B-series integrators*, IMA J. Numer. Anal. 33 (2013).
         P. Chartier, E. Faou, A. Murua, Numer. Math. 103 (2006), 575–590.
     """
-    method = as_method(method)
     flows = flows_of(method, order)
     table = flows[0].table
     node = _inconsistent(flows)

@@ -20,6 +20,7 @@ from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import from_flint, to_flint
+from bseries.analysis.structure_conditions import Verdict, verdict
 from bseries.exact.domains import alike, exact_number, make_values, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
@@ -122,22 +123,19 @@ def order_of(method: Method | BSeries | str, max_order: int | None = None) -> in
     """
     method = as_method(method)
     if isinstance(method, BSeries):
-        return _order_of_series(series_to(method, max_order))
+        return accuracy_of(series_to(method, max_order)).order
     return decide_order(method, max_order)[0]
 
 
-def _order_of_series(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int:
+def accuracy_of(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> Verdict:
+    """The verdict on the order conditions of a flow, in which `auxiliary` colours are not parts of the field."""
     check_flow(s, "method")
-    failing = first_failure(s, auxiliary)
-    return s.order if failing is None else int(s.table.columns.order[failing]) - 1
+    return verdict(s.table, first_failure(s, auxiliary))
 
 
 def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
     """Id of the first tree whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
-    if not s.is_exact:
-        raise SeriesError("method must be a method or an exact series, but was a series in floats")
-    if s.digits is not None and s.uncertainty is None:
-        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
+    _check_exact(s)
     mine, others = alike([s.stored, _exact(s.table, auxiliary)])
     for at in range(len(s)):
         if mine.equals_at(others, at):
@@ -145,6 +143,14 @@ def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | 
         if s.uncertainty is None or abs(mine[at] - others[at]) > s.uncertainty(at):
             return at
     return None
+
+
+def _check_exact(s: BSeries) -> None:
+    """Refuse a series whose errors are not known."""
+    if not s.is_exact:
+        raise SeriesError("method must be a method or an exact series, but was a series in floats")
+    if s.digits is not None and s.uncertainty is None:
+        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
 def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
@@ -168,7 +174,7 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     limit = affordable_order(len(method.names)) if max_order is None else max_order
     for tested_to in chain(range(4, limit, 2), [limit]):
-        order = _order_of_series(series(method, tested_to), auxiliary_colors(method))
+        order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
         if order < tested_to:
             return order, tested_to
     return limit, limit
@@ -236,14 +242,14 @@ def _simple(value: Any) -> Any:
     return exact_number(sympy.cancel(sympy.expand(value)))
 
 
-def flows_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+def flows_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
     """The flow of a method with its samples (see `samples_of`)."""
     if isinstance(method, BSeries):
         check_flow(method, "method")
     return samples_of(method, order)
 
 
-def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
+def fields_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
     """The modified equation of a method, or a field itself, with its samples (see `samples_of`)."""
     samples = samples_of(method, order)
     if samples[0].empty == 0:
@@ -252,20 +258,14 @@ def fields_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
     return [s.log() for s in samples]
 
 
-def samples_of(method: Method | BSeries, order: int | None) -> list[BSeries]:
-    """A series, or that of a method, up to some order; for decimals followed by perturbations within their digits.
-
-    Raises:
-        SeriesError: The series is in floats, or in decimals of unknown uncertainty, or `order` is too large.
-    """
+def samples_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
+    """A series, or that of a method, up to some order; for decimals followed by perturbations within their digits."""
+    method = as_method(method)
     s = series_of(method, order)
     if not isinstance(method, BSeries) and auxiliary_colors(method):
         parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
         raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
-    if not s.is_exact:
-        raise SeriesError("method must be a method or an exact series, but was a series in floats")
-    if s.digits is not None and s.uncertainty is None:
-        raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
+    _check_exact(s)
     return [s, *_nearby(s)]
 
 

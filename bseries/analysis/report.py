@@ -92,6 +92,11 @@ class Report(NamedTuple):
     stability: dict[str, Any]
 
     @property
+    def _names(self) -> tuple[str, ...] | None:
+        """The names of the parts where there are several."""
+        return self.method.names if len(self.method.names) > 1 else None
+
+    @property
     def row_sums(self) -> tuple[tuple[Any, ...], ...]:
         """Row sums of A for each part; in floats where they are roots of high degree."""
         parts = self.method.partitions if isinstance(self.method, RungeKutta | PartitionedRungeKutta) else ()
@@ -104,8 +109,7 @@ class Report(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready data."""
-        method = self.method
-        names = method.names if len(method.names) > 1 else None
+        method, names = self.method, self._names
         data: dict[str, Any] = {
             "schema": 1,
             "kind": "check",
@@ -143,7 +147,41 @@ class Report(NamedTuple):
         Args:
             nonzero: Leave out error coefficients that are zero.
         """
-        return _table(self, nonzero=nonzero)
+        digits = self.method.digits
+
+        def text(value: _Value) -> str:
+            return value if isinstance(value, str) else ", ".join(number_text(x, digits) for x in value)
+
+        def latex(value: _Value) -> str:
+            if isinstance(value, str):
+                return latex_text(value)
+            return ", ".join(f"${latex_number(x, digits)}$" for x in value)
+
+        def data() -> dict[str, Any]:
+            found = self.to_dict()
+            if nonzero and "error" in found:
+                found["error"]["terms"] = [term for term in found["error"]["terms"] if term["coefficient"] != "0"]
+            return found
+
+        columns = (
+            Column("quantity"),
+            Column("value", get=lambda fact: text(fact[1]), latex=lambda fact: latex(fact[1])),
+        )
+        facts, notes = list(_facts(self)), list(_notes(self))
+        terms = self.error.terms if self.error is not None else ()
+        errors = [(f"e({tree.text(self._names)})", [e]) for tree, e in terms if e or not nonzero]
+        many = len(errors) > MOST_TERMS
+        if many:
+            notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
+        return Table(
+            f"Order and properties of {self.method.name}",
+            columns,
+            facts if many else [*facts, *errors],
+            notes,
+            data=data,
+            section=lambda fact: fact[0].startswith("e("),
+            records=Table("", columns, [*facts, *errors]),
+        )
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
@@ -327,46 +365,11 @@ _NAMES = {
     "ssp_coefficient": "SSP coefficient",
 }
 """Names of facts that are no plain words."""
-_Fact = tuple[str, str | list[Any]]
-"""A name, and text or numbers of the method."""
+_Value = str | list[Any]
+"""Text, or numbers of the method."""
 
 
-def _table(report: Report, *, nonzero: bool) -> Table:
-    digits = report.method.digits
-
-    def text(value: str | list[Any]) -> str:
-        return value if isinstance(value, str) else ", ".join(number_text(x, digits) for x in value)
-
-    def latex(value: str | list[Any]) -> str:
-        return latex_text(value) if isinstance(value, str) else ", ".join(f"${latex_number(x, digits)}$" for x in value)
-
-    def data() -> dict[str, Any]:
-        found = report.to_dict()
-        if nonzero and "error" in found:
-            found["error"]["terms"] = [term for term in found["error"]["terms"] if term["coefficient"] != "0"]
-        return found
-
-    columns = (
-        Column("quantity"),
-        Column("value", get=lambda fact: text(fact[1]), latex=lambda fact: latex(fact[1])),
-    )
-    facts, errors, notes = list(_facts(report)), list(_errors(report, nonzero=nonzero)), list(_notes(report))
-    records = Table("", columns, [*facts, *errors])
-    if len(errors) > MOST_TERMS:
-        notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
-        errors = []
-    return Table(
-        f"Order and properties of {report.method.name}",
-        columns,
-        [*facts, *errors],
-        notes,
-        data=data,
-        section=lambda fact: fact[0].startswith("e("),
-        records=records,
-    )
-
-
-def _facts(report: Report) -> Iterator[_Fact]:
+def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     """The rows of the table above the error coefficients."""
     method = report.method
     yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
@@ -377,11 +380,10 @@ def _facts(report: Report) -> Iterator[_Fact]:
     for name, holds in report.properties.items():
         as_blocks = name == "symplectic_tableau" and len(method.names) > 1 and block_names(method.names) is None
         yield name.replace("_", " ") + " for momenta and positions" * as_blocks, _answer(holds)
-    names = method.names if len(method.names) > 1 else None
     for name, verdict in report.structure.items():
         until = f"to all {verdict.tested_to} nodes tested"
         if verdict.breaks is not None:
-            until = f"to {verdict.order} nodes, not for {verdict.breaks.text(names)}"
+            until = f"to {verdict.order} nodes, not for {verdict.breaks.text(report._names)}"
         yield name.replace("_", " "), until
     if report.assumptions is not None:
         yield "stage order", str(report.stage_order)
@@ -400,14 +402,6 @@ def _facts(report: Report) -> Iterator[_Fact]:
 
 def _answer(holds: bool) -> str:
     return "yes" if holds else "no"
-
-
-def _errors(report: Report, *, nonzero: bool) -> Iterator[_Fact]:
-    """The principal error coefficients."""
-    names = report.method.names if len(report.method.names) > 1 else None
-    for tree, e in report.error.terms if report.error is not None else ():
-        if e or not nonzero:
-            yield f"e({tree.text(names)})", [e]
 
 
 def _notes(report: Report) -> Iterator[str]:

@@ -11,10 +11,11 @@ Hairer–Nørsett–Wanner, theorem II.7.4).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.analysis.stability.field_elements import dot, stage_matrix, to_flint
 from bseries.exceptions import SeriesError
@@ -23,6 +24,11 @@ from integrators.exact.polynomials import power
 if TYPE_CHECKING:
     from integrators import RungeKutta
     from trees.tree import Tree
+
+
+ONE_OF_THEM = r"([A-Za-z])(?:([0-9]{1,3})|\(([0-9]{1,3})\))"
+TEXT = re.compile(rf"{ONE_OF_THEM}(?:[\s,]+{ONE_OF_THEM})*")
+"""Such as B5 C2 or B(5), C(2)."""
 
 
 class Assumptions(NamedTuple):
@@ -70,24 +76,17 @@ class Assumptions(NamedTuple):
         """
         if given is None or isinstance(given, Assumptions):
             return given or cls()
-        refusal = SeriesError(
-            f"assumptions must be like 'B5 C2 D1' or {{'B': 5, 'C': 2, 'D': 1}}, but were {given!r:.60}"
-        )
-        if isinstance(given, str):
-            words = given.upper().translate({ord("("): None, ord(")"): None, ord(","): " "}).split()
-            pairs = [(word[0], word[1:]) for word in words]
+        pairs: list[tuple[str, Any]] = []
+        if isinstance(given, str) and TEXT.fullmatch(given.strip()):
+            pairs = [(name, int(k or number)) for name, k, number in re.findall(ONE_OF_THEM, given)]
         elif isinstance(given, Mapping):
-            pairs = [(str(name).upper(), value) for name, value in given.items()]
-        else:
-            raise refusal
-        found: dict[str, int] = {}
-        for name, value in pairs:
-            number = int(value) if isinstance(value, str) and value.isascii() and value.isdigit() else value
-            if name not in cls._fields or name in found or type(number) is not int or not 0 <= number < 1000:
-                raise refusal
-            found[name] = number
-        if not found:
-            raise refusal
+            pairs = list(given.items())
+        found = {str(name).upper(): k for name, k in pairs}
+        numbers = all(type(k) is int and 0 <= k < 1000 for k in found.values())
+        if not (found and numbers and found.keys() <= set(cls._fields) and len(found) == len(pairs)):
+            raise SeriesError(
+                f"assumptions must be like 'B5 C2 D1' or {{'B': 5, 'C': 2, 'D': 1}}, but were {given!r:.60}"
+            )
         return cls(**found)
 
 

@@ -13,9 +13,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.bseries import BSeries, check_field, check_flow
+from bseries.algebra.bseries import BSeries, check_field
 from bseries.algebra.stages import auxiliary_colors
-from bseries.analysis.order import fields_of, first_failure, flows_of, samples_of, series_of
+from bseries.analysis.order import accuracy_of, fields_of, flows_of, samples_of, series_of
 from bseries.analysis.structure_conditions import (
     NO_PRODUCT,
     StructureConditions,
@@ -27,7 +27,6 @@ from bseries.analysis.structure_conditions import (
     ids_within,
     is_complete,
     restricted_table_error,
-    verdict,
 )
 from integrators.methods.catalogue.registry import as_method
 from trees.free_trees import grafting, is_separable, rootings
@@ -60,10 +59,8 @@ def accuracy(method: Method | BSeries | str, order: int | None = None) -> Verdic
         HLW, theorem III.1.5. `order_of` needs no trees where simplifying assumptions suffice.
     """
     method = as_method(method)
-    s = series_of(method, order)
-    check_flow(s, "method")
     auxiliary = frozenset() if isinstance(method, BSeries) else auxiliary_colors(method)
-    return verdict(s.table, first_failure(s, auxiliary))
+    return accuracy_of(series_of(method, order), auxiliary)
 
 
 @cached_conditions
@@ -97,7 +94,6 @@ def symmetry(method: Method | BSeries | str, order: int | None = None) -> Verdic
     References:
         HLW, theorems II.3.2 and IX.2.2.
     """
-    method = as_method(method)
     fields = [s.log() for s in flows_of(method, order)]
     return decide(symmetry_conditions(fields[0].table, False), fields)
 
@@ -187,7 +183,6 @@ def symplecticity(method: Method | BSeries | str, order: int | None = None, *, c
         HLW, section VI.7 (quadratic invariants first, symplecticity from them; B-series, then P-series).
         A. L. Araújo, A. Murua, J. M. Sanz-Serna, SIAM J. Numer. Anal. 34 (1997), 1926–1947 (parts).
     """
-    method = as_method(method)
     flows = flows_of(method, order)
     table, blocks = flows[0].table, has_blocks(flows[0], colors_are)
     conditions = hamiltonian_conditions(table, blocks)
@@ -279,7 +274,6 @@ def energy_preservation(
         E. Celledoni, R. I. McLachlan, B. Owren, G. R. W. Quispel, Found. Comput. Math. 10 (2010), 673–693,
         doi:10.1007/s10208-010-9073-1.
     """
-    method = as_method(method)
     return _decide_field(energy_conditions, method, order, colors_are)
 
 
@@ -347,7 +341,6 @@ def volume_preservation(
         A. Iserles, G. R. W. Quispel, P. S. P. Tse, BIT 47 (2007), 351–378.
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
-    method = as_method(method)
     return _decide_field(volume_conditions, method, order, colors_are)
 
 
@@ -408,13 +401,12 @@ def cubic_invariants(
     References:
         P. Chartier, A. Murua, IMA J. Numer. Anal. 27 (2007), 381–405, doi:10.1093/imanum/drl039.
     """
-    method = as_method(method)
     return _decide_field(cubic_conditions, method, order, colors_are)
 
 
 def _decide_field(
     conditions: Callable[[TreeTable, bool], StructureConditions],
-    method: Method | BSeries,
+    method: Method | BSeries | str,
     order: int | None,
     colors_are: Coloring,
 ) -> Verdict:

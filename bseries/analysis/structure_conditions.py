@@ -15,7 +15,7 @@ coefficients eliminated.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bseries.algebra.bseries import BSeries
@@ -23,7 +23,6 @@ from bseries.analysis.stability.field_elements import to_flint
 from bseries.exceptions import SeriesError
 from foundation.table import Table, as_html, fact_table
 from integrators.core.canonical_names import canonical_names
-from trees.compiled import kernel
 from trees.counting import normal_limits
 from trees.free_trees import grafting, is_separable
 from trees.table import tree_table
@@ -39,18 +38,6 @@ NO_PRODUCT = -1
 SEPARABLE = ((0, None), (None, 0))
 
 
-@kernel
-def sum_rows(start, tree, factor, first, second, flow, values, sums):
-    """sums[k] = Σ factor · values[tree] over the entries of row k; for flows minus the product of two values."""
-    for k in range(len(sums)):
-        total = values[tree[start[k]]] * factor[start[k]]
-        for at in range(start[k] + 1, start[k + 1]):
-            total += values[tree[at]] * factor[at]
-        if flow and first[k] >= 0:
-            total -= values[first[k]] * values[second[k]]
-        sums[k] = total
-
-
 class StructureConditions:
     """Conditions Σ factor · b(tree) = 0 on a field, or Σ factor · a(tree) = a(u) a(v) on a flow.
 
@@ -61,33 +48,21 @@ class StructureConditions:
     """
 
     def __init__(self, rows: Iterable[Row]):
-        self._start, self._tree, self._factor = [0], [], []
-        self._first: list[int] = []
-        self._second: list[int] = []
-        self.breaks: list[int] = []
-        """The first tree of each condition."""
-        for factors, u, v in rows:
-            self._tree += factors.keys()
-            self._factor += factors.values()
-            self._start.append(len(self._tree))
-            self._first.append(u)
-            self._second.append(v)
-            self.breaks.append(min(factors))
-        sums = (map(abs, self._factor[i:j]) for i, j in zip(self._start, self._start[1:], strict=False))
-        self._norm = max(map(sum, sums), default=0)
-
-    def __len__(self) -> int:
-        return len(self.breaks)
-
-    @cached_property
-    def _arrays(self) -> tuple[Any, ...]:
         import numpy as np
 
-        return tuple(np.array(x, np.int64) for x in self._lists)
-
-    @property
-    def _lists(self) -> tuple[list[int], ...]:
-        return self._start, self._tree, self._factor, self._first, self._second
+        starts, trees, factors, pairs = [0], list[int](), list[int](), list[tuple[int, int]]()
+        self.breaks: list[int] = []
+        """The first tree of each condition."""
+        self._norm = 0
+        for row, u, v in rows:
+            trees += row.keys()
+            factors += row.values()
+            starts.append(len(trees))
+            pairs.append((u, v))
+            self.breaks.append(min(row))
+            self._norm = max(self._norm, sum(map(abs, row.values())))
+        self._start, self._tree, self._factor = (np.array(x, np.int64) for x in (starts, trees, factors))
+        self._pairs = np.array(pairs, np.int64).reshape(-1, 2).T
 
     def residuals(self, values: Any, *, flow: bool) -> list[Any]:
         """Left minus right side of every condition.
@@ -97,18 +72,21 @@ class StructureConditions:
                 may include a factor L^n for n nodes.
             flow: Whether the coefficients are those of a flow.
         """
-        if isinstance(values, list):
-            sums: list[Any] = [0] * len(self)
-            sum_rows.py_func(*self._lists, flow, values, sums)
-            return sums
         import numpy as np
 
-        largest = max(int(values.max(initial=0)), -int(values.min(initial=0)))
-        if largest * self._norm + flow * largest**2 >= 2**63:
-            return self.residuals(values.tolist(), flow=flow)
-        result = np.empty(len(self), np.int64)
-        sum_rows.compiled(*self._arrays, flow, values, result)
-        return result.tolist()
+        if not self.breaks:
+            return []
+        if isinstance(values, list):
+            values = np.fromiter(values, object, len(values))
+        else:
+            largest = max(int(values.max(initial=0)), -int(values.min(initial=0)))
+            values = values.astype(object if largest * self._norm + flow * largest**2 >= 2**63 else np.int64)
+        sums = np.add.reduceat(values[self._tree] * self._factor, self._start[:-1])
+        if flow:
+            has_pair = self._pairs[0] >= 0
+            first, second = self._pairs[:, has_pair]
+            sums[has_pair] -= values[first] * values[second]
+        return sums.tolist()
 
 
 def cached_conditions(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple
 
 import click
@@ -95,15 +95,12 @@ class WholeNumber(click.ParamType):
             raise Refusal(f"{name} must be a whole number, but was {value!r:.60}") from None
 
 
-def takes_output(
-    verb: Callable[..., Table | str], formats: Collection[str] = FORMATS, also: Sequence[str] = ()
-) -> Callable[..., None]:
+def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FORMATS) -> Callable[..., None]:
     """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text.
 
     Args:
         verb: The verb.
         formats: The formats of the verb.
-        also: Suffixes of pictures, for messages about wrong ones.
     """
 
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
@@ -112,7 +109,7 @@ def takes_output(
     def write(*, format_: str | None, path: str | None, **options: Any) -> None:
         target = None if path == "-" else path
         with Progress() as progress:
-            output = Output(_choose_format(format_, target, formats, also), target, progress)
+            output = Output(_choose_format(format_, target, formats), target, progress)
             if target is not None:
                 _check_folder(target)
             output.write(verb(output=output, **options))
@@ -120,14 +117,30 @@ def takes_output(
     return write
 
 
-def _choose_format(given: str | None, path: str | None, formats: Collection[str], also: Sequence[str]) -> str:
+def takes_text(flag: str, metavar: str, help: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Add an option for other text than a table; it allows any suffix of the file and excludes --format."""
+
+    def decorate(write: Callable[..., None]) -> Callable[..., None]:
+        @click.option(flag, "language", metavar=metavar, help=help)
+        @functools.wraps(write)
+        def call(*, language: str | None, format_: str | None, **options: Any) -> None:
+            if language is not None and format_ is not None:
+                raise Refusal(f"format must be left out where {flag} is given, but was {format_!r:.60}")
+            write(language=language, format_=format_ if language is None else "table", **options)
+
+        return call
+
+    return decorate
+
+
+def _choose_format(given: str | None, path: str | None, formats: Collection[str]) -> str:
     if given is not None:
         if given not in formats:
             raise Refusal(f"format must be one of {', '.join(formats)}, but was {given!r:.60}")
         return given
     suffix = os.path.splitext(path or "")[1].lower()
     if SUFFIXES.get(suffix) not in formats:
-        known = ", ".join([*(name for name, text in SUFFIXES.items() if name and text in formats), *also])
+        known = ", ".join(name for name, text in SUFFIXES.items() if name and text in formats)
         raise Refusal(f"output must end in one of {known} where --format is not given, but was {path!r:.60}")
     return SUFFIXES[suffix]
 

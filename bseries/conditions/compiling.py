@@ -20,7 +20,7 @@ from trees.compiled import kernel
 if TYPE_CHECKING:
     import numpy as np
 
-    from bseries.conditions.condition_program import EquationSystem
+    from bseries.conditions.condition_program import ConditionProgram
 
     Tables = tuple[np.ndarray, ...]
 
@@ -117,6 +117,15 @@ def _floats(array: Any, name: str) -> np.ndarray:
         raise SeriesError(f"{name} must be an array of numbers, but was {array!r:.60}") from None
 
 
+def _columns(rows: Sequence[Sequence[tuple[float, ...]]], width: int) -> Tables:
+    """Where each row of terms begins, their factors, and their other entries, which are offsets."""
+    import numpy as np
+
+    factor, *offsets = np.array([term for row in rows for term in row]).reshape(-1, width).T
+    starts = np.cumsum([0, *map(len, rows)], dtype=np.uint64)
+    return starts, factor.copy(), *(column.astype(np.uint64) for column in offsets)
+
+
 class CompiledConditions:
     """Order conditions for a number of stages, as compiled functions of floats.
 
@@ -140,12 +149,12 @@ class CompiledConditions:
                [1. , 0. , 0.5]])
     """
 
-    def __init__(self, system: EquationSystem, stages: int):
+    def __init__(self, program: ConditionProgram, stages: int):
         import numpy as np
 
         self.stages = stages
-        self._system, self._arguments = system, system.program.arguments
-        entries = named_blocks(system, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
+        self._program, self._arguments = program, program.arguments
+        entries = named_blocks(program, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
         *self._starts, self._size = map(int, np.cumsum([0, *(block.size for block in entries)]))
         self._blocks = [(slice(at, at + x.size), x.shape) for at, x in zip(self._starts, entries, strict=True)]
         flat = np.concatenate([block.ravel() for block in entries])
@@ -154,7 +163,7 @@ class CompiledConditions:
         self._excluded = np.flatnonzero(flat == 0)
 
     def __repr__(self) -> str:
-        return f"<CompiledConditions: {len(self._system.equations)} conditions, {len(self.unknowns)} unknowns>"
+        return f"<CompiledConditions: {len(self._program.equations)} conditions, {len(self.unknowns)} unknowns>"
 
     def pack(self, *arrays: Any) -> np.ndarray:
         """The unknowns as one vector, from arrays of coefficients."""
@@ -205,20 +214,13 @@ class CompiledConditions:
     def jacobian(self, *arrays: Any) -> np.ndarray:
         """Derivatives of the residual with respect to the `unknowns`.
 
-        Args:
-            *arrays: As for `residual`.
-
-        Returns:
-            A row for each condition, a column for each unknown.
-
-        Raises:
-            SeriesError: The arrays do not fit.
+        The arrays are those of `residual`. There is a row for each condition, a column for each unknown.
         """
         import numpy as np
 
         operations, terms = self._jacobian_tables
         _, value = self._evaluated(arrays, operations)
-        result = np.empty((len(self._system.equations), len(self.unknowns)))
+        result = np.empty((len(self._program.equations), len(self.unknowns)))
         derivatives = np.empty(self._size)
         gradients.compiled(np.uint64(self.stages), *terms, value, self._columns, derivatives, result)
         return result
@@ -227,7 +229,7 @@ class CompiledConditions:
         """All entries of all arrays."""
         import numpy as np
 
-        return np.concatenate([x.ravel() for x in read_arrays(self._system.program, arrays, self.stages, _floats)])
+        return np.concatenate([x.ravel() for x in read_arrays(self._program, arrays, self.stages, _floats)])
 
     def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, followed by the stage matrices, and the values of operations."""
@@ -237,7 +239,7 @@ class CompiledConditions:
         if len(self._excluded):
             flat[self._excluded] = 0.0
         blocks = [flat[places].reshape(shape) for places, shape in self._blocks]
-        matrices = stage_matrices(self._system.program, blocks)
+        matrices = stage_matrices(self._program, blocks)
         coefficients = np.concatenate([flat, *map(np.ravel, matrices)])
         value = np.empty(len(operations[0]) * self.stages)
         stage_vectors.compiled(np.uint64(self.stages), *operations, coefficients, value)
@@ -248,39 +250,26 @@ class CompiledConditions:
         """The tables of `stage_vectors` and `sums`, and the right-hand sides."""
         import numpy as np
 
-        equations = self._system.equations
-        terms = [term for equation in equations for term in equation.summands]
-        tables = (
-            np.cumsum([0, *(len(equation.summands) for equation in equations)], dtype=np.uint64),
-            np.array([float(term.coefficient) for term in terms]),
-            np.array([self._starts[term.block] for term in terms], np.uint64),
-            np.array([term.value * self.stages for term in terms], np.uint64),
-        )
-        return self._operations(self._system.size), tables, np.array([float(x.right) for x in equations])
+        s, starts, equations = self.stages, self._starts, self._program.equations
+        rows = [[(float(x.factor), starts[x.block], x.value * s) for x in e.summands] for e in equations]
+        return self._operations(self._program.size), _columns(rows, 3), np.array([float(x.right) for x in equations])
 
     @cached_property
     def _jacobian_tables(self) -> tuple[Tables, Tables]:
         """The tables of `stage_vectors` and `gradients`."""
-        import numpy as np
-
-        rows = self._system.gradients  # appends operations
-        terms = [term for row in rows for term in row]
-        tables = (
-            np.cumsum([0, *map(len, rows)], dtype=np.uint64),
-            np.array([float(term.factor) for term in terms]),
-            np.array([term.x * self.stages for term in terms], np.uint64),
-            np.array([max(term.y, 0) * self.stages for term in terms], np.uint64),
-            np.array([self._starts[term.block] for term in terms], np.uint64),
-            np.array([term.y >= 0 for term in terms], np.uint8),
-        )
-        return self._operations(len(self._system.program.operations)), tables
+        s, starts = self.stages, self._starts
+        rows = [
+            [(float(t.factor), t.x * s, max(t.y, 0) * s, starts[t.block], t.y >= 0) for t in terms]
+            for terms in self._program.gradients  # appends operations
+        ]
+        return self._operations(len(self._program.operations)), _columns(rows, 5)
 
     def _operations(self, count: int) -> Tables:
         """Kinds of the first operations, and offsets of their operands."""
         import numpy as np
 
         rows = []
-        for kind, x, y in self._system.program.operations[:count]:
+        for kind, x, y in self._program.operations[:count]:
             left = x * self.stages
             if kind in (IMAGE, PULLBACK):
                 left = self._size + x * self.stages**2

@@ -76,7 +76,7 @@ def equation_of(trees: Sequence[Tree], sums: Sums) -> Equation:
     summands: list[EquationTerm] = []
     right = Fraction(0)
     for tree, weight in zip(trees, class_weights(trees), strict=True):
-        summands += [EquationTerm(weight * coefficient, block, stage) for coefficient, block, stage in sums(tree)]
+        summands += [EquationTerm(weight * factor, block, stage) for factor, block, stage in sums(tree)]
         right += weight / tree.density
     return Equation(tuple(summands), right)
 
@@ -114,8 +114,8 @@ def _summand_text(program: ConditionProgram, summand: EquationTerm, latex: bool)
         own = [indices[k] for k in at]
         subscript = ("," if len(own[-1]) > 1 and not latex else "").join(own)
         parts.append(factor_text(symbol[latex], part, subscript, exponent, latex))
-    if summand.coefficient != 1:
-        parts.insert(0, latex_number(summand.coefficient, None) if latex else str(summand.coefficient))
+    if summand.factor != 1:
+        parts.insert(0, latex_number(summand.factor, None) if latex else str(summand.factor))
     return " ".join(parts)
 
 

@@ -31,7 +31,6 @@ class CoefficientArray(NamedTuple):
     name: str
     letter: str
     latex: str
-    symbol: str
     is_matrix: bool
     parts: tuple[str, ...] = ("",)
 
@@ -81,9 +80,9 @@ class StageMatrix(NamedTuple):
 
 
 class EquationTerm(NamedTuple):
-    """coefficient · (w · g), with w the vector of coefficients in a block and g the value of an operation."""
+    """factor · (w · g), with w the vector of coefficients in a block and g the value of an operation."""
 
-    coefficient: Fraction
+    factor: Fraction
     block: int
     value: int
 
@@ -97,17 +96,29 @@ class GradientTerm(NamedTuple):
     y: int
 
 
+class Equation(NamedTuple):
+    """Σ summands = right."""
+
+    summands: tuple[EquationTerm, ...]
+    right: Fraction
+
+
 class ConditionProgram:
-    """Operations on stage vectors, without duplicates.
+    """Operations on stage vectors, without duplicates, and the equations between them.
 
     Args:
         arguments: The arrays of coefficients.
         operators: The stage matrices.
+        structures: The structure of each stage matrix among the arguments.
     """
 
-    def __init__(self, arguments: Sequence[CoefficientArray], operators: Sequence[StageMatrix]):
-        self.arguments = tuple(arguments)
-        self.operators = tuple(operators)
+    def __init__(
+        self, arguments: Sequence[CoefficientArray], operators: Sequence[StageMatrix], structures: Sequence[str]
+    ):
+        self.arguments, self.operators, self.structures = tuple(arguments), tuple(operators), tuple(structures)
+        self.equations: tuple[Equation, ...] = ()
+        self.size = 0
+        """The number of operations for the left-hand sides; later operations serve the derivatives."""
         self.blocks = [CoefficientBlock(argument, part) for argument in arguments for part in argument.parts]
         self.operations: list[tuple[int, int, int]] = []
         self._ids: dict[tuple[int, int, int], int] = {}
@@ -148,12 +159,12 @@ class ConditionProgram:
             found = self.times(found, other)
         return found
 
-    def gradient(self, summands: Sequence[EquationTerm]) -> list[GradientTerm]:
+    def _gradient(self, summands: Sequence[EquationTerm]) -> list[GradientTerm]:
         """The derivatives of a sum by all coefficients; appends the operations they need."""
         derivatives: defaultdict[tuple[int, int, int], Fraction] = defaultdict(Fraction)
-        for coefficient, block, stage in summands:
-            derivatives[block, stage, -1] += coefficient
-            pending = [(stage, self.vector(block), coefficient)]
+        for factor, block, stage in summands:
+            derivatives[block, stage, -1] += factor
+            pending = [(stage, self.vector(block), factor)]
             while pending:
                 stage, above, factor = pending.pop()
                 for child, multiplicity in Counter(self._factors[stage]).items():
@@ -169,34 +180,14 @@ class ConditionProgram:
                         pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
         return [GradientTerm(factor, *key) for key, factor in derivatives.items()]
 
-
-class Equation(NamedTuple):
-    """Σ summands = right."""
-
-    summands: tuple[EquationTerm, ...]
-    right: Fraction
-
-
-class EquationSystem:
-    """Equations with the program that computes them.
-
-    Args:
-        program: The program for the stage vectors.
-        equations: The equations.
-        structures: The structure of each stage matrix among the arguments.
-    """
-
-    def __init__(self, program: ConditionProgram, equations: Sequence[Equation], structures: Sequence[str]):
-        self.program = program
-        self.equations = tuple(equations)
-        self.structures = tuple(structures)
-        self.size = len(program.operations)
-        """The number of operations for the left-hand sides; later operations serve the derivatives."""
+    def require(self, equations: Sequence[Equation]) -> None:
+        """Set the equations, whose operations are there."""
+        self.equations, self.size = tuple(equations), len(self.operations)
 
     def free_entries(self, stages: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """The coefficients that the structures allow: block, and index in the block."""
         structures = iter(self.structures)
-        for k, block in enumerate(self.program.blocks):
+        for k, block in enumerate(self.blocks):
             band = BANDS.get(next(structures), stages) if block.argument.is_matrix else 0
             for i in range(stages):
                 if block.argument.is_matrix:
@@ -207,4 +198,4 @@ class EquationSystem:
     @cached_property
     def gradients(self) -> list[list[GradientTerm]]:
         """The derivatives of every left-hand side."""
-        return [self.program.gradient(equation.summands) for equation in self.equations]
+        return [self._gradient(equation.summands) for equation in self.equations]

@@ -18,7 +18,7 @@ from bseries.exceptions import SeriesError
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    from bseries.conditions.condition_program import CoefficientBlock, ConditionProgram, Equation, EquationSystem
+    from bseries.conditions.condition_program import CoefficientBlock, ConditionProgram, Equation
 
     Blocks = Sequence[Any]
 
@@ -38,20 +38,16 @@ def check_stages(stages: object) -> int:
 def read_arrays(
     program: ConditionProgram, arrays: Sequence[Any], stages: int | None, read: Callable[[Any, str], Any] | None = None
 ) -> list[Any]:
-    """Read arrays of coefficients, by default of exact numbers, for a number of stages or that of the first array.
-
-    Raises:
-        SeriesError: The number of arrays or a shape is wrong.
-    """
+    """Read arrays of coefficients, by default of exact numbers, for a number of stages or that of the first array."""
     if len(arrays) != len(program.arguments):
         names = ", ".join(argument.name for argument in program.arguments)
         raise SeriesError(f"arguments must be {names}, but were {len(arrays)}")
-    read = read or _read_exact
-    found = [read(array, argument.name) for argument, array in zip(program.arguments, arrays, strict=True)]
-    for argument, array in zip(program.arguments, found, strict=True):
+    found: list[Any] = []
+    for argument, given in zip(program.arguments, arrays, strict=True):
+        found.append((read or _read_exact)(given, argument.name))
         shape = argument.shape(found[0].shape[-1] if stages is None else stages)
-        if array.shape != shape:
-            raise SeriesError(f"{argument.name} must have the shape {shape}, but had {array.shape}")
+        if found[-1].shape != shape:
+            raise SeriesError(f"{argument.name} must have the shape {shape}, but had {found[-1].shape}")
     return found
 
 
@@ -83,26 +79,26 @@ def _read_exact(values: Any, name: str) -> Any:
 
 
 def named_blocks(
-    system: EquationSystem, stages: int, name: Callable[[CoefficientBlock, tuple[int, ...]], Any]
+    program: ConditionProgram, stages: int, name: Callable[[CoefficientBlock, tuple[int, ...]], Any]
 ) -> Blocks:
     """The entries of every block by their names; 0 where the structure excludes them."""
     import numpy as np
 
-    blocks = [np.zeros(block.argument.part_shape(stages), object) for block in system.program.blocks]
-    for k, at in system.free_entries(stages):
-        blocks[k][at] = name(system.program.blocks[k], at)
+    blocks = [np.zeros(block.argument.part_shape(stages), object) for block in program.blocks]
+    for k, at in program.free_entries(stages):
+        blocks[k][at] = name(program.blocks[k], at)
     return blocks
 
 
-def symbols(system: EquationSystem, stages: int) -> Blocks:
+def symbols(program: ConditionProgram, stages: int) -> Blocks:
     """The coefficients as symbols: a_21, a__p_21 for part p, a_10_1 for ten or more stages."""
     import sympy
 
     def symbol(block: CoefficientBlock, at: Sequence[int]) -> sympy.Symbol:
-        part = f"__{block.part}" if block.part else ""
-        return sympy.Symbol(f"{block.argument.symbol}{part}_{('_' if stages > 9 else '').join(str(k + 1) for k in at)}")
+        name = block.argument.name.lower() + (f"__{block.part}" if block.part else "")
+        return sympy.Symbol(f"{name}_{('_' if stages > 9 else '').join(str(k + 1) for k in at)}")
 
-    return named_blocks(system, stages, symbol)
+    return named_blocks(program, stages, symbol)
 
 
 def stage_matrices(program: ConditionProgram, blocks: Blocks) -> list[Any]:
@@ -118,12 +114,12 @@ def stage_matrices(program: ConditionProgram, blocks: Blocks) -> list[Any]:
     ]
 
 
-def left_sides(system: EquationSystem, blocks: Blocks, row_sums: Mapping[int, Any] | None = None) -> list[Any]:
+def left_sides(program: ConditionProgram, blocks: Blocks, row_sums: Mapping[int, Any] | None = None) -> list[Any]:
     """The left-hand sides of all equations; row sums of stage matrices may be given as symbols."""
     import numpy as np
 
-    matrices, values = stage_matrices(system.program, blocks), []
-    for kind, x, y in system.program.operations[: system.size]:
+    matrices, values = stage_matrices(program, blocks), []
+    for kind, x, y in program.operations[: program.size]:
         if kind == ONE:
             values.append(np.ones(blocks[0].shape[-1], int).astype(object))
         elif kind == VECTOR:
@@ -137,20 +133,20 @@ def left_sides(system: EquationSystem, blocks: Blocks, row_sums: Mapping[int, An
         products = [(factor, blocks[block] @ values[value]) for factor, block, value in equation.summands]
         return sum(product if factor == 1 else factor * product for factor, product in products)
 
-    return [left_side(equation) for equation in system.equations]
+    return [left_side(equation) for equation in program.equations]
 
 
-def equations(system: EquationSystem, blocks: Blocks, *, nodes: bool) -> list[Any]:
+def equations(program: ConditionProgram, blocks: Blocks, *, nodes: bool) -> list[Any]:
     """The equations in given coefficients; with `nodes`, row sums are symbols, which more equations define."""
     import numpy as np
     import sympy
 
     exact = np.frompyfunc(lambda entry: sympy.sympify(entry, strict=True), 1, 1)
     blocks = [exact(block) for block in blocks]
-    known, definitions = _nodes(system.program, blocks) if nodes else ({}, [])
+    known, definitions = _nodes(program, blocks) if nodes else ({}, [])
     found = [
         sympy.Eq(sympy.sympify(left, strict=True), sympy.sympify(equation.right, strict=True), evaluate=False)
-        for left, equation in zip(left_sides(system, blocks, known), system.equations, strict=True)
+        for left, equation in zip(left_sides(program, blocks, known), program.equations, strict=True)
     ]
     return found + definitions
 

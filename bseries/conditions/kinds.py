@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from trees.tree import Tree
 
 Sums = Callable[["Tree"], "tuple[EquationTerm, ...]"]
+Coefficients = tuple[Sequence[CoefficientArray], Sequence[StageMatrix]]
 
 NODES = ("c", "c")
 
@@ -31,36 +32,23 @@ STRICT, WEAK = 0, 1
 
 
 class MethodKind(NamedTuple):
-    """A kind of methods.
+    """A kind of methods."""
 
-    Attributes:
-        about: The name of the methods in text.
-        notation: The meaning of the letters in formulas.
-        colors: The default number of colours.
-        any_colors: Whether other numbers are allowed.
-        coefficients: Arguments and operators, from the names of the parts.
-        sums: The function from trees to their sums, for a program.
-        limits: `max_children` of the trees with nonzero elementary differentials.
-        trees: All trees up to an order in some colours, if they are not those of a `TreeTable`.
-        has_condition: Whether a tree has a condition.
-        structures: The structure of each matrix, if the kind determines it.
-    """
-
-    about: str
-    notation: str
-    coefficients: Callable[[Sequence[str]], tuple[list[CoefficientArray], list[StageMatrix]]]
-    sums: Callable[[ConditionProgram], Sums]
-    colors: int = 1
-    any_colors: bool = False
-    limits: Any = None
-    trees: Callable[[int, int], Sequence[Tree]] | None = None
+    about: str  # the name of the methods in text
+    notation: str  # the meaning of the letters in formulas
+    coefficients: Callable[[Sequence[str]], Coefficients]  # arguments and operators, from the names of the parts
+    sums: Callable[[ConditionProgram], Sums]  # the function from trees to their sums, for a program
+    colors: int = 1  # the default number of colours
+    any_colors: bool = False  # whether other numbers are allowed
+    limits: Any = None  # `max_children` of the trees with nonzero elementary differentials
+    trees: Callable[[int, int], Sequence[Tree]] | None = None  # all trees, if they are not those of a `TreeTable`
     has_condition: Callable[[Tree], bool] = lambda tree: True
-    structures: tuple[str, ...] | None = None
+    structures: tuple[str, ...] | None = None  # the structure of each matrix, if the kind determines it
 
 
-def _runge_kutta(names: Sequence[str]) -> tuple[list[CoefficientArray], list[StageMatrix]]:
+def _runge_kutta(names: Sequence[str]) -> Coefficients:
     parts = tuple(names)
-    arguments = [CoefficientArray("A", "a", "a", "a", True, parts), CoefficientArray("b", "b", "b", "b", False, parts)]
+    arguments = [CoefficientArray("A", "a", "a", True, parts), CoefficientArray("b", "b", "b", False, parts)]
     return arguments, [StageMatrix((k,), "a", "a", name, NODES) for k, name in enumerate(parts)]
 
 
@@ -88,19 +76,19 @@ def _runge_kutta_sums(program: ConditionProgram) -> Sums:
     return lambda tree: (EquationTerm(Fraction(1), parts + tree.color, stage(tree)),)
 
 
-def _nystrom(names: Sequence[str]) -> tuple[list[CoefficientArray], list[StageMatrix]]:
+def _nystrom(names: Sequence[str]) -> Coefficients:
     arguments = [
-        CoefficientArray("Abar", "ā", r"\bar{a}", "abar", True),
-        CoefficientArray("bbar", "b̄", r"\bar{b}", "bbar", False),
-        CoefficientArray("b", "b", "b", "b", False),
-        CoefficientArray("c", "c", "c", "c", False),
+        CoefficientArray("Abar", "ā", r"\bar{a}", True),
+        CoefficientArray("bbar", "b̄", r"\bar{b}", False),
+        CoefficientArray("b", "b", "b", False),
+        CoefficientArray("c", "c", "c", False),
     ]
     return arguments, [StageMatrix((0,), "ā", r"\bar{a}")]
 
 
-def _general_nystrom(names: Sequence[str]) -> tuple[list[CoefficientArray], list[StageMatrix]]:
+def _general_nystrom(names: Sequence[str]) -> Coefficients:
     arguments, operators = _nystrom(names)
-    return [*arguments, CoefficientArray("A", "a", "a", "a", True)], [*operators, StageMatrix((4,), "a", "a")]
+    return [*arguments, CoefficientArray("A", "a", "a", True)], [*operators, StageMatrix((4,), "a", "a")]
 
 
 def _nystrom_sums(program: ConditionProgram) -> Sums:
@@ -124,11 +112,11 @@ def _nystrom_sums(program: ConditionProgram) -> Sums:
     return sums
 
 
-def _rosenbrock(names: Sequence[str]) -> tuple[list[CoefficientArray], list[StageMatrix]]:
+def _rosenbrock(names: Sequence[str]) -> Coefficients:
     arguments = [
-        CoefficientArray("alpha", "α", r"\alpha", "alpha", True),
-        CoefficientArray("Gamma", "γ", r"\gamma", "gamma", True),
-        CoefficientArray("b", "b", "b", "b", False),
+        CoefficientArray("alpha", "α", r"\alpha", True),
+        CoefficientArray("Gamma", "γ", r"\gamma", True),
+        CoefficientArray("b", "b", "b", False),
     ]
     operators = [
         StageMatrix((0,), "α", r"\alpha", "", ("α", r"\alpha")),
@@ -148,8 +136,8 @@ def _rosenbrock_sums(program: ConditionProgram) -> Sums:
     return lambda tree: (EquationTerm(Fraction(1), b, stage(tree)),)
 
 
-def _splitting(names: Sequence[str]) -> tuple[list[CoefficientArray], list[StageMatrix]]:
-    return [CoefficientArray("x", "x", "x", "x", False, tuple(names))], [
+def _splitting(names: Sequence[str]) -> Coefficients:
+    return [CoefficientArray("x", "x", "x", False, tuple(names))], [
         StageMatrix((), relation="<"),
         StageMatrix((), relation="≤"),
     ]

@@ -10,7 +10,7 @@ from bseries.algebra.modified import series
 from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.compiling import CompiledConditions
 from bseries.conditions.condition import OrderCondition, class_weights, equation_of
-from bseries.conditions.condition_program import ConditionProgram, EquationSystem
+from bseries.conditions.condition_program import ConditionProgram
 from bseries.conditions.exact_values import check_stages, equations, left_sides, read_blocks, symbols
 from bseries.conditions.kinds import KINDS, NODES
 from bseries.conditions.source_code import source
@@ -80,12 +80,13 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         return self.request.order
 
     @cached_property
-    def system(self) -> EquationSystem:
-        """The equations and the program that computes them."""
+    def program(self) -> ConditionProgram:
+        """The program that computes the equations."""
         kind = KINDS[self.kind]
-        program = ConditionProgram(*kind.coefficients(self.names))
+        program = ConditionProgram(*kind.coefficients(self.names), self.request.structures)
         sums = kind.sums(program)
-        return EquationSystem(program, [equation_of(trees, sums) for trees in self.classes], self.request.structures)
+        program.require([equation_of(trees, sums) for trees in self.classes])
+        return program
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -96,7 +97,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             >>> bs.order_conditions("nystrom", 3).arguments
             ('Abar', 'bbar', 'b', 'c')
         """
-        return tuple(argument.name for argument in self.system.program.arguments)
+        return tuple(argument.name for argument in self.program.arguments)
 
     def __len__(self) -> int:
         return len(self.classes)
@@ -109,7 +110,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
         at = self._find(Tree(index)) if isinstance(index, str | Tree) else index
-        return OrderCondition(self.classes[at], self.system.program, self.system.equations[at])
+        return OrderCondition(self.classes[at], self.program, self.program.equations[at])
 
     def _find(self, tree: Tree) -> int:
         for at, trees in enumerate(self.classes):
@@ -161,8 +162,8 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """
         if len(arrays) == 1 and isinstance(arrays[0], RungeKutta | PartitionedRungeKutta):
             return self._residuals_of_method(arrays[0])
-        left = left_sides(self.system, read_blocks(self.system.program, arrays, self.request.stages))
-        return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
+        left = left_sides(self.program, read_blocks(self.program, arrays, self.request.stages))
+        return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]
 
     def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
         """The residuals from the method's series, which are exact and simple also for irrational tableaux."""
@@ -173,7 +174,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             sum(weight * s[tree] for tree, weight in zip(trees, class_weights(trees), strict=True))
             for trees in self.classes
         ]
-        return [a - equation.right for a, equation in zip(left, self.system.equations, strict=True)]
+        return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]
 
     def sympy(self, *arrays: Any, stages: int | None = None, nodes: bool = False) -> list[Any]:
         """The conditions as SymPy equations.
@@ -196,12 +197,12 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             a_21**2*b_2 + b_3*(a_31 + a_32)**2
         """
         if arrays:
-            blocks = read_blocks(self.system.program, arrays, self.request.stages)
+            blocks = read_blocks(self.program, arrays, self.request.stages)
         else:
-            blocks = symbols(self.system, check_stages(self._chosen_stages(stages)))
-        if nodes and any(operator.row_sum != NODES for operator in self.system.program.operators):
+            blocks = symbols(self.program, check_stages(self._chosen_stages(stages)))
+        if nodes and any(operator.row_sum != NODES for operator in self.program.operators):
             raise SeriesError(f"nodes must be False for {self.kind} methods, but was True")
-        return equations(self.system, blocks, nodes=nodes)
+        return equations(self.program, blocks, nodes=nodes)
 
     def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
         """Source code of a function ``residual`` and, by default, ``jacobian``.
@@ -237,7 +238,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """
         title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
         labels = (", ".join(tree.text(self._shown_names) for tree in trees) for trees in self.classes)
-        return source(self.system, title, labels, language, self._chosen_stages(stages), jacobian)
+        return source(self.program, title, labels, language, self._chosen_stages(stages), jacobian)
 
     def compile(self, stages: int | None = None) -> CompiledConditions:
         """The residual and its Jacobian as compiled functions of floats; see `CompiledConditions`.
@@ -248,7 +249,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         Raises:
             SeriesError: The number of stages is missing or not 1 or more.
         """
-        return CompiledConditions(self.system, check_stages(self._chosen_stages(stages)))
+        return CompiledConditions(self.program, check_stages(self._chosen_stages(stages)))
 
     def _chosen_stages(self, stages: int | None) -> int | None:
         """The number of stages given here or to `order_conditions`."""

@@ -12,7 +12,7 @@ from bseries.conditions.exact_values import check_stages, equations, named_block
 from bseries.exceptions import SeriesError
 
 if TYPE_CHECKING:
-    from bseries.conditions.condition_program import CoefficientBlock, EquationSystem
+    from bseries.conditions.condition_program import CoefficientBlock, ConditionProgram
 
     Shape = tuple[int, ...]
 
@@ -23,29 +23,29 @@ MOST_ENTRIES = 10_000
 
 
 def source(
-    system: EquationSystem, title: str, labels: Iterable[str], language: str, stages: int | None, jacobian: bool
+    program: ConditionProgram, title: str, labels: Iterable[str], language: str, stages: int | None, jacobian: bool
 ) -> str:
     """Source code of residual and Jacobian in a language; see `OrderConditions.code`."""
     name = language.lower() if isinstance(language, str) else language
     if name not in LANGUAGES:
         raise SeriesError(f"language must be one of {', '.join(LANGUAGES)}, but was {language!r:.60}")
-    if not system.equations:
+    if not program.equations:
         raise SeriesError("there must be conditions to write code for, but the assumptions imply them all")
     if name == "numpy":
-        lines = [f"# {title}", *numpy_source(system, labels, jacobian)]
+        lines = [f"# {title}", *numpy_source(program, labels, jacobian)]
     else:
-        lines = scalar_source(system, f"{title}; {check_stages(stages)} stages", name, check_stages(stages), jacobian)
+        lines = scalar_source(program, f"{title}; {check_stages(stages)} stages", name, check_stages(stages), jacobian)
     return "\n".join(lines) + "\n"
 
 
 # NumPy: one line for each operation, for any number of stages.
 
 
-def numpy_source(system: EquationSystem, labels: Iterable[str], jacobian: bool) -> list[str]:
+def numpy_source(program: ConditionProgram, labels: Iterable[str], jacobian: bool) -> list[str]:
     """The lines of residual and Jacobian; a label for each equation goes into a comment."""
-    lines = ["import numpy as np", "", "", *_numpy_header(system, "residual", system.size)]
-    lines += ["    return np.array([", *_numpy_sums(system, labels), "    ])"]
-    return [*lines, "", "", *_numpy_jacobian(system)] if jacobian else lines
+    lines = ["import numpy as np", "", "", *_numpy_header(program, "residual", program.size)]
+    lines += ["    return np.array([", *_numpy_sums(program, labels), "    ])"]
+    return [*lines, "", "", *_numpy_jacobian(program)] if jacobian else lines
 
 
 ABOUT = {
@@ -54,9 +54,9 @@ ABOUT = {
 }
 
 
-def _numpy_header(system: EquationSystem, name: str, count: int) -> list[str]:
+def _numpy_header(program: ConditionProgram, name: str, count: int) -> list[str]:
     """First lines of a function: constant matrices, sums of matrices, and the values of the operations."""
-    program, matrices = system.program, []
+    matrices = []
     lines = [f"def {name}({', '.join(a.name for a in program.arguments)}):", f'    """{ABOUT[name]}"""']
     lines.append(f"    s = {program.arguments[0].name}.shape[-1]")
     for k, operator in enumerate(program.operators):
@@ -79,11 +79,11 @@ def _numpy_header(system: EquationSystem, name: str, count: int) -> list[str]:
     return lines
 
 
-def _numpy_sums(system: EquationSystem, labels: Iterable[str]) -> list[str]:
-    blocks = system.program.blocks
+def _numpy_sums(program: ConditionProgram, labels: Iterable[str]) -> list[str]:
+    blocks = program.blocks
     lines = []
-    for label, (summands, right) in zip(labels, system.equations, strict=True):
-        total = " + ".join(_times(term.coefficient, f"{blocks[term.block].code} @ v{term.value}") for term in summands)
+    for label, (summands, right) in zip(labels, program.equations, strict=True):
+        total = " + ".join(_times(term.factor, f"{blocks[term.block].code} @ v{term.value}") for term in summands)
         lines.append(f"        {total} - {right},  # {label}")
     return lines
 
@@ -94,27 +94,21 @@ def _times(factor: Fraction, value: str) -> str:
     return f"{factor} * {f'({value})' if ' @ ' in value else value}"
 
 
-def _numpy_jacobian(system: EquationSystem) -> list[str]:
-    gradients, blocks, count = system.gradients, system.program.blocks, len(system.equations)
-    lines = _numpy_header(system, "jacobian", len(system.program.operations))
-    for k, (argument, part) in enumerate(blocks):
+def _numpy_jacobian(program: ConditionProgram) -> list[str]:
+    gradients, count = program.gradients, len(program.equations)
+    lines, columns = _numpy_header(program, "jacobian", len(program.operations)), []
+    structures = iter(program.structures)
+    for k, (argument, part) in enumerate(program.blocks):
         shape = ", ".join("s" * (1 + argument.is_matrix))
         lines.append(f"    d{k} = np.zeros(({count}, {shape}))  # by {argument.name} {part}".rstrip())
+        band = BANDS.get(next(structures)) if argument.is_matrix else None
+        free = f"[:, np.tri(s, s, {band - 1}, bool)]" if band is not None else f".reshape({count}, -1)"
+        columns.append(f"d{k}{free}")
     for k, terms in enumerate(gradients):
-        for block, x, y, factor in sorted((term.block, term.x, term.y, term.factor) for term in terms):
+        for factor, block, x, y in sorted(terms, key=lambda term: term[1:]):
             value = f"v{x}" if y < 0 else f"np.outer(v{x}, v{y})"
             lines.append(f"    d{block}[{k}] += {_times(factor, value)}")
-    flat = ", ".join(f"d{k}.reshape({count}, -1)" for k in range(len(blocks)))
-    lines.append(f"    J = np.concatenate([{flat}], axis=1)")
-    if not any(structure in BANDS for structure in system.structures):
-        return [*lines, "    return J"]
-    structures = iter(system.structures)
-    masks = []
-    for argument, _ in blocks:
-        band = BANDS.get(next(structures)) if argument.is_matrix else None
-        size = "s * s" if argument.is_matrix else "s"
-        masks.append(f"np.ones({size})" if band is None else f"np.tri(s, s, {band - 1}).ravel()")
-    return [*lines, f"    free = np.flatnonzero(np.concatenate([{', '.join(masks)}]))", "    return J[:, free]"]
+    return [*lines, f"    return np.concatenate([{', '.join(columns)}], axis=1)"]
 
 
 # C and Julia: assignments to scalars, printed by SymPy.
@@ -155,11 +149,11 @@ SCALAR_LANGUAGES = {
 }
 
 
-def scalar_source(system: EquationSystem, title: str, language: str, stages: int, jacobian: bool) -> list[str]:
+def scalar_source(program: ConditionProgram, title: str, language: str, stages: int, jacobian: bool) -> list[str]:
     """The lines of residual and Jacobian; in C, arrays are flat, row by row."""
     from sympy import Symbol
 
-    size = len(system.equations) * stages * (stages + 1)
+    size = len(program.equations) * stages * (stages + 1)
     if size > MOST_ENTRIES:
         raise SeriesError(f"stages must be fewer, or language numpy: the Jacobian has {size:,} entries to write")
     own = SCALAR_LANGUAGES[language]
@@ -167,14 +161,14 @@ def scalar_source(system: EquationSystem, title: str, language: str, stages: int
     def symbol(block: CoefficientBlock, at: Shape) -> Any:
         return Symbol(own.entry(block.argument.name, (*block.stack, *at), block.argument.shape(stages)))
 
-    blocks = named_blocks(system, stages, symbol)
-    left = [equation.lhs - equation.rhs for equation in equations(system, blocks, nodes=False)]
-    arguments = [argument.name for argument in system.program.arguments]
+    blocks = named_blocks(program, stages, symbol)
+    left = [equation.lhs - equation.rhs for equation in equations(program, blocks, nodes=False)]
+    arguments = [argument.name for argument in program.arguments]
     entries: dict[Shape, Any] = {(k,): value for k, value in enumerate(left)}
     lines = [f"{own.comment} {title}", ""]
     lines += own.function("residual", arguments, "r", (len(left),), _assignments(language, "r", (len(left),), entries))
     if jacobian:
-        unknowns = [blocks[k][at] for k, at in system.free_entries(stages)]
+        unknowns = [blocks[k][at] for k, at in program.free_entries(stages)]
         shape = len(left), len(unknowns)
         slopes = {(k, j): value.diff(x) for k, value in enumerate(left) for j, x in enumerate(unknowns)}
         slopes = {at: value for at, value in slopes.items() if value != 0}

@@ -35,6 +35,7 @@ from bseries.exact.arithmetic import Exact, float_lists, floats
 from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
+from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
@@ -175,10 +176,6 @@ class FloatValues:
         return arithmetic.vector(self.raw)
 
 
-MOST_DEGREE = 16
-"""Fields of algebraic numbers of higher degree take SymPy too long to build; expressions are simplified instead."""
-
-
 class RingValues:
     """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
 
@@ -268,7 +265,12 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     expressions = [sympy.Rational(e.numerator, e.denominator) if isinstance(e, Fraction) else e for e in entries]
     domain: Any
     ring: Any
-    few = math.prod(_degrees(expressions)) <= MOST_DEGREE
+    few = (degree := degree_bound(expressions)) <= MOST_DEGREE
+    if not few and any(e.has(sympy.cos, sympy.sin, sympy.tan) for e in expressions):  # SymPy may miss that one is zero
+        raise SeriesError(
+            f"entries must lie in a number field of degree {MOST_DEGREE} at most if they have cosines, sines or "
+            f"tangents, but theirs may have degree {degree}"
+        )
     distinct = list(dict.fromkeys(expressions))  # elements of a number field are slow to find
     domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
     found = dict(zip(distinct, elements, strict=True))
@@ -307,14 +309,6 @@ def converted(element: Any, source: Any, target: Any) -> Any:
 @lru_cache(maxsize=64)
 def _image(source: Any, target: Any) -> Any:
     return target.convert_from(source.unit, source)
-
-
-def _degrees(expressions: Sequence[sympy.Expr]) -> Iterable[int]:
-    """The degree of each distinct root in the expressions."""
-    import sympy
-
-    roots: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
-    return (int(root.exp.q) for root in roots if root.is_number and root.exp.is_Rational)
 
 
 def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tuple[Any, list[Any]] | None:

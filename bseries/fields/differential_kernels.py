@@ -9,7 +9,7 @@ place of those of `math`, for any precision.
 from __future__ import annotations
 
 from functools import cached_property, partial
-from math import acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, log, sin, sinh, sqrt
+from math import acos, acosh, asin, asinh, atan, atanh, cos, cosh, erf, exp, log, sin, sinh, sqrt
 from typing import Any
 
 import numpy as np
@@ -209,8 +209,10 @@ def evaluate_centre(A, operation, number, halves, result, a, pair, lanes):
             A[at] = asinh(x)
         elif number == 5:
             A[at] = acosh(x)
-        else:
+        elif number == 6:
             A[at] = atanh(x)
+        else:
+            A[at] = erf(x)
 
 
 @LoweredKernel

@@ -206,7 +206,7 @@ def build_tables(series: SeriesOnScene, weights: Sequence[Any], convert: Callabl
 
 FUNCTIONS = (
     *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
-    *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
+    *("asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"),
 )
 CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
 

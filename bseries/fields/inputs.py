@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from integrators.core.errors import shown
 
 if TYPE_CHECKING:
     import numpy as np
+    import sympy
 
 
 def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
@@ -78,6 +79,14 @@ def read_symbolic_step(h: Any, argument: str = "h") -> Any:
     if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
         raise SeriesError(f"{argument} must be a number or a SymPy expression, but was {h!r:.60}")
     return sympy.sympify(h, strict=True)
+
+
+def power_sum(terms: Iterable[sympy.Expr], h: Any, argument: str = "h", *, first: int = 0) -> sympy.Expr:
+    """Σ h^k · term for a step size or another small parameter, with k counted from `first`."""
+    import sympy
+
+    step = read_symbolic_step(h, argument)
+    return sympy.Add(*(term * step**k for k, term in enumerate(terms, first)))
 
 
 def check_power(k: Any, last: int, of: str = "h") -> None:

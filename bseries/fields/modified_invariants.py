@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
-from bseries.fields.inputs import check_power, read_symbolic_step
+from bseries.fields.inputs import check_power, power_sum
 from bseries.fields.modified_fields import check_field
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.integration import potential
@@ -50,10 +50,7 @@ class ModifiedInvariant(NamedTuple):
         Raises:
             SeriesError: `h` is neither a number nor an expression.
         """
-        import sympy
-
-        step = read_symbolic_step(h)
-        return sympy.Add(*(term * step**k for k, term in enumerate(self.terms)))
+        return power_sum(self.terms, h)
 
     def __str__(self) -> str:
         rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))

@@ -76,19 +76,7 @@ def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr,
 
 
 class SeriesOnScene:
-    """A series on a scene, with the pieces of the field that its colours stand for; data for every evaluation.
-
-    Attributes:
-        scene: The scene.
-        trees: The trees and the pieces of the field that their colours stand for.
-        series: The coefficients.
-        label: The name of the series.
-        order: The largest number of nodes.
-        dimension: The number of variables.
-        variables: The names of the variables.
-        empty: The coefficient of the empty tree: 0 for a field.
-        is_field: Whether the series is a field, not a map.
-    """
+    """A series on a scene, with the pieces of the field that its colours stand for; data for every evaluation."""
 
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries):
         if series.table != trees.table:
@@ -96,7 +84,7 @@ class SeriesOnScene:
         self.scene, self.trees, self.series = scene, trees, series
         self.label = series.label or "a series"
         self.order, self.dimension, self.variables = trees.table.max_order, scene.dimension, scene.variables
-        self.empty: Any = series.empty
+        self.empty: Any = series.empty  # the coefficient of the empty tree: 0 for a field, not a map
         self.is_field = series.empty == 0
 
     @cached_property

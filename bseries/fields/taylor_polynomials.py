@@ -18,6 +18,7 @@ from math import comb, factorial, prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.generators import check_smooth
 
 if TYPE_CHECKING:
     import sympy
@@ -247,8 +248,10 @@ class _InstructionBuilder:
             "asinh": lambda a: (1 + a**2) ** power,
             "acosh": lambda a: (a - 1) ** power * (a + 1) ** power,
             "atanh": lambda a: 1 / (1 - a**2),
+            "erf": lambda a: 2 / sympy.sqrt(sympy.pi) * sympy.exp(-(a**2)),
         }
         if name not in derivatives:
+            check_smooth(formula)
             raise SeriesError(f"field must be made of elementary functions, but has {name!r:.60}")
         at, derivative = self.visit(argument), self.visit(derivatives[name](argument))
         return self.function(INTEGRAL, at, derivative, number=list(derivatives).index(name))

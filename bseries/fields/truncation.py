@@ -18,11 +18,14 @@ from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
+from foundation.diagrams import draw_legend, write_title
+from foundation.plotting import BLUE, VERMILION, drawing
 from integrators.core.errors import shown
 from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
     from integrators import RungeKutta
 
@@ -210,6 +213,39 @@ class Reach(NamedTuple):
             ),
             default=math.inf,
         )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The sizes of the nonzero terms against the power of h, with the optimal truncation.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> field = bs.modified_field("explicit-euler", "riccati", 12)
+            >>> axes = bs.fields.reach(field, [1.0], 0.25).plot()
+            >>> axes.get_ylabel(), len(axes.lines[0].get_xdata())
+            ('size of the term with $h^k$', 12)
+        """
+        sizes = [self.sizes[k] for k in self.powers]
+        with drawing(ax, SeriesError) as axes:
+            axes.plot(self.powers, sizes, color=BLUE, marker="o", label="terms")
+            if self.powers:
+                best = self.optimal_power
+                style = {"color": VERMILION, "marker": "D", "markersize": 6, "mfc": "none", "linestyle": "none"}
+                axes.plot([best], [self.sizes[best]], label=f"optimal, k = {best}", **style)
+                draw_legend(axes)
+            axes.locator_params(axis="x", integer=True)
+            axes.set(xlabel="k", ylabel="size of the term with $h^k$", yscale="log")
+            write_title(axes, f"{self.label}, h = {self.h:g}")
+        return axes
 
     def __str__(self) -> str:
         rows = ["power   size"]

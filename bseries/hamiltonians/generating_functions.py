@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
-from bseries.fields.inputs import read_symbolic_step
+from bseries.fields.inputs import power_sum
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.hamiltonians.power_series import Composition, Expansion, PowerSeries, combination
+from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries, combination
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
     canonical_pairs,
@@ -72,10 +72,7 @@ class GeneratingFunction(NamedTuple):
 
     def expression(self, h: Any) -> sympy.Expr:
         """The truncated function for a step size, a number or a symbol."""
-        import sympy
-
-        step = read_symbolic_step(h)
-        return sympy.Add(*(term * step**n for n, term in enumerate(self.terms, 1)))
+        return power_sum(self.terms, h, first=1)
 
     def hamiltonian(self) -> tuple[sympy.Expr, ...]:
         """The terms H_1, H_2, … of the modified Hamiltonian."""

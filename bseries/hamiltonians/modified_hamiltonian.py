@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_power, read_states, read_step, read_symbolic_step, warn_where_not_finite
+from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
 from bseries.fields.modified_fields import modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.symbolic.differential_rings import DifferentialRing
@@ -27,9 +28,12 @@ from bseries.scene_text import (
     short_powers,
     span,
 )
+from foundation.diagrams import draw_levels, write_title
+from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
-from integrators.core.errors import IntegratorError
+from integrators.core.errors import IntegratorError, shown
 from integrators.core.immutable import cached_method
+from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.reference.arbitrary_precision import Arithmetic
 from integrators.scenes.catalogue.registry import as_scene
@@ -38,11 +42,18 @@ from trees.counting import check_order
 if TYPE_CHECKING:
     import numpy as np
     import sympy
+    from matplotlib.axes import Axes
 
     from bseries.fields.modified_fields import SceneSeries
     from bseries.hamiltonians.from_trees import EnergySeries
     from integrators.methods.programs.program import Method
+    from integrators.runs.trajectory import Trajectory
     from integrators.scenes.scene import Scene
+
+POINTS, LEVELS = 200, 15
+"""Of a plot: points in each direction, and level curves."""
+SPACE = 0.15
+"""Around the states of a run, as a part of their range."""
 
 
 class ModifiedHamiltonian:
@@ -209,10 +220,7 @@ class ModifiedHamiltonian:
         Raises:
             SeriesError: `h` is neither a number nor an expression.
         """
-        import sympy
-
-        step = read_symbolic_step(h)
-        return sympy.Add(*(self.symbolic(k) * step**k for k in range(self.order)))
+        return power_sum(map(self.symbolic, range(self.order)), h)
 
     @cached_property
     def field(self) -> SceneSeries:
@@ -240,6 +248,72 @@ class ModifiedHamiltonian:
         momenta, positions = (slice(block.offset, block.end) for block in self.scene.canonical_pair or ())
         gradient[momenta], gradient[positions] = field[positions], -field[momenta]
         return gradient
+
+    def plot(
+        self, ax: Axes | None = None, *, h: float, run: Trajectory | None = None, x: str | None = None,
+        y: str | None = None, window: Any = None,
+    ) -> Axes:  # fmt: skip
+        """Level curves of H̃ over a plane of two variables, which a numerical solution follows.
+
+        Other variables are those of the run's first state, or of the scene's start.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            h: The step size.
+            run: A run of the method, whose states are drawn as points.
+            x: The variable across; by default the first position.
+            y: The variable upwards; by default the first momentum.
+            window: The ends (left, right, bottom, top) of the axes; by default those of the run with some space.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: A variable is unknown, there is neither a run nor a window, or `ax` is no axes.
+            IntegratorError: The scene has no start, and there is no run; or the window has the wrong form.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> H = bs.modified_hamiltonian("symplectic-euler-p", "pendulum", 3)
+            >>> run = bs.integrate(H.method, H.scene, h=0.4, steps=200, y0=[0, 2])
+            >>> axes = H.plot(h=0.4, run=run)
+            >>> axes.get_xlabel(), axes.get_ylabel()
+            ('q', 'p')
+        """
+        import numpy as np
+
+        i, j = self._plane(x, y)
+        if run is not None and run.variables != tuple(self.variables):
+            raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
+        if window is None and run is None:
+            raise SeriesError("window must be given, as in (-3, 3, -2, 2), where no run is, but was not")
+        ends = _window(run.y[i], run.y[j]) if window is None and run is not None else read_window(window)
+        across, upwards = np.linspace(*ends[:2], POINTS), np.linspace(*ends[2:], POINTS)
+        states = np.repeat(np.array(self.scene.y0 if run is None else run.y[:, 0])[:, None], POINTS**2, axis=1)
+        states[i], states[j] = (grid.ravel() for grid in np.meshgrid(across, upwards))
+        with catch_warnings():
+            simplefilter("ignore")  # H̃ need not be finite everywhere in a window
+            values = self(states, h).reshape(POINTS, POINTS)
+        with drawing(ax, SeriesError) as axes:
+            draw_levels(axes, across, upwards, values, LEVELS)
+            if run is not None:
+                axes.plot(run.y[i], run.y[j], ".", color=BLUE, markersize=2.5)
+            write_title(axes, f"{self.label} on {self.scene.name} to h^{self.order - 1}, h = {read_step(h):g}")
+            axes.set(xlabel=self.variables[i], ylabel=self.variables[j], xlim=ends[:2], ylim=ends[2:])
+        return axes
+
+    def _plane(self, x: str | None, y: str | None) -> tuple[int, int]:
+        """The indices of two variables; by default of the first position and the first momentum."""
+        if self.scene.canonical_pair is None:
+            first = self.variables[:2]
+        else:
+            first = [self.variables[block.offset] for block in reversed(self.scene.canonical_pair)]
+        pair = [default if name is None else name for name, default in zip((x, y), first, strict=True)]
+        for name in pair:
+            if name not in self.variables:
+                raise SeriesError(f"x and y must be of {', '.join(self.variables)}, but one was {shown(name)}")
+        return self.variables.index(pair[0]), self.variables.index(pair[1])
 
     def to_dict(self) -> dict[str, Any]:
         """The formulas and the verdict as plain data."""
@@ -301,6 +375,13 @@ class ModifiedHamiltonian:
             records=listed([("power", itemgetter(0)), ("hamiltonian", itemgetter(1))], rows),
             own={"latex": lambda width: hamiltonian_equation(scene, terms, self.verdict.limit(latex=True))},
         )
+
+
+def _window(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
+    """Ends of axes around states."""
+    (left, bottom), (right, top) = ([float(f(values)) for values in (x, y)] for f in (min, max))
+    aside, above = (SPACE * (size or 1.0) for size in (right - left, top - bottom))
+    return left - aside, right + aside, bottom - above, top + above
 
 
 ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries
 from bseries.hamiltonians.generating_functions import GeneratingFunction, check_formula, check_symbols
-from bseries.hamiltonians.power_series import Composition, Expansion, PowerSeries
 from trees.counting import check_order
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NoReturn
 
 from bseries.exceptions import SeriesError
-from bseries.shadow import kernels
 from bseries.shadow.states import AHEAD, BEHIND, FULL, MIDDLE, States, longest
 
 if TYPE_CHECKING:
@@ -64,19 +63,7 @@ def refuse_thinned(source: Source, what: str) -> NoReturn:
 
 
 def check_steps(states: States, h: float, first: int, tolerance: float, source: Source, layout: str) -> float:
-    """Check that states are consecutive steps of kick–drift–kick.
-
-    Args:
-        states: Consecutive states.
-        h: The step size.
-        first: The number of the first state.
-        tolerance: Largest distance of a state from a step, relative to the largest numbers.
-        source: The source of the states.
-        layout: The storage layout of momenta.
-
-    Returns:
-        The change of the energy by the largest distance, which is that of rounding.
-    """
+    """Check that states, from number `first` on, are consecutive steps; returns the energy of the largest distance."""
     import numpy as np
 
     q, p, g, u = states
@@ -84,10 +71,10 @@ def check_steps(states: States, h: float, first: int, tolerance: float, source: 
         check_finite(array, name, first, source)
     if q.shape[1] < 2:
         return 0.0
-    of_q, of_p = np.empty(q.shape[1] - 1), np.empty(q.shape[1] - 1)
-    sizes = kernels.step_residuals.compiled(h, q, p, g, of_q, of_p)
-    speed = sizes[1] + abs(h) * sizes[2]
-    size_q, size_p = sizes[0] + abs(h) * speed, speed
+    moved, drift, changed, impulse = _steps(states, h)
+    of_q, of_p = np.max(np.abs(moved - drift), axis=0), np.max(np.abs(changed - impulse), axis=0)
+    size_p = float(np.max(np.abs(p))) + abs(h) * float(np.max(np.abs(g)))
+    size_q = float(np.max(np.abs(q))) + abs(h) * size_p
     wrong_q, wrong_p = ~(of_q <= tolerance * size_q), ~(of_p <= tolerance * size_p)  # includes nan
     if wrong_q.any() or wrong_p.any():
         n = int(np.argmax(wrong_q | wrong_p))
@@ -98,6 +85,14 @@ def check_steps(states: States, h: float, first: int, tolerance: float, source: 
         distance = max(float(np.max(of_q)) / (size_q or 1), float(np.max(of_p)) / (size_p or 1))
         raise SeriesError(f"{must}, but {reason}{_on_rounding(distance)}")
     return float(np.max(of_q)) * longest(g) + float(np.max(of_p)) * longest(p)
+
+
+def _steps(states: States, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The changes of positions and of momenta from state to state, each with what a step makes of it."""
+    import numpy as np
+
+    q, p, g, _ = states
+    return np.diff(q), h * (p[:, :-1] - 0.5 * h * g[:, :-1]), np.diff(p), -0.5 * h * (g[:, 1:] + g[:, :-1])
 
 
 def _on_rounding(distance: float) -> str:
@@ -123,11 +118,8 @@ def check_potential(states: States, tolerance: float, source: Source) -> None:
 
 def _diagnosis(states: States, h: float, layout: str, n: int, q_holds: bool, p_holds: bool, step: str) -> str:
     """The likely cause of states that are no steps of size h, where step n is the first wrong one."""
-    import numpy as np
-
-    q, p, g, _ = states
-    moved, changed = np.diff(q), np.diff(p)
-    drift, impulse = h * (p[:, :-1] - 0.5 * h * g[:, :-1]), -0.5 * h * (g[:, 1:] + g[:, :-1])
+    _, p, g, _ = states
+    moved, drift, changed, impulse = _steps(states, h)
     jump = abs(moved[:, n] - drift[:, n]).max()
     if jump > MANY * abs(drift).max() and abs(changed[:, n]).max() <= MANY * abs(impulse).max():
         return f"{step} positions jump by {jump:.6g}, as if wrapped into a box (period unwraps them)"

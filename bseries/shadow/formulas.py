@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
 
@@ -27,11 +27,11 @@ LEAST_ORDER, MOST_ORDER = 2, 24
 
 Wave: TypeAlias = tuple[int, int]
 """The function cosh(aS) cosh(bδ), as (a, b)."""
-Waves: TypeAlias = dict[Wave, int]
-"""A sum of waves, with their coefficients."""
+Waves: TypeAlias = list[tuple[Wave, int]]
+"""A sum of waves, each with its coefficient."""
 
 
-class ShadowFormula:
+class ShadowFormula(NamedTuple):
     """The shadow energy of one order at step 0; made by `shadow_formula`.
 
     H̃ = p₀ᵀM⁻¹p₀/2 + Σ w_i U_i + h p₀ᵀM⁻¹ Σ_{i>0} a_i (g_i − g_−i) + h² Σ b_ij g_iᵀM⁻¹g_j.
@@ -47,14 +47,10 @@ class ShadowFormula:
         <ShadowFormula of order 10: 5 steps>
     """
 
-    def __init__(
-        self,
-        order: int,
-        potentials: tuple[Fraction, ...],
-        works: tuple[Fraction, ...],
-        products: dict[tuple[int, int], Fraction],
-    ):
-        self.order, self.potentials, self.works, self.products = order, potentials, works, products
+    order: int
+    potentials: tuple[Fraction, ...]
+    works: tuple[Fraction, ...]
+    products: dict[tuple[int, int], Fraction]
 
     def __repr__(self) -> str:
         return f"<ShadowFormula of order {self.order}: {2 * self.reach + 1} steps>"
@@ -96,7 +92,7 @@ def shadow_formula(order: int) -> ShadowFormula:
     columns = [_potential(i, half) for i in range(reach + 1)]
     columns += [_moments(_work(i), half) for i in range(1, inner + 1)]
     columns += [_moments(_product(c, lag), half) for c, lag in centres]
-    kinetic = _moments({(2, 0): 1, (0, 2): -1}, half)
+    kinetic = _moments([((2, 0), 1), ((0, 2), -1)], half)
     rows = [[*(4 * column[k] for column in columns), -kinetic[k]] for k in range(len(kinetic))]
     rows.append([*map(Fraction, [1] * (reach + 1) + [0] * (len(columns) - reach - 1)), Fraction(1)])
     solution = _solution(rows)
@@ -122,13 +118,13 @@ def _powers(half: int) -> list[tuple[int, int]]:
 
 def _moments(waves: Waves, half: int) -> list[Fraction]:
     """The coefficients of S^i δ^j / (i! j!)."""
-    return [Fraction(sum(x * a**i * b**j for (a, b), x in waves.items())) for i, j in _powers(half)]
+    return [Fraction(sum(x * a**i * b**j for (a, b), x in waves)) for i, j in _powers(half)]
 
 
 def _potential(shift: int, half: int) -> list[Fraction]:
     """(U_shift + U_−shift)/2 − H̃: cosh(2 shift S) times the function for U."""
     waves = [((2 * shift, 0), 2), ((2 * shift + 1, 1), -1), ((2 * shift - 1, 1), -1)]
-    plain, two = _moments(_gathered(waves), half), 2 * shift
+    plain, two = _moments(waves, half), 2 * shift
     # cosh(two S) sinh(S)/S = (sinh((two + 1) S) − sinh((two − 1) S)) / (2 S)
     rest = [Fraction(((two + 1) ** (i + 1) - (two - 1) ** (i + 1)) * j, 2 * (i + 1)) for i, j in _powers(half)]
     return [x / 2 + y for x, y in zip(plain, rest, strict=True)]
@@ -136,26 +132,19 @@ def _potential(shift: int, half: int) -> list[Fraction]:
 
 def _work(shift: int) -> Waves:
     """h pᵀ(g_shift − g_−shift), symmetrised in u and v."""
-    waves: list[tuple[Wave, int]] = []
+    waves: Waves = []
     for n, factor in ((shift + 1, -1), (shift - 1, -1), (shift, 2)):  # 2 sinh(u) sinh(nv) is, symmetrised:
         waves += [((n + 1, n - 1), factor), ((n - 1, n + 1), -factor)]
-    return _gathered(waves)
+    return waves
 
 
 def _product(centre: int, lag: int) -> Waves:
     """h² g_iᵀg_j, i + j = centre and j − i = lag, and its images: 4 (cosh S − cosh δ)² cosh(centre S) cosh(lag δ)."""
-    waves: list[tuple[Wave, int]] = [((centre, lag), 4)]
+    waves: Waves = [((centre, lag), 4)]
     for x in (-1, 1):
         waves += [((centre + 2 * x, lag), 1), ((centre, lag + 2 * x), 1)]
         waves += [((centre + x, lag + y), -2) for y in (-1, 1)]
-    return _gathered(waves)
-
-
-def _gathered(waves: list[tuple[Wave, int]]) -> Waves:
-    found: Waves = {}
-    for wave, factor in waves:
-        found[wave] = found.get(wave, 0) + factor
-    return found
+    return waves
 
 
 def _solution(rows: list[list[Fraction]]) -> list[Fraction]:

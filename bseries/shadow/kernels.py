@@ -1,4 +1,4 @@
-"""Compiled shadow energies and residuals of steps; states are columns of arrays (coordinates, steps).
+"""Compiled shadow energies and their statistics; states are columns of arrays (coordinates, steps).
 
 Everything is mass-weighted: q̂ = M^(1/2) q, p̂ = M^(−1/2) p, ĝ = M^(−1/2) ∇U, so that masses do not appear.
 """
@@ -54,28 +54,6 @@ def shadow_values(
                 if factor != 0.0:
                     for n in range(width):
                         row[n] += factor * product[lag, n + i]
-
-
-@float_kernel
-def step_residuals(h: Any, q: Any, p: Any, g: Any, of_q: Any, of_p: Any) -> tuple[float, float, float]:
-    """The largest distance of a coordinate of each state from a kick–drift–kick step.
-
-    Returns:
-        The largest absolute values of q, p and g.
-    """
-    coordinates, steps = q.shape
-    of_q[:] = 0.0
-    of_p[:] = 0.0
-    most_q = most_p = most_g = 0.0
-    for d in range(coordinates):
-        for n in range(steps):
-            most_q, most_p, most_g = max(most_q, abs(q[d, n])), max(most_p, abs(p[d, n])), max(most_g, abs(g[d, n]))
-        for n in range(steps - 1):
-            gap = abs(q[d, n + 1] - q[d, n] - h * (p[d, n] - 0.5 * h * g[d, n]))
-            of_q[n] = max(of_q[n], gap)
-            gap = abs(p[d, n + 1] - p[d, n] + 0.5 * h * (g[d, n] + g[d, n + 1]))
-            of_p[n] = max(of_p[n], gap)
-    return most_q, most_p, most_g
 
 
 @float_kernel

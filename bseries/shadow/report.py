@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.picture_files import check_place, picture_format
+from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from foundation.extras import optional_module
-from foundation.plotting import BLACK, BLUE, VERMILION, new_figure, picture, print_style
+from foundation.diagrams import draw_curves, write_title
+from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
-from integrators.core.text_files import atomic_write, check_path
 from integrators.exact.arguments import read_number
 
 if TYPE_CHECKING:
@@ -38,26 +37,15 @@ KEY = (
 )
 
 
-def title(report: ShadowReport) -> str:
-    """A description of the trajectory."""
-    end = report.start + report.h * (report.states - 1)
-    return f"{report.label}: {report.states:,} states, h = {report.h:g}, t = {report.start:g} to {end:g}"
-
-
-def cells(row: OrderStatistics) -> list[str]:
+def _cells(row: OrderStatistics) -> list[str]:
     """A row of the table."""
     digits = 15 if row.scatter == 0 else max(4, min(16, 3 - math.floor(math.log10(row.scatter / (abs(row.mean) or 1)))))
     numbers = (row.deviation, row.scatter, row.drift, row.drift_error)
     return [str(row.order), f"{row.mean:.{digits}g}", *(f"{number:.2e}" for number in numbers)]
 
 
-def sentences(report: ShadowReport, bound: float | None = None) -> Iterator[str]:
-    """The conclusions from the table, in sentences.
-
-    Args:
-        report: The report.
-        bound: A bound of the energy's deviation, for which the step size is given.
-    """
+def _sentences(report: ShadowReport, bound: float | None) -> Iterator[str]:
+    """The conclusions from the table, in sentences, with the step size for a bound of the energy's deviation."""
     yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
     yield _on_drift(report)
     yield _on_step(report)
@@ -92,15 +80,6 @@ def _on_step(report: ShadowReport) -> str:
 SIZE = (17.0, 6.0)
 
 
-def check_picture(path: Any) -> str:
-    """Check the path of a picture before the computation, and return its format."""
-    name = check_path(path, "plot")
-    kind = picture_format(name, "plot")
-    check_place(name, "plot")
-    optional_module("matplotlib", "a picture")
-    return kind
-
-
 def _draw_orders(report: ShadowReport, ax: Axes) -> None:
     """Range and scatter of each order."""
     orders = [row.order for row in report.rows]
@@ -110,7 +89,7 @@ def _draw_orders(report: ShadowReport, ax: Axes) -> None:
     ax.axvline(report.best.order, color=VERMILION, linewidth=1, zorder=0)
     ticks = orders[:: max(1, len(orders) // 6)]
     ax.set(xlabel="order", yscale="log", title=f"constant up to (best: order {report.best.order})", xticks=ticks)
-    ax.legend()
+    ax.legend(loc="lower left")  # sizes fall
 
 
 def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
@@ -125,6 +104,16 @@ def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
     name = "energy" if row.order == 2 else f"order {row.order}"
     ax.set(xlabel="t", title=f"{name}, less its mean")
     ax.ticklabel_format(axis="y", scilimits=(-2, 3))
+
+
+MOST_CURVES = 6
+
+
+def _shown_orders(known: Sequence[int], best: int) -> list[int]:
+    """The orders to the best one; the first and the last of them and some between if they are many."""
+    useful = [order for order in known if order <= best]
+    step = -(-len(useful) // (MOST_CURVES - 1))
+    return sorted({*useful[::step], best})
 
 
 GAIN = 1.25
@@ -179,6 +168,10 @@ class ShadowReport:
         return (
             f"<ShadowReport of {self.label}: orders 2 to {self.rows[-1].order}, {self.states:,} states, h = {self.h:g}>"
         )
+
+    @property
+    def _end(self) -> float:
+        return self.start + self.h * (self.states - 1)
 
     @property
     def best(self) -> OrderStatistics:
@@ -280,7 +273,7 @@ class ShadowReport:
             "trajectory": self.label,
             "h": self.h,
             "states": self.states,
-            "t": [self.start, self.start + self.h * (self.states - 1)],
+            "t": [self.start, self._end],
             "best_order": self.best.order,
             "limit": self.limit,
             "noise_floor": self.noise_floor,
@@ -290,7 +283,7 @@ class ShadowReport:
         }
 
     def save_plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw the shadow energies over time.
+        """Draw a figure of three panels: sizes by order, the energy and the best shadow energy over time.
 
         Args:
             path: A file with the extension ``.png``, ``.svg`` or ``.pdf``.
@@ -299,7 +292,7 @@ class ShadowReport:
             SeriesError: The extension is another one, or the folder does not exist.
             IntegratorError: The file cannot be written, or matplotlib is missing.
         """
-        kind = check_picture(path)
+        check_picture(path)
         with print_style():
             figure = new_figure(SIZE)
             gains, energy, shadow = figure.subplots(1, 3)
@@ -308,7 +301,48 @@ class ShadowReport:
             _draw_times(self, shadow, self.rows.index(self.best), VERMILION)
             heading = f"{os.path.basename(self.label)}: {self.states:,} states, h = {self.h:g}"
             figure.suptitle(heading, fontsize="medium", parse_math=False)
-        atomic_write(path, picture(figure, kind))
+        save_picture(path, figure)
+
+    def plot(self, ax: Axes | None = None, *, orders: Sequence[int] | None = None) -> Axes:
+        """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            orders: The orders; by default 2, which is the energy, to the best one, six at most.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: An order is not in the report, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> report = bs.shadow_energy(bs.integrate("stormer-verlet", "pendulum", h=0.1, steps=4000))
+            >>> axes = report.plot()
+            >>> [text.get_text() for text in axes.get_legend().get_texts()]
+            ['order 2: energy', 'order 4', 'order 6', 'order 8', 'order 10']
+        """
+        import numpy as np
+
+        known = [row.order for row in self.rows]
+        for order in orders or ():
+            if order not in known:
+                raise SeriesError(f"orders must be of {', '.join(map(str, known))}, but one was {order!r:.60}")
+        chosen = _shown_orders(known, self.best.order) if orders is None else list(orders)
+        t, blocks = self.blocks()
+        curves = {}
+        for order in chosen:
+            rows = blocks[known.index(order)]
+            strayed = np.abs(rows[:, 1:] - rows[:, :1].mean()).max(axis=1)
+            name = "order 2: energy" if order == 2 else f"order {order}"
+            curves[name] = np.where(strayed > 0, strayed, np.nan)
+        with drawing(ax, SeriesError) as axes:
+            draw_curves(axes, t, curves, linestyle="-", linewidth=0.7)
+            write_title(axes, f"{os.path.basename(self.label)}, h = {self.h:g}")
+            axes.set(xlabel="time t", ylabel="largest distance from the mean", yscale="log")
+        return axes
 
     def to_table(self, bound: float | None = None) -> Table:
         """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
@@ -320,10 +354,10 @@ class ShadowReport:
         if bound is not None:
             data["bound"] = {"energy": bound, "step": self.step_for(bound)}
         return Table(
-            title(self),
+            f"{self.label}: {self.states:,} states, h = {self.h:g}, t = {self.start:g} to {self._end:g}",
             [Column(heading, True) for heading in HEADINGS],
-            list(map(cells, self.rows)),
-            [*sentences(self, bound), "", KEY],
+            list(map(_cells, self.rows)),
+            [*_sentences(self, bound), "", KEY],
             data=lambda: data,
             items="rows",
             records=listed([(name, itemgetter(name)) for name in OrderStatistics._fields], data["rows"]),

@@ -76,58 +76,51 @@ class Source(NamedTuple):
 
 
 def open_source(trajectory: Any, columns: Mapping[str, Any] | None = None, forces: SceneForces | None = None) -> Source:
-    """The source of a trajectory.
-
-    Args:
-        trajectory: A `Trajectory`, arrays by name, a data frame, the path of a file, or an open text file.
-        columns: Names, patterns of names, or places of columns, by role.
-        forces: The scene that supplies potentials and forces, if there is one.
-    """
+    """The source of a trajectory: its `columns` by role, and the scene that supplies forces, if there is one."""
     from integrators import Trajectory
 
     if columns is not None and not isinstance(columns, Mapping):
         raise SeriesError(f'columns must be a dict, as in {{"q": "x*"}}, but was {columns!r:.60}')
-    if isinstance(trajectory, Trajectory):
-        return _own(trajectory, "trajectory", columns, forces)
+    label = "trajectory"
     if isinstance(trajectory, str | os.PathLike):
-        return _of_path(os.fspath(trajectory), columns, forces)
-    if hasattr(trajectory, "readline"):
+        path = os.fspath(trajectory)
+        label = path if len(path) < MOST_LETTERS else f"…{path[-MOST_LETTERS:]}"
+        trajectory = _stored(path, label)
+    elif hasattr(trajectory, "readline"):
         name = getattr(trajectory, "name", None)
-        known = isinstance(name, str) and not name.startswith("<")
-        return _of_text(trajectory, str(name) if known else "standard input", columns, forces)
-    arrays = _by_name(trajectory, "trajectory")
-    if arrays is None:
-        raise SeriesError(f"trajectory must be a Trajectory, arrays by name, or a path, but was {trajectory!r:.60}")
-    return _of_arrays(arrays, "trajectory", columns, forces)
+        label = name if isinstance(name, str) and not name.startswith("<") else "standard input"
+    if isinstance(trajectory, Trajectory):
+        return _own(trajectory, label, columns, forces)
+    if isinstance(trajectory, str) or hasattr(trajectory, "readline"):
+        return _of_text(trajectory, label, columns, forces)
+    return _of_arrays(_by_name(trajectory, label), label, columns, forces)
 
 
-def _of_path(path: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
-    """The source of a file: text, NPY, NPZ, or a run of this package."""
+def _stored(path: str, label: str) -> Any:
+    """What a file holds: a `Trajectory`, the arrays of NumPy, or text, of which this is the path."""
     import numpy as np
 
     from integrators import load_trajectory
 
-    label = path if len(path) < MOST_LETTERS else f"…{path[-MOST_LETTERS:]}"
     if not os.path.isfile(path):  # the folder of a run, also of an unfinished one
-        return _own(load_trajectory(path), label, columns, forces)
+        return load_trajectory(path)
     try:
         with open(path, "rb") as file:
             start = file.read(6)
-        is_text = not start.startswith((b"PK", b"\x93NUMPY"))
         if start.startswith(b"PK"):
             zipfile.ZipFile(path).close()  # NumPy leaves damaged archives open
-        stored = None if is_text else np.load(path, mmap_mode="r", allow_pickle=False)
+        elif not start.startswith(b"\x93NUMPY"):
+            return path
+        stored = np.load(path, mmap_mode="r", allow_pickle=False)
     except DAMAGE as error:
         raise SeriesError(f"{label} must be text, an NPY or an NPZ file, but was not: {error}") from None
-    if is_text:
-        return _of_text(path, label, columns, forces)
     if isinstance(stored, Mapping) and {"t", "y", "variables"} <= set(stored):
-        return _own(load_trajectory(path), label, columns, forces)
-    return _of_arrays(_by_name(stored, label) or {}, label, columns, forces)
+        return load_trajectory(path)
+    return stored
 
 
-def _by_name(data: Any, label: str) -> Mapping[str, Any] | None:
-    """Arrays by name: those of a mapping or data frame, the fields or columns of one array; None for anything else."""
+def _by_name(data: Any, label: str) -> Mapping[str, Any]:
+    """Arrays by name: those of a mapping or data frame, or the fields or columns of one array."""
     import numpy as np
 
     if hasattr(data, "to_records"):  # a frame of pandas, with its index
@@ -136,7 +129,7 @@ def _by_name(data: Any, label: str) -> Mapping[str, Any] | None:
         coordinates = getattr(data, "coords", None)  # of xarray
         return data if coordinates is None else {**coordinates, **data}
     if not isinstance(data, np.ndarray):
-        return None
+        raise SeriesError(f"trajectory must be a Trajectory, arrays by name, or a path, but was {data!r:.60}")
     if data.dtype.names is not None:
         return {name: data[name] for name in data.dtype.names}
     if data.ndim != 2:
@@ -198,22 +191,21 @@ def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None,
     found = find_roles(names, columns, label, forces, ("t", "U", *VECTORS))
     for role, chosen in found.items():
         _check_width(role, len(chosen), len(found["q"]))
-    needed = [name for role in found.values() for name in role]
-    places = [names.index(name) for name in needed]
+    places = [(name, names.index(name)) for role in found.values() for name in role]
     ends = np.cumsum([len(role) for role in found.values()])
 
     def blocks(size: int) -> Iterator[Columns]:
         first = 1
         while piece := list(islice(lines, size)):
             try:
-                table = np.loadtxt(piece, delimiter=separator, usecols=places, ndmin=2, comments=None, unpack=True)
+                table = np.loadtxt(piece, delimiter=separator, usecols=[k for _, k in places], ndmin=2, comments=None)
             except ValueError:
                 for state, line in enumerate(piece, first):
-                    _check_row(line.split(separator), needed, places, f"{label} must have numbers in state {state}")
+                    _check_row(line.split(separator), places, f"{label} must have numbers in state {state}")
                 raise
             first += len(piece)
-            parts = zip(found, np.split(table, ends[:-1]), strict=True)
-            yield {role: rows.T if role in VECTORS else rows[0] for role, rows in parts}
+            parts = zip(found, np.split(table, ends[:-1], axis=1), strict=True)
+            yield {role: rows if role in VECTORS else rows[:, 0] for role, rows in parts}
 
     return Source(label, blocks, None, len(found["q"]), forces=forces)
 
@@ -232,9 +224,9 @@ def _lines(source: str | IO[Any], label: str) -> Iterator[str]:
             raise SeriesError(f"{label} must be text in UTF-8, an NPY or an NPZ file, but was neither") from None
 
 
-def _check_row(cells: Sequence[str], names: Sequence[str], places: Sequence[int], must: str) -> None:
+def _check_row(cells: Sequence[str], places: Sequence[tuple[str, int]], must: str) -> None:
     """Check that a line has numbers in its columns."""
-    for name, k in zip(names, places, strict=True):
+    for name, k in places:
         if k >= len(cells):
             raise SeriesError(f"{must}, but it has {len(cells)} columns and {name} is number {k + 1}")
         if not _is_number(cells[k].strip()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
@@ -26,14 +27,7 @@ class States(NamedTuple):
 
 
 class Masses:
-    """The kinetic energy, as the factor L of M⁻¹ = L Lᵀ: mass-weighted momenta are Lᵀp.
-
-    Args:
-        inverse: The matrix M⁻¹, or its diagonal.
-
-    Raises:
-        SeriesError: It is not positive definite.
-    """
+    """The kinetic energy, as the factor L of M⁻¹ = L Lᵀ, for M⁻¹ or its diagonal: mass-weighted momenta are Lᵀp."""
 
     def __init__(self, inverse: np.ndarray):
         import numpy as np
@@ -58,11 +52,11 @@ class Masses:
 
     def positions(self, columns: np.ndarray) -> np.ndarray:
         """Rows of positions from mass-weighted columns."""
-        factor = self._factor
-        return (columns * factor[:, None]).T if factor.ndim == 1 else columns.T @ factor.T
+        return _weighted(columns.T, self._factor.T).T
 
 
 def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """The columns of rows times a factor, which is a matrix or its diagonal."""
     import numpy as np
 
     if factor.ndim == 1:
@@ -70,53 +64,32 @@ def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray((rows @ factor).T)
 
 
-class Reader:
-    """Conversion of columns to states.
+def read_states(
+    blocks: Iterator[Columns], masses: Masses, h: float, source: Source, layout: str, period: Any
+) -> Iterator[States]:
+    """The states of successive blocks of columns; `period` is the box for each coordinate, or None."""
+    import numpy as np
 
-    Args:
-        masses: The masses.
-        h: The step size.
-        source: The source of the columns, with forces of its own unless it has a scene.
-        layout: The storage layout of momenta.
-        period: The edge of a periodic box for each coordinate; None if positions are not wrapped.
-    """
-
-    def __init__(self, masses: Masses, h: float, source: Source, layout: str, period: Any):
-        self._masses, self._h, self._source, self._layout, self._period = masses, h, source, layout, period
-        self._last: Any = None
-        self._crossings: Any = 0.0
-
-    def states(self, columns: Columns) -> States:
-        """The states of a block of columns, which follows the block before."""
-        import numpy as np
-
-        masses, half = self._masses, 0.5 * self._h
+    last, crossings = None, 0.0
+    for columns in blocks:
         p = masses.of_momenta(columns["p"]) if "p" in columns else masses.of_positions(columns["v"])
-        q = columns["q"] if self._period is None else self._unwrapped(columns["q"])
+        q = columns["q"]
+        if period is not None:  # positions continue where they jump to the other side of the box
+            jumps = np.round(np.diff(q, axis=0, prepend=q[:1] if last is None else last) / period)
+            crossings = np.cumsum(jumps, axis=0) + crossings
+            last, q, crossings = q[-1:].copy(), q - period * crossings, crossings[-1:]
         weighted = masses.of_positions(q)
-        if self._layout == MIDDLE:
-            weighted += half * p
+        if layout == MIDDLE:
+            weighted += 0.5 * h * p
             q = masses.positions(weighted)
-        if self._source.forces is not None:
-            gradients, u = self._source.forces(np.ascontiguousarray(q))
+        if source.forces is not None:
+            gradients, u = source.forces(np.ascontiguousarray(q))
         else:
             gradients, u = columns["gradU"] if "gradU" in columns else -columns["F"], columns["U"]
         g = masses.of_momenta(gradients)
-        if self._layout != FULL:
-            p += half * g if self._layout == AHEAD else -half * g
-        return States(weighted, p, g, u)
-
-    def _unwrapped(self, q: np.ndarray) -> np.ndarray:
-        """Positions that continue where they jump to the other side of the box."""
-        import numpy as np
-
-        before = q[:1] if self._last is None else self._last
-        self._crossings = self._crossings + np.cumsum(
-            np.round(np.diff(q, axis=0, prepend=before) / self._period), axis=0
-        )
-        self._last, shifted = q[-1:].copy(), q - self._period * self._crossings
-        self._crossings = self._crossings[-1:]
-        return shifted
+        if layout != FULL:
+            p += (0.5 if layout == AHEAD else -0.5) * h * g
+        yield States(weighted, p, g, u)
 
 
 def longest(columns: np.ndarray) -> float:
@@ -128,13 +101,7 @@ def longest(columns: np.ndarray) -> float:
 
 
 def positive_numbers(value: Any, argument: str, dimension: int) -> np.ndarray:
-    """One positive number, or one for each particle, dimension of space or coordinate.
-
-    Args:
-        value: The number or numbers.
-        argument: Their name in messages.
-        dimension: The number of coordinates.
-    """
+    """One positive number, or one for each particle, dimension of space or coordinate."""
     import numpy as np
 
     try:

@@ -9,18 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.shadow import kernels
-from bseries.shadow.checks import (
-    check_columns,
-    check_finite,
-    check_potential,
-    check_steps,
-    refuse_thinned,
-)
+from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
 from bseries.shadow.scene_forces import SceneForces
 from bseries.shadow.sources import open_source
-from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, Reader, States, longest, positive_numbers
+from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, States, longest, positive_numbers, read_states
 from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
@@ -106,7 +100,12 @@ def shadow_energy(
     source = open_source(trajectory, columns, None if scene is None else SceneForces(scene))
     allowed = max(TOLERANCE, source.precision) if tolerance is None else least
     blocks, step, start = _timed(source, h, allowed)
-    reader = _reader(source, step, mass, layout, period)
+    if layout not in LAYOUTS:
+        raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
+    if layout == MIDDLE and source.forces is None:
+        raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
+    edges, masses = _edges(period, source.dimension), _masses(source, mass)
+    states = read_states(blocks, masses, step, source, layout, edges)
 
     def check(states: States, first: int) -> float:
         rounding = check_steps(states, step, first, allowed, source, layout)
@@ -115,35 +114,37 @@ def shadow_energy(
         return rounding
 
     with np.errstate(all="ignore"):  # numbers that overflow are refused where they are found
-        return _measure(map(reader.states, blocks), order, step, start, source, check, keep, progress)
+        return _measure(states, order, step, start, source, check, keep, progress)
 
 
-def _reader(source: Source, h: float, mass: Any, layout: str, period: Any) -> Reader:
-    """The conversion of the columns of a source to states, according to the options."""
+def _masses(source: Source, mass: Any) -> Masses:
+    """The masses of a scene, or those given or stored with the columns."""
     import numpy as np
 
-    if layout not in LAYOUTS:
-        raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
-    dimension, edges = source.dimension, None
-    if period is not None:
-        edges = positive_numbers(period, "period", dimension)
-        edges = np.tile(edges, dimension // len(edges))
+    dimension = source.dimension
     if source.forces is None:
-        if layout == MIDDLE:
-            raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
         given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
         masses = positive_numbers(given, "mass", dimension)
-        inverse = np.repeat(1 / masses, dimension // len(masses))
-    elif mass is None:
-        inverse = source.forces.inverse_masses
-        if len(inverse) != dimension:
-            raise SeriesError(
-                f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
-                f"{dimension} numbers for each state"
-            )
-    else:
+        return Masses(np.repeat(1 / masses, dimension // len(masses)))
+    if mass is not None:
         raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
-    return Reader(Masses(inverse), h, source, layout, edges)
+    inverse = source.forces.inverse_masses
+    if len(inverse) != dimension:
+        raise SeriesError(
+            f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
+            f"{dimension} numbers for each state"
+        )
+    return Masses(inverse)
+
+
+def _edges(period: Any, dimension: int) -> np.ndarray | None:
+    """The edge of the box for each coordinate; None if positions are not wrapped."""
+    import numpy as np
+
+    if period is None:
+        return None
+    edges = positive_numbers(period, "period", dimension)
+    return np.tile(edges, dimension // len(edges))
 
 
 def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[Columns], float, float]:
@@ -199,7 +200,9 @@ def _measure(
     before: States | None = None
     for piece in chain([head], pieces):
         fresh = piece._replace(u=piece.u - offset)  # reduces rounding
-        states = fresh if before is None else States(*map(_joined, before, fresh))
+        states = (
+            fresh if before is None else States(*(np.concatenate(x, axis=-1) for x in zip(before, fresh, strict=True)))
+        )
         steps = states.u.size
         rounding = check(states, done - (steps - piece.u.size))
         rounding += source.precision * (float(np.max(np.abs(piece.u))) + longest(piece.p) * longest(piece.p))
@@ -219,12 +222,6 @@ def _measure(
             progress(done, source.states or done)
     values = dict(zip(orders, np.concatenate(kept, axis=1), strict=True)) if keep else None
     return ShadowReport(source.label, h, start, done, statistics, offset, most_rounding, values)
-
-
-def _joined(before: np.ndarray, piece: np.ndarray) -> np.ndarray:
-    import numpy as np
-
-    return np.concatenate((before, piece), axis=-1)
 
 
 def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -3,7 +3,8 @@
 A value is a term (coefficient, node): an exact number times a node. Nodes are numbered, and equal ones are identified:
 
     ("name", text)             a variable
-    ("call", function, term)   an elementary function
+    ("call", function, term)   an elementary function, abs or sign
+    ("where", term, term, term)   the second value if the first is positive, otherwise the third
     ("power", term, term)      a power that is not a product of integer powers and square roots
     ("sum", (term, …))         the first coefficient is positive, and their absolute values are not all equal
     ("product", ((node, n), …), ((node, n), …))   powers of nodes over powers of nodes, n > 0
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 
 ONE = 0
+BRANCHING = {"Absolute": "abs", "Sign": "sign", "Where": "where"}
+"""The functions of `integrators.exact.branches`, by the names of their classes."""
+CALLED = (*ELEMENTARY, *BRANCHING.values())
 
 
 class OperationGraph:
@@ -120,7 +124,8 @@ class Reader:
                     f"formula must use the names {shorten(known)}, but has {shorten(str(expression))!r}"
                 )
             return Fraction(1), graph.node("name", self.names[expression])
-        if not (expression.is_Add or expression.is_Mul or expression.is_Pow or name in ELEMENTARY):
+        name = BRANCHING.get(name, name)
+        if not (expression.is_Add or expression.is_Mul or expression.is_Pow or name in CALLED):
             return exact_number(expression), ONE
         terms = [self.read(argument) for argument in expression.args]
         if all(node == ONE for _, node in terms):
@@ -131,6 +136,8 @@ class Reader:
             return self._product(terms)
         if expression.is_Pow:
             return self._power(*terms)
+        if name == "where":
+            return Fraction(1), graph.node("where", *terms)
         return Fraction(1), graph.node("call", name, terms[0])
 
     def _product(self, terms: Sequence[Term]) -> Term:
@@ -165,7 +172,7 @@ def exact_number(expression: Any) -> Coefficient:
 
     if not getattr(expression, "is_number", False):
         raise IntegratorError(
-            f"formula must be made of + * ** and {', '.join(ELEMENTARY)}, but has {shorten(str(expression))!r}"
+            f"formula must be made of + * ** and {', '.join(CALLED)}, but has {shorten(str(expression))!r}"
         )
     value: Any = expression.evalf()
     if not value.is_Float and value != 0:

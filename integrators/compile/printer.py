@@ -109,7 +109,10 @@ def count_operations(lines: Iterable[str]) -> Counter[str]:
             if isinstance(node, ast.BinOp | ast.AugAssign):
                 counts[kinds[type(node.op)]] += 1
             elif isinstance(node, ast.Call):
-                counts["sqrt" if getattr(node.func, "id", None) == "sqrt" else "call"] += 1
+                name = getattr(node.func, "id", "")
+                counts[{"sqrt": "sqrt", "abs": "add"}.get(name, "call")] += 1
+            elif isinstance(node, ast.IfExp):
+                counts["add"] += 1
     return counts
 
 
@@ -170,8 +173,14 @@ class _Printer:
             return self.sum(content[0]), SUM
         if kind == "product":
             return self.quotient(Fraction(1), *self.product_parts(node))
+        if kind == "call" and content[0] == "sign":
+            x = within(self.term(content[1]), SUM)
+            return f"(1.0 if {x} > 0.0 else -1.0 if {x} < 0.0 else 0.0)", ATOM
         if kind == "call":
             return f"{content[0]}({self.term(content[1])[0]})", ATOM
+        if kind == "where":
+            x, a, b = (self.term(part)[0] for part in content)
+            return f"({a} if {x} > 0.0 else {b})", ATOM
         base, exponent = map(self.term, content)
         return f"{within(base, ATOM)}**{within(exponent, ATOM)}", PRODUCT
 

@@ -31,6 +31,17 @@ def read_number(value: Any, argument: str) -> float:
     return number
 
 
+def read_window(window: Any) -> tuple[float, float, float, float]:
+    """The ends (left, right, bottom, top) of axes, checked."""
+    try:
+        left, right, bottom, top = (read_number(end, "window") for end in window)
+    except (TypeError, ValueError):
+        left = right = bottom = top = 0.0
+    if not (left < right and bottom < top):
+        raise IntegratorError(f"window must be four numbers, left < right, bottom < top, but was {shown(window)}")
+    return left, right, bottom, top
+
+
 def read_positive(value: Any, argument: str) -> float:
     """A finite positive number as a double."""
     number = read_number(value, argument)

@@ -5,8 +5,9 @@ Operations refuse their arguments by an `ArithmeticError` with the predicate of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from math import lcm, prod
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ MAX_RADICAND_BITS = 400
 MAX_ARGUMENT = 10_000
 MAX_NESTING = 6
 """Of nested powers and functions; SymPy determines signs in exponential time."""
+MOST_DEGREE = 16
+"""Fields of algebraic numbers of higher degree take SymPy too long to build: degree 32 takes half a minute."""
+LARGEST_ORDER = 10_000
+"""Of roots of unity; numbers of many digits are hard to factor, and φ(n) of larger ones is above 2 · `MOST_DEGREE`."""
 
 
 def bounded(value: Any) -> Any:
@@ -195,3 +200,58 @@ def _limited_argument(argument: Any) -> Any:
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
         raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")
     return argument
+
+
+def algebraic(value: Exact) -> Exact:
+    """The value, refused unless its numbers are algebraic: cosines, sines and tangents of rational multiples of pi."""
+    if isinstance(value, Fraction):
+        return value
+    import sympy
+
+    cosines = _cosines([value])
+    if not all((cosine.args[0] / sympy.pi).is_Rational for cosine in cosines):
+        raise ArithmeticError("has a cosine, sine or tangent of something else than a rational multiple of pi")
+    rest = value.xreplace({cosine: sympy.Dummy(positive=True) for cosine in cosines})
+    if rest.has(sympy.pi):
+        raise ArithmeticError("has pi outside a cosine, sine or tangent")
+    if not all(power.exp.is_Rational for power in rest.atoms(sympy.Pow)):
+        raise ArithmeticError("has an exponent that is not rational")
+    if _cosine_degree(cosines) > MOST_DEGREE:
+        raise ArithmeticError(f"has cosines, sines or tangents of a degree above {MOST_DEGREE} over the rationals")
+    return value
+
+
+def degree_bound(values: Iterable[sympy.Expr]) -> int:
+    """A bound on the degree of the smallest field that holds the roots, cosines, sines and tangents in some formulas.
+
+    Example:
+        >>> import sympy
+        >>> degree_bound([sympy.sqrt(2) + sympy.sqrt(3), sympy.cos(sympy.pi / 18)])
+        24
+    """
+    import sympy
+
+    formulas = list(values)
+    powers: set[Any] = set().union(*(formula.atoms(sympy.Pow) for formula in formulas))
+    roots = (int(power.exp.q) for power in powers if power.is_number and power.exp.is_Rational)
+    return prod(roots) * _cosine_degree(_cosines(formulas))
+
+
+def _cosines(formulas: Iterable[sympy.Expr]) -> set[Any]:
+    import sympy
+
+    return set().union(*(formula.atoms(sympy.cos, sympy.sin, sympy.tan) for formula in formulas))
+
+
+def _cosine_degree(cosines: Iterable[Any]) -> int:
+    """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n."""
+    import sympy
+
+    n = 1
+    for cosine in cosines:
+        turn = cosine.args[0] / (2 * sympy.pi)
+        if not isinstance(cosine, sympy.sin):
+            n = lcm(n, int(turn.q))
+        if not isinstance(cosine, sympy.cos):  # a sine is the cosine of the rest to a quarter turn
+            n = lcm(n, int((sympy.Rational(1, 4) - turn).q))
+    return max(1, int(n if n > LARGEST_ORDER else sympy.totient(n)) // 2)

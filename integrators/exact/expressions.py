@@ -5,6 +5,7 @@
     unary    = {"+" | "-"} power
     power    = atom [("^" | "**") unary]
     atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")"
+             | ("min" | "max") "(" sum {"," sum} ")" | "where(" sum (">" | "<" | ">=" | "<=") sum "," sum "," sum ")"
 
 Decimals are read exactly, as fractions. Rational formulas give `Fraction`s without SymPy.
 """
@@ -28,9 +29,16 @@ T = TypeVar("T")
 
 ELEMENTARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
-    *("exp", "log"),
+    *("exp", "log", "erf"),
 )
-"""The functions of `parse_expression` besides roots."""
+"""The smooth functions of `parse_expression` besides roots."""
+
+BRANCHES = ("abs", "sign", "heaviside", "min", "max", "where")
+"""Its functions that are not smooth."""
+FUNCTIONS = (*ELEMENTARY, *BRANCHES)
+
+COSINES = ("cos", "sin", "tan")
+"""The functions of `parse_number` besides roots: of rational multiples of pi they are algebraic."""
 
 ROOTS = ("sqrt", "cbrt", "root")
 NOT_FINITE = ("nan", "inf", "infinity", "oo", "zoo")
@@ -38,15 +46,16 @@ MAX_LENGTH = 10_000
 MAX_DEPTH = 100
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[-+*/^(),]))"
+    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[<>]=?|[-+*/^(),]))"
 )
 
 
 def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
-    """Read a formula of numbers, roots and declared symbols.
+    """Read a formula of algebraic numbers and declared symbols.
 
     Args:
-        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)`` and ``root(x, n)``.
+        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)``, ``root(x, n)``, and
+            cosines, sines and tangents of rational multiples of pi, such as ``cos(pi/18)``.
         names: the allowed symbols.
         argument: its name in messages.
 
@@ -54,17 +63,20 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
         A `Fraction` if it is rational, else a SymPy expression in plain symbols (``sympy.Symbol(name)``).
 
     Raises:
-        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
+        IntegratorError: the text is not such a formula, or has a number that is infinite, not real, too long or of too
+            high a degree over the rationals.
 
     Example:
         >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
         (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
+        >>> parse_number("cos(pi/18)/sqrt(3) + 1/2")
+        1/2 + sqrt(3)*cos(pi/18)/3
     """
     names = check_names(names, f"symbols of {argument}")
-    value = _Parser(text, names, (), argument).parse()
+    value = _Parser(text, names, COSINES, argument).algebraic()
     # Reading SymPy's text of a formula can give another form, 1/(3*x + 3) for 1/(3*(x + 1)): repeat until stable.
     while not isinstance(value, Fraction):
-        form = _Parser(format_number(value), names, (), argument).parse()
+        form = _Parser(format_number(value), names, COSINES, argument).algebraic()
         if form == value:
             break
         value = form
@@ -88,18 +100,25 @@ def parse_constant(text: str, *, argument: str = "number") -> Exact:
         >>> parse_constant("1/10"), parse_constant("pi/4")
         (Fraction(1, 10), pi/4)
     """
-    return _Parser(text, (), ELEMENTARY, argument).parse()
+    return _Parser(text, (), FUNCTIONS, argument).parse()
 
 
 def parse_expression(
-    text: str, *, names: Iterable[str], functions: Iterable[str] = ELEMENTARY, argument: str = "expression"
+    text: str,
+    *,
+    names: Iterable[str],
+    functions: Iterable[str] = FUNCTIONS,
+    argument: str = "expression",
 ) -> sympy.Expr:
-    """Read a formula of numbers, roots, declared symbols, pi and elementary functions.
+    """Read a formula of numbers, roots, declared symbols, pi, elementary functions and branches.
+
+    ``heaviside(x)`` is (1 + sign(x))/2, ``min`` and ``max`` take two formulas or more, and ``where(x > y, a, b)`` is a
+    where x > y, otherwise b. See `integrators.exact.branches` for their derivatives.
 
     Args:
         text: the formula.
         names: the allowed symbols.
-        functions: the allowed functions, of `ELEMENTARY`.
+        functions: the allowed functions, of `FUNCTIONS`.
         argument: its name in messages.
 
     Returns:
@@ -111,6 +130,8 @@ def parse_expression(
     Example:
         >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
         p**2/2 - cos(q)/2
+        >>> parse_expression("max(q, 1) + abs(-q)", names=["q"])
+        abs(q) + where(q - 1 > 0, q, 1)
     """
     value = _Parser(text, check_names(names, f"symbols of {argument}"), tuple(functions), argument).parse()
     import sympy
@@ -161,7 +182,7 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
     checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
-        if match is None or match["name"] != name or name in (*ROOTS, *ELEMENTARY, *NOT_FINITE):
+        if match is None or match["name"] != name or name in (*ROOTS, *FUNCTIONS, *NOT_FINITE):
             raise IntegratorError(
                 f"{argument} must be letters, digits and _ and not name a function, but one was {shorten(str(name))!r}"
             )
@@ -173,8 +194,9 @@ class _Parser:
 
     def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
         if not isinstance(text, str):
-            raise IntegratorError(f"{argument} must be a formula as text, but was {shown(text)}")
+            raise IntegratorError(f"{argument} must be text, but was {shown(text)}")
         self.text, self.names, self.functions, self.argument = text, names, functions, argument
+        self.wanted = "a formula" if names else "a number"
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
         self.depth = 0
@@ -184,7 +206,7 @@ class _Parser:
     def refuse(self, problem: str, position: int | None = None) -> NoReturn:
         """Raise an error that quotes the formula."""
         where = "" if position is None else f" at position {position + 1}"
-        raise IntegratorError(f"{self.argument} must be a formula, but {shorten(self.text)!r} {problem}{where}")
+        raise IntegratorError(f"{self.argument} must be {self.wanted}, but {shorten(self.text)!r} {problem}{where}")
 
     def tokenize(self, text: str) -> list[tuple[str, str, int]]:
         """The tokens as (kind, text, position), and an end."""
@@ -208,6 +230,10 @@ class _Parser:
             self.expected("an operator")
         return value
 
+    def algebraic(self) -> Exact:
+        """As `parse`, but numbers that are not algebraic are refused."""
+        return self.compute(None, exact.algebraic, self.parse())
+
     @property
     def kind(self) -> str:
         return self.tokens[self.place][0]
@@ -230,7 +256,7 @@ class _Parser:
             self.expected(repr(sign))
         self.place += 1
 
-    def compute(self, position: int, operation: Callable[..., T], *arguments: Any) -> T:
+    def compute(self, position: int | None, operation: Callable[..., T], *arguments: Any) -> T:
         """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
         try:
             return operation(*arguments)
@@ -304,6 +330,26 @@ class _Parser:
         self.skip(")")
         return values
 
+    def branch(self, name: str, position: int) -> Exact:
+        """A function that is not smooth, with its arguments."""
+        self.skip("(")
+        values, relation = [self.nested(self.sum)], ""
+        if name == "where":
+            relation = self.token
+            if relation not in (">", "<", ">=", "<="):
+                self.expected("'>', '<', '>=' or '<='")
+            self.place += 1
+            values.append(self.nested(self.sum))
+        more = {"where": 2, "min": 1, "max": 1}.get(name, 0)
+        while more > 0 or (name in ("min", "max") and self.token == ","):
+            self.skip(",")
+            values.append(self.nested(self.sum))
+            more -= 1
+        self.skip(")")
+        from integrators.exact.branches import branch
+
+        return self.compute(position, lambda: exact.bounded(branch(name, relation, values)))
+
     def number(self, token: str, position: int) -> Fraction:
         exponent = token.lower().partition("e")[2].lstrip("+-0")
         if len(token) > exact.MAX_DIGITS or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
@@ -319,6 +365,8 @@ class _Parser:
             values = self.arguments(2 if name == "root" else 1)
             degree = values[1] if name == "root" else Fraction(2 if name == "sqrt" else 3)
             return self.compute(position, exact.root, values[0], degree)
+        if name in self.functions and name in BRANCHES:
+            return self.branch(name, position)
         if name in self.functions:
             return self.compute(position, exact.apply, name, self.arguments()[0])
         if name == "pi" and self.functions:

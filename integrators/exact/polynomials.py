@@ -1,6 +1,7 @@
 """Polynomials and linear systems over the rationals, without slow imports.
 
 A polynomial is a tuple of `Fraction`s, with the coefficient of x^k at index k and without trailing zeros; () is zero.
+Sums, products, quotients, derivatives and values are right over any field whose elements are false where zero.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ Polynomial = tuple[Fraction, ...]
 Matrix = tuple[tuple[Fraction, ...], ...]
 
 
-def trim(coefficients: Sequence[Fraction | int]) -> Polynomial:
+def trim(coefficients: Sequence[Any]) -> Polynomial:
     """The polynomial with these coefficients, trailing zeros removed."""
     length = len(coefficients)
-    while length and coefficients[length - 1] == 0:
+    while length and not coefficients[length - 1]:
         length -= 1
-    return tuple(Fraction(value) for value in coefficients[:length])
+    return tuple(Fraction(value) if isinstance(value, int) else value for value in coefficients[:length])
 
 
 ONE: Polynomial = (Fraction(1),)

@@ -1,6 +1,8 @@
 from .catalogue.registry import catalogue as catalogue
 from .catalogue.registry import method as method
 from .catalogue.registry import recommended as recommended
+from .exchange.tableaus import export_tableau as export_tableau
+from .exchange.tableaus import import_tableau as import_tableau
 from .kinds.composition_schemes import adjoint_composition as adjoint_composition
 from .kinds.composition_schemes import suzuki_fractal as suzuki_fractal
 from .kinds.composition_schemes import symmetric_composition as symmetric_composition

@@ -141,6 +141,8 @@ def integer_power(x: DoubleDouble, n: int) -> DoubleDouble:
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33, 5.562271104316826e-50)
 LOG_2 = (0.6931471805599453, 2.3190468138462996e-17, 5.707708438416212e-34, -3.5824322106018114e-50)
 
+TWO_BY_ROOT_PI = (1.1283791670955126, 1.533545961316588e-17)
+
 LARGEST_ANGLE = 2.0**50
 """Beyond this, sin and cos are nan."""
 LARGEST_EXPONENT = 746.0
@@ -342,4 +344,27 @@ def atanh(x: DoubleDouble) -> DoubleDouble:
     """The inverse hyperbolic tangent: log((1 + x)/(1 − x))/2 for x ≥ 0, an odd function."""
     size = x if x[0] >= 0 else negative(x)
     value = scale(log1p(divide(scale(size, 2.0), subtract((1.0, 0.0), size))), 0.5)
+    return value if x[0] >= 0 else negative(value)
+
+
+@strict
+def erf(x: DoubleDouble) -> DoubleDouble:
+    """The error function: 2/√π x e^(−x²) Σ (2x²)^n/(1·3·5 ⋯ (2n + 1)) below 1, 1 − erfc x above, an odd function."""
+    size = x if x[0] >= 0 else negative(x)
+    if size[0] > 9:  # erfc x < 2⁻¹¹⁰
+        return math.copysign(1.0, x[0]), 0.0
+    square = multiply(size, size)
+    factor = scale(multiply((TWO_BY_ROOT_PI[0], TWO_BY_ROOT_PI[1]), exp(negative(square))), 0.5)
+    if size[0] < 1:
+        term = scale(multiply(factor, size), 2.0)
+        value, n = term, 1.0
+        while abs(term[0]) > 2.0**-112 * abs(value[0]):
+            n += 2
+            term = divide(multiply(term, scale(square, 2.0)), (n, 0.0))
+            value = add(value, term)
+    else:  # the continued fraction x + (1/2)/(x + 1/(x + (3/2)/(x + …))), whose error is near e^(−2x √(2n))
+        fraction = size
+        for n in range(20 + int(1000 / square[0]), 0, -1):
+            fraction = add(size, divide((0.5 * n, 0.0), fraction))
+        value = subtract((1.0, 0.0), divide(factor, fraction))
     return value if x[0] >= 0 else negative(value)

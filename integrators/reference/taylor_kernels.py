@@ -49,7 +49,7 @@ BIAS = 2.0**-6
 """Relative bias of the perturbations: 1/n is always rounded alike, so amplitudes grow by 2^-110 a step."""
 INVERSES = np.array([split(Fraction(1, max(n, 1))) for n in range(64)])
 
-SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG = range(
+SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG, ERF = range(
     FUNCTION, FUNCTION + len(ELEMENTARY)
 )
 
@@ -154,7 +154,9 @@ def first_of_function(u: DoubleDouble, kind: int, numerator: int, denominator: i
         return double_double.atanh(u)
     if kind == EXP:
         return double_double.exp(u)
-    return double_double.log(u)
+    if kind == LOG:
+        return double_double.log(u)
+    return double_double.erf(u)
 
 
 @strict

@@ -35,6 +35,7 @@ LINEAR, PRODUCT, POWER, FUNCTION = range(4)
 """The kinds of operations; `FUNCTION` + k is the function ELEMENTARY[k]."""
 MAX_OPERATIONS = 1_000_000
 """Limit of 600 megabytes for their series."""
+NOT_SMOOTH = ("abs", "sign")
 PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
@@ -161,6 +162,9 @@ def _evaluated(
             values[node] = operations.sum(map(scaled, content[0]))
         elif kind == "product":
             values[node] = operations.product(operations.power(values[factor], n) for factor, n in content[0])
+        elif kind == "where" or content[0] in NOT_SMOOTH:
+            name = content[0] if kind == "call" else kind
+            raise IntegratorError(f"scene must have a smooth field for a reference solution, but its field has {name}")
         elif kind == "call":
             values[node] = operations.function(content[0], scaled(content[1]))
         else:
@@ -283,6 +287,11 @@ class Operations:
             return self.sum([one, self.product([one if name == "tan" else minus, value, value])])
         if name == "log":
             return self.power(u, Fraction(-1))
+        if name == "erf":
+            import mpmath
+
+            factor = 2 / mpmath.sqrt(mpmath.pi), self.one
+            return self.product([factor, self.function("exp", self.product([minus, u, u]))])
         if name in ("atan", "asinh"):
             square = self.sum([one, self.product([u, u])])
         else:

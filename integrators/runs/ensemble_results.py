@@ -15,7 +15,9 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.extras import optional_module
+from foundation.plotting import BLUE, GREY, drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
@@ -24,6 +26,7 @@ from integrators.runs.storage import check_identity
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
 
 class Statistics(NamedTuple):
@@ -149,6 +152,8 @@ FAILURE = {"member": int, "step": int, "t": NUMBER, "y": (None, [NUMBER]), "reas
 """The content of the files."""
 
 STATISTICS = ("mean", "std", "minimum", "maximum")
+LIGHT = "#e8f0f8"
+"""Of the band of extremes, lighter than that of deviations."""
 MOST_FAILURES = 5
 """The most failures that are listed."""
 
@@ -232,6 +237,50 @@ class EnsembleResult(Tabular):
             items="rows",
             records=_statistics(self),
         )
+
+    def plot(self, ax: Axes | None = None, *, name: str | None = None) -> Axes:
+        """A quantity over time: mean, standard deviation, extremes, and the members that were kept.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            name: The quantity; by default the first one.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: The name is unknown, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> from integrators import scene
+            >>> from integrators.runs.ensembles import ensemble
+            >>> starts = [[0, 1], [0, 1.1], [0, 1.2]]
+            >>> axes = ensemble("rk4", scene("pendulum"), h=0.1, steps=20, y0=starts, keep=2).plot()
+            >>> axes.get_ylabel(), len(axes.lines)
+            ('energy', 3)
+        """
+        name = self.names[0] if name is None else name
+        if name not in self.names:
+            raise IntegratorError(f"name must be one of {', '.join(self.names)}, but was {name!r:.60}")
+        mean, std = self.mean[name], self.std[name]
+        with drawing(ax, IntegratorError) as axes:
+            draw_band(axes, self.t, self.minimum[name], self.maximum[name], "minimum to maximum", LIGHT)
+            draw_band(axes, self.t, mean - std, mean + std, "mean ± std")
+            for k, member in enumerate(self.series[name]):
+                label = "a member" if k == 0 else "_"
+                axes.plot(self.t, member, color=GREY, linewidth=0.4, label=label)
+            axes.plot(self.t, mean, color=BLUE, label="mean")
+            draw_legend(axes)
+            about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}: {self.meta['members']:,} members"
+            write_title(axes, about)
+            axes.set(xlabel="time t", ylabel=self._label(name))
+        return axes
+
+    def _label(self, name: str) -> str:
+        """The quantity, with the kind of change that is drawn."""
+        kind = dict(zip(self.names, self.meta["change"], strict=True)).get(name)
+        return f"{kind} change of {name}" if kind else name
 
     def to_pandas(self) -> Any:
         """A ``pandas.DataFrame`` by time, with columns (quantity, statistic).

@@ -9,9 +9,11 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from foundation.diagrams import draw_curves, write_title
 from foundation.extras import optional_module
+from foundation.plotting import drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.stored_arrays import (
     MOST_TEXT,
     TEXT,
@@ -26,6 +28,7 @@ from integrators.core.text_files import check_path, read_text
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
 
 OBSERVED = "observed/"
@@ -39,6 +42,10 @@ REAL = "fiu"
 META = {key: (None, {"name": (None, str)}) for key in ("method", "scene")} | {"save_every": (None, int)}
 CONTENT = {"variables": [str], "observed": [str], "h": (int, float), "same_times": bool, "meta": META}
 """The content of `RUN`."""
+
+DIGITS = "0123456789"
+WIDTH, ORBIT_WIDTH = 1.0, 0.5
+"""Of lines in a plot, in points; orbits come close to themselves."""
 
 START_AND_END = (
     Column("what", get=lambda record: record["what"]), number_column("start", ".15g"), number_column("end", ".15g"),
@@ -119,6 +126,67 @@ class Trajectory(Tabular):
             arrays["observed_t"] = self.observed_t
         arrays |= {OBSERVED + name: values for name, values in self.observed.items()}
         write_arrays(path, arrays | {"meta": json.dumps(self.meta, ensure_ascii=False)})
+
+    def plot(
+        self, ax: Axes | None = None, *, x: str = "t", y: str | Sequence[str] | None = None, change: bool = False,
+        points: bool = False,
+    ) -> Axes:  # fmt: skip
+        """Variables or observed quantities over time, or over another one: a phase portrait.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            x: ``"t"``, a variable or an observed quantity.
+            y: Variables or quantities, one or several; by default all variables.
+            change: Whether changes since the start are drawn, such as the error of an energy.
+            points: Whether states are drawn as points without lines between them.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: A name is unknown, quantities are observed at other times than those of the states, or `ax`
+                is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> from integrators import integrate, scene
+            >>> run = integrate("rk4", scene("pendulum"), h=0.1, steps=200, observe="energy")
+            >>> [line.get_label() for line in run.plot().lines]
+            ['p', 'q']
+            >>> axes = run.plot(y="energy", change=True)
+            >>> axes.get_xlabel(), axes.get_ylabel()
+            ('time t', 'change of energy since the start')
+            >>> axes = run.plot(x="q", y="p")
+        """
+        names = (self.variables if y is None else [y] if isinstance(y, str) else list(y)) or self.variables
+        across, *curves = self._columns([x, *names])
+        with drawing(ax, IntegratorError) as axes:
+            if change:
+                curves = [curve - curve[:1] for curve in curves]
+            width = WIDTH if x == "t" else ORBIT_WIDTH
+            draw_curves(axes, across, dict(zip(names, curves, strict=True)), points=points, linewidth=width)
+            what = names[0] if len(names) == 1 else "value"
+            label = f"change of {what} since the start" if change else what
+            write_title(axes, f"{_names(self)}, h = {self.h:g}")
+            axes.set(xlabel="time t" if x == "t" else x, ylabel=label)
+            if len(names) == 1 and x.rstrip(DIGITS) == what.rstrip(DIGITS):
+                axes.set_aspect("equal", "datalim")  # coordinates of one place
+        return axes
+
+    def _columns(self, names: Sequence[str]) -> list[np.ndarray]:
+        """Variables, observed quantities or t, at the same times."""
+        known = {"t", *self.variables, *self.observed}
+        for name in names:
+            if name not in known:
+                raise IntegratorError(f"x and y must be of {', '.join(sorted(known))}, but one was {shown(name)}")
+        stored = dict(zip(self.variables, self.y, strict=True))
+        observed = [name for name in names if name not in stored and name != "t"]
+        if observed and self.observed_t is not self.t and (mixed := stored.keys() & set(names)):
+            raise IntegratorError(
+                f"observe_every must be save_every for a plot of {observed[0]} and {min(mixed)}, but times differ"
+            )
+        columns = stored | dict(self.observed) | {"t": self.observed_t if observed else self.t}
+        return [columns[name] for name in names]
 
     def to_pandas(self) -> Any:
         """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and quantity.

@@ -61,14 +61,19 @@ def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
         >>> [(str(guard.formula), guard.relation) for guard in guards(sympy.log(1/x + sympy.sqrt(y)))]
         [('x', '!='), ('y', '>='), ('sqrt(y) + 1/x', '>')]
     """
-    import sympy
-
     found: dict[Guard, None] = {}
-    for part in cast("Iterator[Any]", sympy.postorder_traversal(formula)):
+    for part in _parts(formula):
         for guard in _guards_of(part, derivatives):
             if not guard.formula.is_positive:
                 found[guard] = None
     return list(found)
+
+
+def _parts(formula: Any) -> Iterator[Any]:
+    """The parts of a formula, inner ones first, without the branches of ``where``, of which one is evaluated."""
+    for argument in formula.args[:1] if type(formula).__name__ == "Where" else formula.args:
+        yield from _parts(argument)
+    yield formula
 
 
 def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:

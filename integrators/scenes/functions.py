@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from fractions import Fraction
 from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shown
@@ -15,12 +14,6 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     import sympy
 
-FUNCTIONS = {
-    **{name: name for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "cbrt")},
-    **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
-}
-"""NumPy's functions and SymPy's names for them."""
-
 
 def scene_from_function(
     function: Callable[..., Any], y0: Sequence[Any], *, variables: Mapping[str, Any] | None = None,
@@ -29,7 +22,8 @@ def scene_from_function(
     """The scene of a right-hand side ``f(t, y)`` or ``f(y)``, or of a Hamiltonian ``H(p, q)``, written in Python.
 
     The function is called once with symbols in place of numbers; what it returns becomes the formulas of the scene. It
-    may use arithmetic, NumPy's elementary functions, roots, sums, dot products and norms, loops and indices; it must
+    may use arithmetic, NumPy's elementary functions, roots, sums, dot products and norms, ``np.abs``, ``np.sign``,
+    ``np.minimum``, ``np.maximum``, ``np.where`` with inequalities, ``scipy.special.erf``, loops and indices; it must
     not look at values. `y` is an array. Arguments with numbers as defaults become parameters of the scene. Floats are
     the decimals that they print as.
 
@@ -59,6 +53,9 @@ def scene_from_function(
         p1**2/2 + p2**2/2 - 1/sqrt(q1**2 + q2**2)
     """
     import numpy as np
+    import sympy
+
+    from integrators.scenes.traced import Formula, FormulaArray
 
     if not callable(function):
         raise IntegratorError(f"function must be a function such as f(t, y), but was {shown(function)}")
@@ -72,13 +69,13 @@ def scene_from_function(
     names = [variable for block in blocks for variable in block.variables]
     if len(names) != len(start):
         raise IntegratorError(f"y0 must hold {len(names)} numbers, one for each variable, but held {len(start)}")
-    symbols = np.array([_symbol(name) for name in names], dtype=object)
+    symbols = np.array([Formula(sympy.Symbol(name)) for name in names], dtype=object).view(FormulaArray)
     if hamiltonian:
         arguments = [symbols[block.offset : block.end] for block in blocks if block.name != TIME]
     else:
-        arguments = [symbols] if _required(function) == 1 else [_symbol(TIME), symbols]
+        arguments = [symbols] if _required(function) == 1 else [Formula(sympy.Symbol(TIME)), symbols]
     parameters = _parameters(function, len(arguments))
-    found = _called(function, arguments, {key: _symbol(key) for key in parameters})
+    found = _called(function, arguments, {key: Formula(sympy.Symbol(key)) for key in parameters})
     if hamiltonian:
         formulas: dict[str, Any] = {"hamiltonian": _formula(found, "function")}
     else:
@@ -113,8 +110,10 @@ def _signature(function: Callable[..., Any]) -> list[Parameter]:
 
 def _parameters(function: Callable[..., Any], used: int) -> dict[str, Any]:
     """Arguments with numbers as defaults, after the first `used` ones."""
-    given = {p.name: p.default for p in _signature(function)[used:]}
-    return {key: _exact(value) for key, value in given.items() if _exact(value) is not None}
+    from integrators.scenes.traced import exact_number
+
+    given = {p.name: exact_number(p.default) for p in _signature(function)[used:]}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def _called(function: Callable[..., Any], arguments: Sequence[Any], parameters: Mapping[str, Any]) -> Any:
@@ -131,106 +130,11 @@ def _called(function: Callable[..., Any], arguments: Sequence[Any], parameters: 
         raise IntegratorError(f"function must run on symbols, but failed: {text}{hint}") from error
 
 
-def _exact(value: Any) -> Any:
-    """A number as Python's exact one, a float as the decimal that it prints as; None for what is no number."""
-    if hasattr(value, "item") and getattr(value, "shape", None) == ():
-        value = value.item()
-    if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
-        return None
-    try:
-        return Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
-    except ValueError:
-        raise IntegratorError(f"numbers in function must be finite, but one was {value}") from None
-
-
-def _symbol(name: str) -> Formula:
-    import sympy
-
-    return Formula(sympy.Symbol(name))
-
-
 def _formula(value: Any, what: str) -> sympy.Expr:
     """A result of the function as a formula."""
-    if getattr(value, "shape", None) == ():
-        value = value.item()
-    found = _operand(value)
+    from integrators.scenes.traced import operand
+
+    found = operand(value)
     if found is None:
         raise IntegratorError(f"{what} must be a formula or a number, but was {shown(value)}")
     return found
-
-
-def _operand(value: Any) -> Any:
-    """A formula, or a number as one; None for something else."""
-    import sympy
-
-    if isinstance(value, Formula):
-        return value.expression
-    if isinstance(value, sympy.Expr):
-        return value
-    number = _exact(value)
-    return None if number is None else sympy.Rational(number.numerator, number.denominator)
-
-
-class Formula:
-    """A number that the function computes, as a SymPy expression; NumPy calls its methods."""
-
-    __slots__ = ("expression",)
-
-    def __init__(self, expression: sympy.Expr):
-        self.expression = expression
-
-    def _with(self, other: Any, operation: Callable[[Any, Any], Any]) -> Any:
-        found = _operand(other)
-        return NotImplemented if found is None else Formula(operation(self.expression, found))
-
-    def __add__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: a + b)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: a - b)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: b - a)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: a * b)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: a / b)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: b / a)
-
-    def __pow__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: a**b)
-
-    def __rpow__(self, other: Any) -> Any:
-        return self._with(other, lambda a, b: b**a)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> Formula:
-        return Formula(-self.expression)
-
-    def __pos__(self) -> Formula:
-        return self
-
-    def conjugate(self) -> Formula:
-        """The formula itself, which is real."""
-        return self
-
-    def __getattr__(self, name: str) -> Callable[[], Formula]:
-        if name not in FUNCTIONS:  # NumPy asks for many attributes
-            raise AttributeError(f"formulas have {', '.join(FUNCTIONS)}, but not {name}")
-        import sympy
-
-        return lambda: Formula(getattr(sympy, FUNCTIONS[name])(self.expression))
-
-    def _look(self, *_: Any) -> NoReturn:
-        raise IntegratorError("function must be a formula in its arguments, but it looks at their values")
-
-    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = _look  # type: ignore[assignment]
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return str(self.expression)

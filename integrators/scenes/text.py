@@ -10,7 +10,7 @@ from integrators.core.canonical_names import MOMENTA, POSITIONS, canonical_names
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import NOT_FINITE
 from integrators.scenes.model.blocks import TIME, read_blocks
-from integrators.scenes.model.formulas import FUNCTIONS, words
+from integrators.scenes.model.formulas import KNOWN, words
 from integrators.scenes.scene import Scene
 
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
@@ -130,7 +130,7 @@ def _read_equations(text: Any) -> dict[str, str]:
 
 def _symbols(text: str) -> list[str]:
     """The names in a formula, without constants and functions."""
-    names = [word for word in words(text) if word not in FUNCTIONS and word.lower() not in NOT_FINITE]
+    names = [word for word in words(text) if word not in KNOWN and word.lower() not in NOT_FINITE]
     return [name for name in names if not re.search(rf"\b{name}\s*\(", text)]
 
 

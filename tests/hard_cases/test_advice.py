@@ -25,10 +25,11 @@ NO_NUMBERS = {
 
 
 def refused(argument, function, *arguments, **options):
-    """The error, which is ours: one sentence that begins with the argument."""
+    """The error, which is ours: one sentence that begins with the argument, or says what there is not."""
     with pytest.raises(bs.errors) as found:
         function(*arguments, **options)
-    assert re.match(rf"{re.escape(argument)} must .*, (but|and) ", str(found.value)), str(found.value)
+    wanted = rf"{re.escape(argument)} (must .*, (but|and) |'.*'; the \w+ are )"
+    assert re.match(wanted, str(found.value)), str(found.value)
     assert "\n" not in str(found.value)
     return found.value
 
@@ -348,7 +349,7 @@ def test_strengths_of_all_sizes(gamma, kept):
         ("h", {"h": 1e300}), ("span", {"h": 1e-300}), ("span", {"span": 1e300}), ("accept", {"accept": -1}),
         ("accept", {"accept": math.nan}), ("margin", {"margin": 0.5}), ("margin", {"margin": math.nan}),
         ("h", {"parameters": {"gamma": "1e300"}}), ("parameters.gamma", {"parameters": {"gamma": math.nan}}),
-        ("effects", {"effects": "nope"}), ("effects", {"effects": ()}), ("measure", {"measure": "speed"}),
+        ("there is no effect", {"effects": "nope"}), ("effects", {"effects": ()}), ("measure", {"measure": "speed"}),
         ("start.p[1]", {"start": {"p": [math.nan]}}), ("scene", {"scene": "riccati", "effects": None}),
     ],
 )  # fmt: skip
@@ -371,7 +372,7 @@ def test_costs_do_not_depend_on_scales(measured):
     ("argument", "options"),
     [
         ("h", {"h": 1e300}), ("h", {"parameters": {"gamma": "1e300"}}), ("order", {"order": 0}),
-        ("order", {"order": 2.5}), ("effects", {"effects": "nope"}),
+        ("order", {"order": 2.5}), ("there is no effect", {"effects": "nope"}),
         ("parameters and start", {"scene": "kepler", "effects": "drag", "start": {"p": [0, 1], "q": [0, 0]}}),
     ],
 )  # fmt: skip

@@ -81,7 +81,7 @@ REFUSED = {
     "10⁵⁰⁰⁰": (10**5000, "h must be a finite number, but was too long to be printed"),
     "True": (True, "h must be a finite number, but was True"),
     "None": (None, "h must be a finite number, but was None"),
-    "text": ("a tenth", "h must be a finite number, but was 'a tenth'"),
+    "text": ("a tenth", "h must be a number, but 'a tenth' has the unknown name 'a'"),
     "complex": (0.1j, "h must be a finite number, but was 0.1j"),
     "a list": ([0.1], r"h must be a finite number, but was \[0.1\]"),
 }
@@ -156,7 +156,7 @@ def test_times_that_no_double_holds_are_refused(measured):
             integrate("rk4", 0.1, t0=t0)
 
 
-NO_COUNTS = {repr(value)[:10]: value for value in (-1, 2.5, 3.0, "3", None, True, math.nan, [3], 10**30)} | {
+NO_COUNTS = {repr(value)[:10]: value for value in (-1, 2.5, 3.0, "3", True, math.nan, [3], 10**30)} | {
     "10⁵⁰⁰⁰": 10**5000
 }
 
@@ -330,7 +330,9 @@ NO_STARTS = {
 @pytest.mark.parametrize("y0", NO_STARTS)
 def test_what_is_no_start_is_refused(y0):
     for method in METHODS:
-        with pytest.raises(bs.IntegratorError, match=r"^y0 must hold 2 finite numbers, but was "):
+        with pytest.raises(
+            bs.IntegratorError, match=r"^y0 must hold 2 finite numbers, but was |^y0\[0\] must be a number, but "
+        ):
             integrate(method, 0.1, y0=NO_STARTS[y0])
 
 

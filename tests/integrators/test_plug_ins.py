@@ -71,7 +71,7 @@ def test_methods_and_scenes_of_a_distribution_are_in_the_catalogues(run):
         (
             "scenes",
             "their_module:METHODS",
-            "it must be a tuple or list of SceneEntry, but was [MethodEntry(name='their",
+            "it must be a tuple or list of SceneEntry, but was [<MethodEntry: their",
         ),
         ("scenes", "their_module:BROKEN_SCENE", "no quartic today"),
     ],

@@ -9,16 +9,23 @@ from typing import TYPE_CHECKING, Any
 from bseries.advice.effects.variants import effect_variants
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.exceptions import SeriesError
 from bseries.fields.scene_trees import trees_of_method
+from foundation.diagrams import bar_height, draw_bars, write_title
+from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from bseries.advice.effects.variants import EffectVariants, Names
     from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
+NANO, WIDTH = 1e9, 12.0
+"""Nanoseconds of a second; centimetres of a plot."""
 ORDER = 6
 """The largest number of nodes of trees: two orders beyond the terms of the usual methods of order 4."""
 
@@ -103,6 +110,35 @@ class EffectCosts(Sequence[CostRow]):
             items="rows",
             records=listed(_FIELDS, self.rows),
         )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The time of a step as effects are added; whiskers are the quartiles.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> axes = bs.effect_costs("rk4", "pendulum", h=0.05, effects="damping").plot()
+            >>> [label.get_text() for label in axes.get_yticklabels()]
+            ['no effects', '+ damping']
+        """
+        names = [f"+ {row.effects[-1]}" if row.effects else "no effects" for row in self.rows]
+        times = [row.step for row in self.rows]
+        below = [(time.seconds - time.low) * NANO for time in times]
+        above = [(time.high - time.seconds) * NANO for time in times]
+        with drawing(ax, SeriesError, (WIDTH, bar_height(len(names)))) as axes:
+            draw_bars(axes, names, [time.seconds * NANO for time in times], (below, above))
+            write_title(axes, f"{self.method} on {self.scene}, h = {self.h:g}")
+            axes.set_xlabel("CPU time of a step in ns")
+        return axes
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
@@ -193,15 +229,12 @@ def variant_costs(
     most_steps: int = MOST_STEPS,
 ) -> dict[Names, Timing]:
     """CPU seconds per step with each of several sets of effects, timed in interleaved rounds."""
-    work: dict[str, Work] = {}
-    chosen = tuple(chosen)
-    for k, names in enumerate(chosen):
+    chosen, work = tuple(chosen), dict[str, Work]()
+    for names in chosen:
         scene = variants.build(names)
-        work[str(k)] = Work(
-            scene, method, h, options={**options, "parts": variants.parts(parts, scene)}, most_steps=most_steps
-        )
-    found = step_costs(work)
-    return dict(zip(chosen, found.values(), strict=True))
+        given = {**options, "parts": variants.parts(parts, scene)}
+        work[", ".join(names)] = Work(scene, method, h, options=given, most_steps=most_steps)
+    return dict(zip(chosen, step_costs(work).values(), strict=True))
 
 
 def _trees(

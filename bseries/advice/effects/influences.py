@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.effects.costs import variant_costs
@@ -20,6 +20,8 @@ from bseries.advice.measures import (
 )
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
+from foundation.plotting import BLACK, VERMILION, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.exact.arguments import read_number
@@ -30,6 +32,7 @@ from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
     from bseries.advice.effects.variants import EffectVariants, Names
     from bseries.advice.timing import Timing
@@ -213,6 +216,42 @@ class EffectReport(NamedTuple):
         """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
         return _table(self)
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """What leaving out each effect changes, against the accepted error and the error of the method itself.
+
+        Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> options = {"h": 0.02, "span": 6, "accept": 0.06, "effects": ["oblateness", "drag"]}
+            >>> axes = bs.effect_influence("rk4", "kepler", **options).plot()
+            >>> axes.get_xlabel(), [label.get_text() for label in axes.get_yticklabels()]
+            ('change of the solution without the effect', ['oblateness: leave out', 'drag: keep'])
+        """
+        names = [f"{row.name}: {'leave out' if row.name in self.leave_out else 'keep'}" for row in self.rows]
+        changes = [getattr(row.left_out, self.measure) for row in self.rows]
+        widths = [change if change and isfinite(change) else nan for change in changes]
+        fills = ["white" if row.name in self.leave_out else SHADE for row in self.rows]
+        with drawing(ax, SeriesError, (12.0, bar_height(len(names)))) as axes:
+            draw_bars(axes, names, widths, color=fills)
+            write_title(axes, f"{self.method} on {self.scene}, h = {self.h:g}")
+            axes.set_xscale("log")
+            axes.set_xlabel(f"change of the {self.measure} without the effect")
+            axes.axvline(self.accept, color=VERMILION, linestyle="--", label="accepted error")
+            axes.axvline(getattr(self.own_error, self.measure), color=BLACK, linestyle=":", label="error of the method")
+            draw_legend(axes)
+        return axes
+
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
     def __repr__(self) -> str:
@@ -232,42 +271,37 @@ EXPLANATION = (
 
 
 def _table(report: EffectReport) -> Table:
-    """A row for each effect, and one for the method itself."""
-    own = EffectRow("", "", Influence(0.0, None), report.own_error)
+    """A row for each effect, and one for the method itself, which has no name."""
 
-    def advice(row: EffectRow) -> str:
-        return "" if row is own else "leave out" if row.name in report.leave_out else "keep"
+    def is_left_out(row: EffectRow) -> str | None:
+        return str(row.name in report.leave_out).lower() if row.name else None
 
-    columns = (
-        Column("effect", get=lambda row: row.name or "(error of the method)"),
-        Column("solution", True, lambda row: f"{row.left_out.solution:.2g}"),
-        Column("energy", True, lambda row: "" if row.left_out.energy is None else f"{row.left_out.energy:.2g}"),
-        Column("alone", True, lambda row: "" if row is own else f"{row.alone.solution:.2g}"),
-        Column("step", True, lambda row: "" if row.seconds is None else f"{row.seconds * 1e9:+.1f} ns"),
-        Column("±", True, lambda row: "" if row.seconds is None else f"{(row.uncertainty or 0) * 1e9:.1f}"),
-        Column("advice", get=advice),
+    rows = [*report.rows, EffectRow("", "", Influence(0.0, None), report.own_error)]
+    values: tuple[tuple[str, Callable[[EffectRow], Any], str, Callable[[Any], str]], ...] = (
+        ("effect", lambda row: row.name, "effect", lambda name: name or "(error of the method)"),
+        ("solution", lambda row: row.left_out.solution, "solution", "{:.2g}".format),
+        ("energy", lambda row: row.left_out.energy, "energy", "{:.2g}".format),
+        ("alone_solution", lambda row: row.alone.solution if row.name else None, "alone", "{:.2g}".format),
+        ("alone_energy", lambda row: row.alone.energy, "", str),
+        ("seconds", lambda row: row.seconds, "step", lambda x: f"{x * 1e9:+.1f} ns"),
+        ("uncertainty", lambda row: row.uncertainty, "±", lambda x: f"{x * 1e9:.1f}"),
+        ("leave_out", is_left_out, "advice", lambda x: "leave out" if x == "true" else "keep"),
     )
-    fields = (
-        ("effect", lambda row: row.name),
-        ("solution", lambda row: row.left_out.solution),
-        ("energy", lambda row: row.left_out.energy),
-        ("alone_solution", lambda row: None if row is own else row.alone.solution),
-        ("alone_energy", lambda row: row.alone.energy),
-        ("seconds", lambda row: row.seconds),
-        ("uncertainty", lambda row: row.uncertainty),
-        ("leave_out", lambda row: None if row is own else str(row.name in report.leave_out).lower()),
-    )
-    rows = [*report.rows, own]
+
+    def column(get: Callable[[EffectRow], Any], heading: str, text: Callable[[Any], str]) -> Column:
+        is_number = heading not in ("effect", "advice")
+        return Column(heading, is_number, lambda row: "" if (value := get(row)) is None else text(value))
+
     known = (("no effects", report.bare), ("all", report.full), ("the recommended ones", report.kept))
     times = (f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in known if found is not None)
     return Table(
         f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}",
-        columns,
+        [column(get, heading, text) for _, get, heading, text in values if heading],
         rows,
         [EXPLANATION, f"A step takes {', '.join(times)}.", *report.advice()],
         data=report.to_dict,
         items="rows",
-        records=listed(fields, rows),
+        records=listed([(key, get) for key, get, *_ in values], rows),
     )
 
 
@@ -287,18 +321,14 @@ class EffectRuns:
         self._options, self._progress = dict(options), progress
         self._known: dict[Names, np.ndarray | None] = {}
         self._made = 0
-
-    @property
-    def needed(self) -> set[Names]:
-        """The sets of effects in the runs for all influences."""
-        names = self.variants.names
-        return {names, (), *((name,) for name in names), *(self.variants.without(name) for name in names)}
+        names = variants.names
+        needed = {names, (), *((name,) for name in names), *map(variants.without, names)}
+        self._least = steps * (len(needed) + PIECES)  # the steps of all influences, and of the error of the method
 
     def own_error(self) -> Influence:
         """The error of the method with all effects, from a run with smaller steps."""
         names = self.variants.names
-        self._known[names] = self._states(names)
-        return self._apart(names, self._known[names], names, self._states(names, pieces=PIECES))
+        return self._apart(names, self.run(names), names, self._states(names, pieces=PIECES))
 
     def alone(self, name: str) -> Influence:
         """The influence of an effect on the scene without others."""
@@ -310,11 +340,13 @@ class EffectRuns:
         return self._apart(more, self.run(more), less, self.run(less))
 
     def run(self, names: Names) -> np.ndarray | None:
-        """The states of a run; None if a step failed, as without a potential that keeps bodies apart."""
+        """The states of a run; None if a step fails without some effects, as without a potential that confines."""
         if names not in self._known:
             try:
                 self._known[names] = self._states(names)
             except StepError:
+                if names == self.variants.names:
+                    raise
                 self._known[names] = None
         return self._known[names]
 
@@ -333,8 +365,7 @@ class EffectRuns:
     def _show(self, done: int, total: int) -> None:
         """Report progress; the runs that a recommendation needs are not known in advance."""
         if self._progress is not None:
-            known = self.steps * (len(self.needed) + PIECES)
-            self._progress(self._made + done, max(known, self._made + total))
+            self._progress(self._made + done, max(self._least, self._made + total))
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
         """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
@@ -346,22 +377,12 @@ class EffectRuns:
         at_first, at_second = self.variants.shared(more, less)
         y, z = first[at_first], second[at_second]
         with np.errstate(over="ignore", invalid="ignore"):
-            distance = relative_distance(z, y)
-            change = None
+            distance, change = relative_distance(z, y), None
             if base.is_hamiltonian:
-                without, with_more = (x[: base.dimension] for x in (z, y))
-                size = energy_size(base, with_more[:, 0])
-                change = relative_change(_energies(base, without), size, _energies(base, with_more))
-        change = inf if change is not None and not isfinite(change) else change
-        return Influence(distance if isfinite(distance) else inf, change)
-
-
-def _energies(scene: Scene, y: np.ndarray) -> np.ndarray:
-    """The Hamiltonian at many states, whose first variables are those of the scene."""
-    import numpy as np
-
-    energy = observers(scene, "energy")
-    return np.array([energy(0.0, state)[0] for state in y.T])
+                energy = observers(base, "energy")
+                without, with_more = (np.array([energy(0.0, at[: base.dimension])[0] for at in x.T]) for x in (z, y))
+                change = relative_change(without, energy_size(base, y[: base.dimension, 0]), with_more)
+        return Influence(distance if isfinite(distance) else inf, change if change is None or isfinite(change) else inf)
 
 
 def effect_influence(

@@ -17,31 +17,20 @@ FIRST_STEPS, GROWTH = 64, 4
 
 
 class Stopwatch:
-    """Progress function of `integrate` that measures the time of steps, without compilation before the first one."""
+    """Progress function of `integrate` that measures the time of steps, without compilation before the first one.
+
+    `steps` is the number of steps since the first record, `seconds` their time.
+    """
 
     def __init__(self) -> None:
-        self._first, self._last = (0, 0.0), (0, 0.0)
+        self.steps, self.seconds = 0, 0.0
+        self._first: tuple[int, float] | None = None
 
     def __call__(self, done: int, total: int) -> None:
         """Record the progress of a run."""
-        self._last = done, perf_counter()
-        if not self._first[0]:
-            self._first = self._last
-
-    @property
-    def done(self) -> int:
-        """The number of steps so far."""
-        return self._last[0]
-
-    @property
-    def seconds(self) -> float:
-        """The time since the first record."""
-        return self._last[1] - self._first[1]
-
-    @property
-    def steps(self) -> int:
-        """The number of steps in this time."""
-        return self._last[0] - self._first[0]
+        now = done, perf_counter()
+        self._first = self._first or now
+        self.steps, self.seconds = now[0] - self._first[0], now[1] - self._first[1]
 
 
 def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: Any) -> float | None:

@@ -145,14 +145,8 @@ def expected_energy_error(
 ) -> ExpectedError:
     """The largest change of the energy, after a multiple of the time of the perturbation run.
 
-    Args:
-        scene: The scene.
-        run: The perturbation run.
-        slopes: ∇H along it, (variables, n); None without an energy.
-        moves: The distance that each variable moves within the time scale.
-        times: The multiple.
-        y0: The start.
-        is_hamiltonian: Whether the terms are, so that energies do not drift.
+    `slopes` is ∇H along the run, `moves` the distance that each variable moves within the time scale. Where terms are
+    Hamiltonian, energies do not drift.
     """
     if run.changes is None or slopes is None:
         return ExpectedError(None, NO_ENERGY)
@@ -190,25 +184,13 @@ def _energy_of_orbit(run: PerturbationRun, slopes: np.ndarray, moves: np.ndarray
     return float((abs(slopes) * away).sum(axis=0).mean() / 2)
 
 
-def _are_unbounded(y: np.ndarray) -> np.ndarray:
-    """Whether the ranges of variables keep growing, for states (variables, n)."""
-    import numpy as np
-
-    return np.ptp(y, axis=1) > UNBOUNDED * np.ptp(y[:, : y.shape[1] // 2 + 1], axis=1)
-
-
 def expected_solution_error(
     scene: Scene, run: PerturbationRun, fewer: PerturbationRun | None, span: float, energy: ExpectedError, power: int
 ) -> ExpectedError:
-    """The largest error of the solution, relative to the largest state of the whole run.
+    """The largest error of the solution, relative to the largest state of the whole run of length `span`.
 
-    Args:
-        scene: The scene.
-        run: The perturbation run.
-        fewer: The beginning of a run with one term less.
-        span: The length of the run to predict.
-        energy: The expected error of the energy.
-        power: The largest power of t in the growth of errors in regular motion.
+    `fewer` is the beginning of a perturbation run with one term less, `power` the largest power of t in the growth of
+    errors in regular motion.
     """
     import numpy as np
 
@@ -220,7 +202,7 @@ def expected_solution_error(
         others = norms(without_time(scene, fewer.errors))
         if disagreement(sizes[: len(others)].max(), others.max()) > AGREEMENT:
             return ExpectedError(None, TERMS_DIFFER.format(last=run.powers[-1]))
-    unbounded = _are_unbounded(y)
+    unbounded = np.ptp(y, axis=1) > UNBOUNDED * np.ptp(y[:, : y.shape[1] // 2 + 1], axis=1)  # ranges keep growing
     ranges = np.where(unbounded, math.inf, np.ptp(y, axis=1))
     if run.factor == 1 and (abs(errors).max(axis=1) > BEYOND * ranges + LINEAR * largest_size(y)).any():
         return ExpectedError(None, NOT_SMALL)
@@ -244,7 +226,11 @@ def expected_solution_error(
         return min(size_after(sizes[:points], factor, power), bound)
 
     def largest(points: int, factor: float) -> float:
-        return _largest_state(y[:, :points], unbounded, factor)
+        """The largest norm of a state, to which unbounded variables grow."""
+        seen = y[:, :points]
+        now = abs(seen).max(axis=1)
+        later = np.where(unbounded, [size_after(abs(row), factor, 1) for row in seen], now)
+        return largest_size(seen) * (largest_size(later[:, None]) / largest_size(now[:, None]))
 
     expected, states = from_parts(grown, free, times), from_parts(largest, y.shape[1], abs(span / run.t[-1]))
     value, ends = expected.value / states.value, expected.value == bound
@@ -258,12 +244,3 @@ def expected_solution_error(
 def _with_rounding(value: float) -> ExpectedError:
     """A known error, with a remark if rounding is larger."""
     return ExpectedError(value, "" if value > ROUNDING else ONLY_ROUNDING)
-
-
-def _largest_state(y: np.ndarray, unbounded: np.ndarray, times: float) -> float:
-    """The largest norm of states (variables, n) after a multiple of the time observed: unbounded variables grow."""
-    import numpy as np
-
-    now = abs(y).max(axis=1)
-    later = np.where(unbounded, [size_after(abs(row), times, 1) for row in y], now)
-    return largest_size(y) * (largest_size(later[:, None]) / largest_size(now[:, None]))

@@ -32,15 +32,10 @@ NOISE = 1e-11
 
 
 class ModifiedTerms(NamedTuple):
-    """f_{p+1}, f_{p+2}, … of the modified equation y' = f(y) + h^p f_{p+1}(y) + h^{p+1} f_{p+2}(y) + …
+    """f_{p+1}, f_{p+2}, … of the modified equation y' = f(y) + h^p f_{p+1}(y) + h^{p+1} f_{p+2}(y) + …"""
 
-    Attributes:
-        field: The truncated modified equation.
-        powers: The powers of h of these terms, starting with p.
-    """
-
-    field: SceneSeries
-    powers: tuple[int, ...]
+    field: SceneSeries  # the truncated modified equation
+    powers: tuple[int, ...]  # the powers of h of these terms, starting with p
 
     def values(self, y: np.ndarray) -> np.ndarray:
         """The terms at many points (variables, n), without powers of h: (powers, variables, n)."""
@@ -97,16 +92,7 @@ class ModifiedTerms(NamedTuple):
 
 
 def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: int = 0) -> ModifiedTerms:
-    """The first nonzero terms of the modified equation.
-
-    Args:
-        method: The method.
-        scene: The scene.
-        parts: As for `modified_field`.
-        order: The least order of the terms; by default the first nonzero one and two more powers of h.
-
-    Raises:
-        SeriesError: The assignment of parts is ambiguous, the method is not consistent, or its order is too high.
+    """The terms of the modified equation at the first power of h with any, and at two more, or at more up to `order`.
 
     Example:
         >>> import bseries as bs
@@ -117,7 +103,10 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: in
     plain = method if exact else in_floats(method)
     for trial in ORDERS:
         field = modified_field(plain, scene, trial, parts=parts)
-        _check_consistent(field, method)
+        for tree in field.trees.table.ids(1):
+            if abs((found := field.weights[tree]) - 1) > NOISE:
+                name = method.name or "it"
+                raise SeriesError(f"method must be consistent, but {name} follows {float(found):.3g} times the field")
         powers = _powers(field, exact)
         if powers or not len(field.trees.table.ids(trial)):
             wanted = max(order, powers[0] + TERMS) if powers else trial
@@ -144,14 +133,6 @@ def in_floats(method: Method) -> Program:
         name=program.name,
         max_children=program.max_children,
     )
-
-
-def _check_consistent(field: SceneSeries, method: Method) -> None:
-    for tree in field.trees.table.ids(1):
-        found = field.weights[tree]
-        if abs(found - 1) > NOISE:
-            name = method.name or "it"
-            raise SeriesError(f"method must be consistent, but {name} follows {float(found):.3g} times the field")
 
 
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:

@@ -54,25 +54,15 @@ UNIT = 2.0**-53
 
 
 class PerturbationRun(NamedTuple):
-    """Results at n equidistant times.
+    """Results at n equidistant times."""
 
-    Attributes:
-        t: The times since the start.
-        y: The states of the exact flow, (variables, n).
-        errors: The difference of the other solution and `y`, (variables, n); zero for the time.
-        changes: The changes of the energy by power of h, (powers, n); None without an energy.
-        powers: The powers of h used.
-        factor: The factor of r: if it exceeds 1, errors are proportional to r while they are small.
-        is_complete: Whether the other solution was computed at all these times.
-    """
-
-    t: np.ndarray
-    y: np.ndarray
-    errors: np.ndarray
-    changes: np.ndarray | None
-    powers: tuple[int, ...]
-    factor: float
-    is_complete: bool
+    t: np.ndarray  # the times since the start
+    y: np.ndarray  # the states of the exact flow, (variables, n)
+    errors: np.ndarray  # the difference of the other solution and `y`, (variables, n); zero for the time
+    changes: np.ndarray | None  # the changes of the energy by power of h, (powers, n); None without an energy
+    powers: tuple[int, ...]  # the powers of h used
+    factor: float  # the factor of r: if it exceeds 1, errors are proportional to r while they are small
+    is_complete: bool  # whether the other solution was computed at all these times
 
 
 def perturbation_run(
@@ -80,21 +70,12 @@ def perturbation_run(
 ) -> PerturbationRun | None:
     """Compute the exact flow and the modified equation over a span, or over the part that the CPU time allows.
 
-    Args:
-        terms: The first terms of the modified equation, at least one.
-        slopes: ∇H as a function of states; None without an energy.
-        y0: The start.
-        h: The step size.
-        span: The length of the run, with the sign of h.
-        t0: The time of the start.
-        most: The most impulses; by default `MOST_POINTS`.
-
-    Returns:
-        The results; None if the span is shorter than the time scale and all effects are below the rounding of a step.
+    `slopes` is ∇H as a function of states, `span` has the sign of h, and `most` is the largest number of impulses, by
+    default `MOST_POINTS`. There is no result if the span is shorter than the time scale and all effects are below the
+    rounding of a step.
 
     Raises:
         SeriesError: The terms do not decrease, are not finite or all 0, or the time scale of f tends to zero.
-        IntegratorError: The solution cannot be continued.
 
     Example:
         >>> import bseries as bs

@@ -27,15 +27,7 @@ class TooLong(IntegratorError):
 
 
 class DenseReference:
-    """A reference solution as a function of time.
-
-    Args:
-        scene: The scene.
-        y0: The start, at time 0.
-        span: The length of time.
-
-    Attributes:
-        size: The largest Euclidean norm of the state.
+    """A reference solution as a function of time, from y0 at time 0; `size` is the largest Euclidean norm of the state.
 
     Raises:
         TooLong: The solution is not accurate to the precision of doubles.

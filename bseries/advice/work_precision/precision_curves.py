@@ -13,8 +13,11 @@ from bseries.advice.durations import duration
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import candidates
+from bseries.advice.work_precision.diagram import HEIGHT, WIDTH, draw_panel
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
+from foundation.diagrams import write_title
+from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.core.errors import IntegratorError, shorten
@@ -26,6 +29,8 @@ from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from bseries.advice.work_precision.candidates import Methods
     from bseries.advice.work_precision.sweeps import Curve, Row
 
@@ -130,6 +135,40 @@ class WorkPrecision:
             IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
         return choose(self.judge, self.curves, error, measure, self.asked)
+
+    @property
+    def title(self) -> str:
+        """The scene and the length of the runs."""
+        return f"{self.scene.title}, t = 0 to {self.span:g}"
+
+    def plot(self, ax: Axes | None = None, *, measure: str | None = None) -> Axes:
+        """The work–precision diagram: CPU time against error, strong curves for methods that are cheapest somewhere.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            measure: The name of the error; by default the first of `measures`.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: The measure is none of `measures`, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> found = bs.work_precision(["rk4", "heun2"], "pendulum", span=10, errors=(1e-2, 1e-4), measure="energy")
+            >>> axes = found.plot()
+            >>> axes.get_xlabel(), axes.get_ylabel()
+            ('largest error of the energy, relative to it', 'CPU time in seconds')
+        """
+        measure = self.measures[0] if measure is None else measure
+        if measure not in self.measures:
+            raise IntegratorError(f"measure must be one of {', '.join(self.measures)}, but was {measure!r:.60}")
+        with drawing(ax, IntegratorError, (WIDTH, HEIGHT)) as axes:
+            draw_panel(axes, self.curves, self.errors, measure)
+            write_title(axes, self.title)
+        return axes
 
     def to_dict(self) -> dict[str, Any]:
         """The measurements as JSON-ready data."""
@@ -316,7 +355,7 @@ def _table(found: WorkPrecision, choices: Mapping[float, Recommendation | str]) 
         return {**found.to_dict(), "choices": facts}
 
     return Table(
-        f"{found.scene.title}, t = 0 to {found.span:g}: {about}",
+        f"{found.title}: {about}",
         [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
         [[name, *(_cell(name, *column) for column in times)] for name in names],
         [*advice, *found.notes, *left_out],

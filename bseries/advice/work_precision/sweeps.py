@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from time import thread_time
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -64,42 +63,23 @@ Point = TypeVar("Point", bound=tuple)
 
 
 class RunErrors(NamedTuple):
-    """The errors of a run; None for those not measured.
+    """The errors of a run; None for those not measured."""
 
-    Attributes:
-        solution: The largest distance from the reference solution, relative to the largest norm of the state.
-        energy: The largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding.
-        seconds: CPU time of the run with its observations.
-        failure: The reason why the run ended early; None if it did not.
-    """
-
-    solution: float | None = None
-    energy: float | None = None
-    seconds: float = 0.0
-    failure: str | None = None
+    solution: float | None = None  # the largest distance from the reference, relative to the largest norm of the state
+    energy: float | None = None  # the largest |H − H(y₀)|, relative to |H(y₀)| unless that is zero up to rounding
+    seconds: float = 0.0  # CPU time of the run with its observations
+    failure: str | None = None  # the reason why the run ended early
 
     def error(self, measure: str) -> float | None:
         """The error by the name of its measure, one of `MEASURES`; None as well if the run failed."""
         return None if self.failure else getattr(self, measure)
 
-    @property
-    def is_unsolved(self) -> bool:
-        """Whether the run failed because the iteration for the stages did not converge."""
-        return self.failure is not None and UNSOLVED in self.failure
-
 
 class Judge:
-    """Measurement of errors: runs of methods on a scene from its start over one span.
+    """Measurement of errors, some of `MEASURES`: runs of methods on a scene from its start over one span.
 
-    Args:
-        scene: The scene.
-        span: The length of runs.
-        measures: The errors to measure, of `MEASURES`.
-
-    Attributes:
-        reference: The reference solution; None if the solution is not measured or has no reference.
-        problem: The reason why there is none.
-        is_too_long: Whether there is none because the span is too long.
+    `reference` is the reference solution, if the solution is measured and has one; `problem` says why there is none,
+    `is_too_long` that this is due to the span.
 
     Example:
         >>> import bseries as bs
@@ -126,10 +106,6 @@ class Judge:
         """The errors that can be measured on this scene."""
         has_energy, has_solution = self.scene.is_hamiltonian, self.reference is not None
         return tuple(m for m in self.measures if (has_solution if m == SOLUTION else has_energy))
-
-    @cached_property
-    def _energy_size(self) -> float:
-        return energy_size(self.scene, self.scene.y0)
 
     def run(self, candidate: Candidate, steps: int) -> RunErrors:
         """Run a method with a number of steps and measure its errors."""
@@ -159,7 +135,7 @@ class Judge:
                 states, exact = (without_time(self.scene, found) for found in (run.y, self.reference(run.t)))
                 solution = float(relative_distances(states, exact, self.reference.size).max())
             if ENERGY in run.observed:
-                energy = relative_change(run.observed[ENERGY], self._energy_size)
+                energy = relative_change(run.observed[ENERGY], energy_size(self.scene, self.scene.y0))
         if not all(math.isfinite(error) for error in (solution, energy) if error is not None):
             return RunErrors(seconds=seconds, failure="its errors were not finite")
         return RunErrors(solution, energy, seconds)
@@ -171,18 +147,11 @@ class Judge:
 
 
 class Row(NamedTuple):
-    """One step size of a method.
-
-    Attributes:
-        h: The step size.
-        steps: The number of steps for the span.
-        cost: CPU seconds for a step; None if the run failed.
-        errors: The errors of the run.
-    """
+    """One step size of a method."""
 
     h: float
-    steps: int
-    cost: Timing | None
+    steps: int  # over the span
+    cost: Timing | None  # of a step; None if the run failed
     errors: RunErrors
 
     @property
@@ -276,7 +245,7 @@ def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> t
     """
     swept = _sweep(judge, candidate, finest, budget)
     first = next((errors.error(judge.available[0]) for _, errors in swept if errors.failure is None), 0.0)
-    if any(errors.is_unsolved for _, errors in swept) and first is not None and first < STIFF:
+    if any(UNSOLVED in (errors.failure or "") for _, errors in swept) and first is not None and first < STIFF:
         candidate = candidate._replace(solver="auto")
         return candidate, _sweep(judge, candidate, finest, budget)
     return candidate, swept

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     Inexact,
     dot,
@@ -31,6 +30,8 @@ from bseries.analysis.stability.linear_stability import (
     checked_method,
     function_of,
 )
+from bseries.analysis.stability.real_polynomials import Coefficients, first_crossing, reflect, subtract
+from integrators.exact.polynomials import derivative, evaluate, trim
 
 if TYPE_CHECKING:
     from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -146,7 +147,7 @@ def ssp_coefficient(method: RungeKutta | str) -> Fraction | float | None:
     return _first(_numerators([elements[k : k + size] for k in range(0, len(elements), size)]), exact=exact)
 
 
-def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[polynomials.Coefficients]:
+def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[Coefficients]:
     """Polynomials in r that must be nonnegative: det(I + rA), and the numerators of the conditions over it.
 
     With C the adjugate of I + rA the numerators are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.
@@ -156,18 +157,18 @@ def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[polynomials.Coefficie
     products = [[[dot(row, column) for column in c] for c in columns] for row in rows]
     row_sums = [[sum(row, Fraction(0)) for row in c] for c in adjugate]
     for coefficients in (*products, row_sums):
-        yield from map(polynomials.strip, zip(*coefficients, strict=True))
-    yield polynomials.strip(determinant)
+        yield from map(trim, zip(*coefficients, strict=True))
+    yield trim(determinant)
     sums = [sum(values, Fraction(0)) for values in products[-1]]
-    yield polynomials.strip(polynomials.combine(determinant, [Fraction(0), *sums[:-1]], -1))
+    yield subtract(determinant, [Fraction(0), *sums[:-1]])
 
 
-def _first(conditions: Iterable[polynomials.Coefficients], *, exact: bool) -> Fraction | float:
+def _first(conditions: Iterable[Coefficients], *, exact: bool) -> Fraction | float:
     """The smallest r > 0 at which one of the polynomials becomes negative, ``inf`` if there is none."""
     found = {tuple(map(upper, p)) for p in conditions}
-    least = min(map(polynomials.first_crossing, found), default=math.inf)
+    least = min(map(first_crossing, found), default=math.inf)
     # The smallest float may be that of an irrational root next to a rational one of another condition.
-    if exact and isinstance(least, Fraction) and all(sign(polynomials.evaluate(p, least)) >= 0 for p in found):
+    if exact and isinstance(least, Fraction) and all(sign(evaluate(p, least)) >= 0 for p in found):
         return least
     return nearest_float(least) if isinstance(least, Fraction) else least
 
@@ -200,5 +201,5 @@ def linear_ssp_coefficient(method: MethodOrFunction) -> Fraction | float | None:
         return None
     derivatives = [R.p]
     while derivatives[-1]:
-        derivatives.append(polynomials.derivative(derivatives[-1]))
-    return _first(map(polynomials.reflect, derivatives), exact=not R.is_inexact)
+        derivatives.append(derivative(derivatives[-1]))
+    return _first(map(reflect, derivatives), exact=not R.is_inexact)

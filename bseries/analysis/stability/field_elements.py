@@ -13,6 +13,8 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
+
 if TYPE_CHECKING:
     import sympy
     from flint import arb, fmpq, fmpq_poly
@@ -24,8 +26,6 @@ EXACT_DIGITS = 30
 """Digits printed of a number without error."""
 FIRST_BITS = 64
 """Working precision at which a sign is tried first."""
-MOST_DEGREE = 16
-"""Fields of higher degree take SymPy too long to build."""
 
 
 def nearest_float(value: Any) -> float:
@@ -183,8 +183,10 @@ class RealAlgebraic(Arithmetic):
         """The number as a SymPy expression."""
         import sympy
 
-        numbers = _sympy_numbers(list(map(from_flint, self.residue.coeffs())))
-        return sympy.expand(sympy.Add(*(a * self.field.generator**k for k, a in enumerate(numbers))))
+        numbers = map(from_flint, self.residue.coeffs())
+        return sympy.expand(
+            sympy.Add(*(sympy.sympify(a, strict=True) * self.field.generator**k for k, a in enumerate(numbers)))
+        )
 
 
 def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
@@ -214,14 +216,12 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
     import sympy
     from flint import fmpq_poly
 
-    expressions = _sympy_numbers(values)
-    powers: set[Any] = set().union(*(e.atoms(sympy.Pow) for e in expressions))
-    roots: set[Any] = set().union(*(e.atoms(sympy.CRootOf) for e in expressions))
-    degrees = [int(p.exp.q) for p in powers if p.exp.is_Rational] + [r.poly.degree() for r in roots]
-    if math.prod(degrees) > MOST_DEGREE:
+    numbers = [sympy.sympify(value, strict=True) for value in values]
+    roots: set[Any] = set().union(*(x.atoms(sympy.CRootOf) for x in numbers))
+    if degree_bound(numbers) * math.prod(root.poly.degree() for root in roots) > MOST_DEGREE:
         return None
     domain: Any
-    domain, elements = sympy.construct_domain(expressions, extension=True, field=True)
+    domain, elements = sympy.construct_domain(numbers, extension=True, field=True)
     if not domain.is_AlgebraicField:
         return [from_flint(to_flint(a)) for a in elements] if domain.is_QQ else None
     modulus, *residues = (
@@ -238,30 +238,20 @@ def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[
         return [Inexact.read(Fraction(x), Fraction(precision)) if x else Fraction(0) for x in values]
     if all(isinstance(value, Fraction) for value in values):
         return list(values)
-    symbolic = any(not isinstance(value, Fraction) and value.free_symbols for value in values)
-    found = None if symbolic else to_number_field(values)
-    return _formulas(values, symbolic=symbolic) if found is None else found
-
-
-def _formulas(values: Sequence[Any], *, symbolic: bool) -> list[Any]:
-    """Formulas as rational functions of their symbols, or as expressions that SymPy simplifies at each step."""
     import sympy
 
-    formulas = _sympy_numbers(values)
-    if symbolic:
+    formulas = [sympy.sympify(value, strict=True) for value in values]
+    if not any(formula.free_symbols for formula in formulas):
+        found = to_number_field(values)
+        if found is not None:
+            return found
+    else:
         domain: Any
         domain, elements = sympy.construct_domain(formulas, field=True)
         # SymPy treats x and sqrt(x), or sqrt(2) and sqrt(3), as independent symbols.
         if domain.is_FractionField and all(x.is_Symbol for x in domain.symbols):
             return list(elements)
     return [sympy.EX(formula) for formula in formulas]
-
-
-def _sympy_numbers(values: Sequence[Any]) -> list[Any]:
-    """The values with each `Fraction` as a SymPy number."""
-    import sympy
-
-    return [sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in values]
 
 
 def has_sign(element: Any) -> bool:

@@ -14,7 +14,6 @@ from fractions import Fraction
 from itertools import count, islice
 from typing import Any
 
-from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     dot,
     from_element,
@@ -26,7 +25,9 @@ from bseries.analysis.stability.field_elements import (
     upper,
 )
 from bseries.analysis.stability.rational_functions import StabilityFunction
+from bseries.analysis.stability.real_polynomials import first_crossing, is_hurwitz, is_rational, reflect, subtract
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.polynomials import ONE, add, multiply, trim
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -71,13 +72,13 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
             f"method must have at most {MOST_INEXACT_STAGES} stages if implicit and not exact, but had "
             f"{method.stages}: its entries do not show the last coefficients of the stability function"
         )
-    q = (Fraction(1),) if explicit else polynomials.reflect(characteristic(rows))
+    q = ONE if explicit else reflect(characteristic(rows))
     moments = []
     for _ in rows:
         moments.append(dot(weights, vector))
         vector = [dot(row, vector) for row in rows]
     # P = Q (1 + Σ b A^k 1 z^(k+1)): terms beyond degree s cancel by the Cayley–Hamilton theorem.
-    p = polynomials.multiply(q, [Fraction(1), *moments])[: len(rows) + 1]
+    p = multiply(q, (Fraction(1), *moments))[: len(rows) + 1]
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
 
 
@@ -106,8 +107,8 @@ def function_of(method: MethodOrFunction) -> StabilityFunction:
 
 def squared_gap(R: StabilityFunction) -> list[Any]:
     """Coefficients of E(y) = |Q(iy)|² − |P(iy)|² in powers of y²: Q(z) Q(−z) − P(z) P(−z) in powers of −z²."""
-    below, above = (polynomials.multiply(values, polynomials.reflect(values)) for values in (R.q, R.p))
-    return [-a if k % 2 else a for k, a in enumerate(polynomials.combine(below, above, -1)[::2])]
+    below, above = (multiply(values, reflect(values)) for values in (R.q, R.p))
+    return [-a if k % 2 else a for k, a in enumerate(subtract(below, above)[::2])]
 
 
 def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
@@ -130,7 +131,7 @@ def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.3.
     """
     R = function_of(method)
-    even = polynomials.strip(squared_gap(R))
+    even = trim(squared_gap(R))
     return tuple(from_element(e, floating=R.floating) for a in even for e in (a, Fraction(0)))[:-1]
 
 
@@ -151,7 +152,7 @@ def is_i_stable(method: MethodOrFunction) -> bool | None:
     R = function_of(method)
     if len(R.q) == 1 and any(isinstance(a, Fraction | float) and a for a in R.numerator[1:]):
         return False  # polynomials grow without bound for all values of the symbols
-    return polynomials.first_crossing(stability_gap(R)) == math.inf if R.has_signs else None
+    return first_crossing(stability_gap(R)) == math.inf if R.has_signs else None
 
 
 def stability_gap(R: StabilityFunction) -> list[Any]:
@@ -179,7 +180,7 @@ def is_a_stable(method: MethodOrFunction) -> bool | None:
     R = function_of(method)
     stable = is_i_stable(R)
     # All poles must have positive real parts.
-    return polynomials.is_hurwitz(polynomials.reflect(list(map(midpoint, R.q)))) if stable else stable
+    return is_hurwitz(reflect(list(map(midpoint, R.q)))) if stable else stable
 
 
 def is_l_stable(method: MethodOrFunction) -> bool | None:
@@ -225,8 +226,8 @@ def real_stability_interval(method: MethodOrFunction) -> float | None:
     if not R.has_signs:
         return None
     # |Q|² − |P|² is the product of Q − P and Q + P, which have no root in common.
-    factors = (polynomials.reflect(polynomials.combine(R.q, R.p, sign)) for sign in (-1, 1))
-    return min(nearest_float(polynomials.first_crossing(tuple(map(upper, factor)))) for factor in factors)
+    factors = (reflect(subtract(R.q, R.p)), reflect(add(R.q, R.p)))
+    return min(nearest_float(first_crossing(tuple(map(upper, factor)))) for factor in factors)
 
 
 def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
@@ -247,7 +248,7 @@ def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
         Hairer, Wanner, *Solving Ordinary Differential Equations II*, §IV.2.
     """
     R = function_of(method)
-    return math.sqrt(nearest_float(polynomials.first_crossing(stability_gap(R)))) if R.has_signs else None
+    return math.sqrt(nearest_float(first_crossing(stability_gap(R)))) if R.has_signs else None
 
 
 def stability_angle(method: MethodOrFunction) -> float | None:
@@ -300,7 +301,7 @@ def _is_stable_ray(R: StabilityFunction, tangent: Fraction) -> bool:
     for j in range(size):
         for k in range(size):
             gap[j + k] = gap[j + k] + (-1) ** (j + k) * cosines[abs(j - k)] * (q[j] * q[k] - p[j] * p[k])
-    return polynomials.first_crossing(gap) == math.inf
+    return first_crossing(gap) == math.inf
 
 
 def linear_order(method: MethodOrFunction) -> int:
@@ -348,7 +349,7 @@ def dispersion_order(method: MethodOrFunction) -> int | None:
     """
     R = function_of(method)
     # R(iy) exp(−iy) has the argument of P(z) Q(−z) exp(−z) at z = iy, whose imaginary part consists of the odd powers.
-    product = polynomials.multiply(R.p, polynomials.reflect(R.q))
+    product = multiply(R.p, reflect(R.q))
     series = islice(_times_exponential(product, -1), 2 * len(product) + 2)
     return next((m - 1 for m, a in enumerate(series) if m % 2 and a), None)
 
@@ -376,12 +377,12 @@ def dissipation_order(method: MethodOrFunction) -> int | None:
 
 def characteristic(matrix: Rows) -> list[Any]:
     """Coefficients of det(I + rA), ascending."""
-    if not all(map(polynomials.is_rational, matrix)):
+    if not all(map(is_rational, matrix)):
         return [determinant for determinant, _ in adjugate_terms(matrix)]
     from flint import fmpq_mat
 
     found = fmpq_mat([list(map(to_flint, row)) for row in matrix]).charpoly().coeffs()
-    return list(polynomials.reflect(list(map(from_flint, reversed(found)))))
+    return list(reflect(list(map(from_flint, reversed(found)))))
 
 
 def adjugate_terms(matrix: Rows) -> Iterator[tuple[Any, list[list[Any]]]]:

@@ -9,7 +9,6 @@ from functools import cached_property
 from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self
 
-from bseries.analysis.stability import real_polynomials as polynomials
 from bseries.analysis.stability.field_elements import (
     Inexact,
     from_element,
@@ -20,16 +19,30 @@ from bseries.analysis.stability.field_elements import (
     nearest_float,
     to_elements,
 )
-from bseries.analysis.stability.real_polynomials import evaluate
+from bseries.analysis.stability.real_polynomials import Coefficients, monic_gcd, roots, squarefree_factors
+from foundation.diagrams import draw_region
 from foundation.numbers import latex_number
+from foundation.plotting import BLACK, drawing
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue
+from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
+from integrators.exact.polynomials import divide, evaluate, trim
 
 if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
     from integrators.exact.entries import Entry
+
+POINTS = 400
+"""Of a plot, in each direction."""
+SPACE = 1.3
+"""Size of a plot, relative to what it shows."""
+NARROW = 4.0
+"""Ratio of sides from which on a plot stretches the shorter one."""
 
 
 class StabilityFunction(ImmutableValue):
@@ -57,8 +70,8 @@ class StabilityFunction(ImmutableValue):
     """
 
     # P and Q as elements of one field, see `bseries.analysis.stability.field_elements`
-    p: polynomials.Coefficients
-    q: polynomials.Coefficients
+    p: Coefficients
+    q: Coefficients
     floating: bool
     digits: int | None
 
@@ -84,10 +97,10 @@ class StabilityFunction(ImmutableValue):
         return function
 
     def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
-        p, q = polynomials.strip(p), polynomials.strip(q)
+        p, q = trim(p), trim(q)
         if p and all(map(has_exact_zero_test, (*p, *q))):
-            common = polynomials.monic_gcd(p, q)
-            p, q = polynomials.divide(p, common)[0], polynomials.divide(q, common)[0]
+            common = monic_gcd(p, q)
+            p, q = divide(p, common)[0], divide(q, common)[0]
         if q[0] != 1:
             p, q = tuple(a / q[0] for a in p), (Fraction(1), *(a / q[0] for a in q[1:]))
         self.__dict__.update(p=p, q=q, floating=floating, digits=digits)
@@ -141,8 +154,8 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(
                 f"coefficients must be numbers before poles are found, but Q(z) was {shorten(polynomial_text(self.q))}"
             )
-        factors = enumerate(polynomials.squarefree_factors(tuple(map(midpoint, self.q))), 1)
-        found = [root for times, factor in factors for root in polynomials.roots(factor) * times]
+        factors = enumerate(squarefree_factors(tuple(map(midpoint, self.q))), 1)
+        found = [root for times, factor in factors for root in roots(factor) * times]
         places = [[nearest_float(from_flint(part.mid().fmpq())) for part in (root.real, root.imag)] for root in found]
         return tuple(complex(*place) for place in sorted(places))
 
@@ -177,11 +190,9 @@ class StabilityFunction(ImmutableValue):
     def _in_floats(self, z: Any) -> Any:
         """Values at a number or an array of numbers; in powers of 1/z for |z| > 1, to avoid overflow."""
         import numpy as np
+        from numpy.polynomial.polynomial import polyval
 
-        p, q = (
-            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
-            for values in (self.numerator, self.denominator)
-        )
+        p, q = self._float_coefficients()
         try:
             points = np.asarray(z) * 1.0
         except (TypeError, ValueError):
@@ -190,13 +201,76 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(f"z must be a number or an array of numbers, but was {shorten(repr(z))}")
         with np.errstate(all="ignore"):
             near, inverse, powers = abs(points) <= 1, 1 / points, points ** float(len(p) - len(q))
-            above, below = (np.where(near, evaluate(a, points), evaluate(a[::-1], inverse)) for a in (p, q))
+            above, below = (np.where(near, polyval(points, a), polyval(inverse, a[::-1])) for a in (p, q))
             values = np.where(near, 1.0, powers) * (above / below)
         if values.ndim:
             return values
         if not below:
             raise IntegratorError(f"z must not be a pole, but was {z!r}")
         return values.item()
+
+    def _float_coefficients(self) -> tuple[list[float], list[float]]:
+        """The coefficients of numerator and denominator in double precision."""
+        p, q = (
+            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
+            for values in (self.numerator, self.denominator)
+        )
+        return p, q
+
+    def _logarithms(self, ends: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A grid x, y of a window, and log |R(x + iy)| there, (len(y), len(x))."""
+        import numpy as np
+
+        left, right, bottom, top = ends
+        x, y = np.linspace(left, right, POINTS), np.linspace(bottom, top, POINTS)
+        with np.errstate(all="ignore"):
+            return x, y, np.log(np.abs(self(x + 1j * y[:, None])))
+
+    def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Any = None) -> Axes:
+        """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            order_star: Whether the order star is drawn.
+            window: The ends (left, right, bottom, top) of the axes; by default, of the region, or of zeros and poles.
+
+        Returns:
+            The axes.
+
+        Raises:
+            IntegratorError: The coefficients have symbols, or an argument has the wrong type.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> from bseries import stability_function
+            >>> axes = stability_function("rk4").plot()
+            >>> axes.get_xlabel(), -4 < axes.get_xlim()[0] < -2.785
+            ('Re z,  z = hλ', True)
+
+        References:
+            G. Wanner, E. Hairer, S. P. Nørsett, BIT 18 (1978) 475–489, doi:10.1007/BF01932026 (order stars).
+        """
+        import numpy as np
+
+        poles: Any = np.array(self.poles)
+        zeros: Any = np.roots(self._float_coefficients()[0][::-1])
+        given = None if window is None else read_window(window)
+        size = SPACE * max(abs(np.concatenate([zeros, poles, [1]])))
+        ends = given or (-size, size, -size, size)
+        x, y, sizes = self._logarithms(ends)
+        if given is None and not order_star:  # the region may be much smaller
+            ends = _region_ends(x, y, sizes <= 0)
+            x, y, sizes = self._logarithms(ends)
+        with drawing(ax, IntegratorError) as axes:
+            draw_region(axes, x, y, x - sizes if order_star else sizes)
+            if order_star:
+                axes.plot(zeros.real, zeros.imag, "o", color=BLACK, mfc="none", markersize=4, clip_on=True)
+                axes.plot(poles.real, poles.imag, "x", color=BLACK, markersize=4, clip_on=True)
+            title = "shaded: |R(z)| > |exp z|;  ○ zeros, × poles" if order_star else "shaded: |R(z)| ≤ 1"
+            axes.set(title=title, xlabel="Re z,  z = hλ", ylabel="Im z", xlim=ends[:2], ylim=ends[2:])
+            if (x[-1] - x[0]) < NARROW * (y[-1] - y[0]):
+                axes.set_aspect("equal")
+        return axes
 
     def __str__(self) -> str:
         above, below = polynomial_text(self.p), polynomial_text(self.q)
@@ -219,6 +293,16 @@ class StabilityFunction(ImmutableValue):
 
     def _repr_latex_(self) -> str:
         return f"${self.latex()}$"
+
+
+def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:
+    """The ends (left, right, bottom, top) of a region and 0 with some space, within those of a grid."""
+    ends = []
+    for grid, axis in ((x, 0), (y, 1)):
+        found = [*grid[inside.any(axis=axis)].tolist(), 0.0]
+        space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
+        ends += [max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])]
+    return ends[0], ends[1], ends[2], ends[3]
 
 
 def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:

@@ -1,8 +1,7 @@
-"""Real polynomials over exact fields: arithmetic, isolated roots, and decisions on signs.
+"""Decisions on real polynomials over exact fields: common factors, isolated roots, signs.
 
-A polynomial is a tuple of ascending coefficients without trailing zeros, elements of one field (see `field_elements`).
-Sums, products and divisions work over any field whose elements are false when zero. Roots and signs need `Fraction`s or
-elements of a real number field; flint isolates the roots.
+Polynomials are those of `integrators.exact.polynomials`, over one field (see `field_elements`). Roots and signs need
+`Fraction`s or elements of a real number field; flint isolates the roots.
 """
 
 from __future__ import annotations
@@ -10,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import reduce
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from bseries.analysis.stability.field_elements import enclose, from_flint, nearest_float, sign, to_flint
+from integrators.exact.polynomials import ONE, add, derivative, divide, evaluate, multiply, scale, trim
 
 if TYPE_CHECKING:
     from flint import acb
@@ -26,57 +27,14 @@ BITS = 128
 """Accuracy of roots."""
 
 
-def strip(p: Iterable[Any]) -> Coefficients:
-    """The polynomial without trailing zeros."""
-    values = list(p)
-    while values and not values[-1]:
-        values.pop()
-    return tuple(values)
-
-
-def combine(p: Sequence[Any], q: Sequence[Any], factor: int) -> Coefficients:
-    """The polynomial p + factor · q."""
-    return strip(a + factor * b for a, b in zip_longest(p, q, fillvalue=Fraction(0)))
+def subtract(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
+    """The difference p − q."""
+    return add(tuple(p), scale(tuple(q), -1))
 
 
 def reflect(p: Sequence[Any]) -> Coefficients:
     """The polynomial p(−x)."""
     return tuple(-a if k % 2 else a for k, a in enumerate(p))
-
-
-def multiply(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
-    """The product p · q."""
-    product: list[Any] = [Fraction(0)] * max(0, len(p) + len(q) - 1)
-    for i, a in enumerate(p):
-        if a:
-            for j, b in enumerate(q):
-                product[i + j] = product[i + j] + a * b
-    return strip(product)
-
-
-def evaluate(p: Sequence[Any], x: Any) -> Any:
-    """The value p(x), by Horner's scheme."""
-    value: Any = p[-1] if p else Fraction(0)
-    for a in p[-2::-1]:
-        value = value * x + a
-    return value
-
-
-def derivative(p: Sequence[Any]) -> Coefficients:
-    """The derivative p'."""
-    return strip([k * a for k, a in enumerate(p)][1:])
-
-
-def divide(p: Sequence[Any], q: Sequence[Any]) -> tuple[Coefficients, Coefficients]:
-    """Quotient and remainder of p by q."""
-    rest = list(p)
-    quotient: list[Any] = [Fraction(0)] * max(0, len(p) - len(q) + 1)
-    for k in range(len(quotient) - 1, -1, -1):
-        factor = quotient[k] = rest[k + len(q) - 1] / q[-1]
-        if factor:
-            for j, b in enumerate(q):
-                rest[k + j] = rest[k + j] - factor * b
-    return strip(quotient), strip(rest[: len(q) - 1])
 
 
 def monic_gcd(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
@@ -103,16 +61,13 @@ def _rational(p: Iterable[Fraction]) -> Any:
 
 def squarefree_factors(p: Sequence[Any]) -> list[Coefficients]:
     """Square-free factors by multiplicity (Yun's algorithm): the k-th has the roots of p of multiplicity k."""
-    other = derivative(p)
-    common = monic_gcd(p, other)
-    rest, other = divide(p, common)[0], divide(other, common)[0]
+    rest, other = tuple(p), derivative(tuple(p))
     factors = []
     while len(rest) > 1:
-        other = combine(other, derivative(rest), -1)
-        factor = monic_gcd(rest, other)
-        factors.append(factor)
-        rest, other = divide(rest, factor)[0], divide(other, factor)[0]
-    return factors
+        factors.append(monic_gcd(rest, other))  # the first has the multiple roots
+        rest, other = divide(rest, factors[-1])[0], divide(other, factors[-1])[0]
+        other = subtract(other, derivative(rest))
+    return factors[1:]
 
 
 def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
@@ -126,7 +81,7 @@ def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
         with ctx.workprec(bits):
             return [root for root, _ in _rational(p).complex_roots()]
     precision = bits
-    while len(p) > 1:
+    while True:
         precision *= 2
         with ctx.workprec(precision):
             try:
@@ -137,7 +92,6 @@ def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
             pairs = [[other for other in found if other.overlaps(root.conjugate())] for root in found]
             if all(len(pair) == 1 for pair in pairs) and all(root.rel_accuracy_bits() >= bits for root in found):
                 return [acb(a.real) if a is b else a for a, (b,) in zip(found, pairs, strict=True)]
-    return []
 
 
 def first_crossing(p: Sequence[Any]) -> Fraction | float:
@@ -147,16 +101,13 @@ def first_crossing(p: Sequence[Any]) -> Fraction | float:
         0 if p is negative immediately right of 0, ``inf`` if p(x) ≥ 0 for all x > 0, else the smallest positive root of
         odd multiplicity: a `Fraction` if it is recognised as rational (and verified), else the nearest float.
     """
-    start = next((k for k, a in enumerate(p) if a), len(p))
-    p = strip(p[start:])
+    p = trim(p[next((k for k, a in enumerate(p) if a), len(p)) :])
     signs = [sign(a) for a in p]
     if -1 not in signs:
         return math.inf
     if signs[0] < 0:
         return Fraction(0)
-    odd: Coefficients = (Fraction(1),)
-    for factor in squarefree_factors(p)[::2]:
-        odd = multiply(odd, factor)
+    odd: Coefficients = reduce(multiply, squarefree_factors(p)[::2], ONE)
     positive = [root.real for root in roots(odd) if root.imag == 0 and root.real > 0]
     if not positive:
         return math.inf
@@ -168,12 +119,12 @@ def first_crossing(p: Sequence[Any]) -> Fraction | float:
 
 
 def is_hurwitz(p: Coefficients) -> bool:
-    """Whether all roots have negative real parts."""
-    if len(monic_gcd(p, reflect(p))) > 1:  # two roots x and −x
-        return False
-    simple, bits = divide(p, monic_gcd(p, derivative(p)))[0], BITS
-    while True:
-        parts = [root.real for root in roots(simple, bits)]
-        if not any(part.contains(0) for part in parts):
-            return all(part < 0 for part in parts)
-        bits *= 2
+    """Whether all roots have negative real parts, by Routh's array: its first column has one sign."""
+    above, below = p[::-2], p[-2::-2]
+    while below:
+        if sign(above[0]) * sign(below[0]) <= 0:
+            return False
+        ratio = above[0] / below[0]
+        rows = zip_longest(above[1:], below[1:], fillvalue=Fraction(0))
+        above, below = below, tuple(a - ratio * b for a, b in rows)
+    return True

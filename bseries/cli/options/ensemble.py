@@ -18,6 +18,7 @@ from foundation.table import Table
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from integrators import Scene
     from integrators.runs.ensemble_results import EnsembleResult
@@ -93,6 +94,7 @@ def simulate_ensemble(
     *,
     to: str | None,
     predict: bool | None,
+    plot: PlotFile,
     output: Output,
     **options: Any,
 ) -> Table:
@@ -105,6 +107,7 @@ def simulate_ensemble(
         effects: The effects that are on.
         to: The file.
         predict: Whether to predict the time; by default for long runs only.
+        plot: The file of a picture.
         output: The output, with the progress bar.
         options: Further options of `integrators.runs.ensembles.ensemble`.
     """
@@ -135,6 +138,7 @@ def simulate_ensemble(
             raise
     if to is not None:
         result.save(to)
+    plot.save(result.plot)
     facts = head("ensemble", method.name, scene, effects)
     return _table(result, many, watch, to, facts, place(method.name, scene, effects))
 

@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.trees import takes_max_children
-from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.output import WholeNumber, takes_output, takes_text
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output
     from foundation.table import Table
-
-
-def takes_code(write: Callable[..., None]) -> Callable[..., None]:
-    """Add the option --code to a verb; it allows any suffix of the file and excludes --format."""
-
-    @click.option("--code", metavar="LANGUAGE", help="Source of residual and Jacobian: numpy, c or julia.")
-    @functools.wraps(write)
-    def call(*, code: str | None, format_: str | None, **options: Any) -> None:
-        if code is not None and format_ is not None:
-            raise Refusal(f"format must be left out where --code is given, but was {format_!r:.60}")
-        write(code=code, format_=format_ if code is None else "table", **options)
-
-    return call
 
 
 @click.command()
@@ -47,7 +32,7 @@ def takes_code(write: Callable[..., None]) -> Callable[..., None]:
 )
 @click.option("--symmetric", is_flag=True, help="Symmetric methods: only conditions for odd numbers of nodes.")
 @takes_max_children
-@takes_code
+@takes_text("--code", "LANGUAGE", "Source of residual and Jacobian: numpy, c or julia.")
 @takes_output
 def conditions(
     kind: str,
@@ -60,7 +45,7 @@ def conditions(
     scalar: str | None,
     symmetric: bool,
     max_children: Any,
-    code: str | None,
+    language: str | None,
     output: Output,
 ) -> Table | str:
     """The order conditions of a kind of methods.
@@ -94,7 +79,7 @@ def conditions(
         symmetric=symmetric,
         max_children=max_children,
     )
-    if code is not None:
-        return found.code(code)
+    if language is not None:
+        return found.code(language)
     output.check_rows(len(found))
     return found.to_table()

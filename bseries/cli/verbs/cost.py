@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,38 +11,21 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import is_tableau_file, read_method
 from bseries.cli.options.numbers import read_float
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_start, takes_scene
 from bseries.cli.output import NO_LATEX, takes_output
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.precision_curves import WorkPrecision
     from bseries.advice.work_precision.recommendation import Recommendation
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
     from integrators import Scene
 
 
-PICTURES = (".png", ".svg", ".pdf")
 USUAL = (1e-3, 1e-6, 1e-9)
 """The errors that methods are recommended for where none is given."""
-
-
-def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
-    """Draw a picture for -o FILE.png, .svg or .pdf; the text is then written to stdout."""
-
-    @functools.wraps(write)
-    def call(*, path: str | None, format_: str | None, **options: Any) -> None:
-        from bseries.picture_files import check_place
-        from foundation.extras import optional_module
-
-        is_picture = path is not None and os.path.splitext(path)[1].lower() in PICTURES
-        if is_picture:
-            optional_module("matplotlib", "a picture")
-            check_place(str(path), "output")
-        text_path = None if is_picture else path
-        write(path=text_path, format_=format_, picture=path if is_picture else None, **options)
-
-    return call
 
 
 @click.command()
@@ -61,8 +43,8 @@ def takes_picture(write: Callable[..., None]) -> Callable[..., None]:
     "--error", "wanted", metavar="E", multiple=True, help="An accuracy to recommend a method for; repeatable."
 )
 @click.option("--budget", metavar="S", help="CPU seconds for the longest run of a method; by default, 0.2.")
-@takes_picture
-@functools.partial(takes_output, formats=NO_LATEX, also=PICTURES)
+@takes_plot
+@functools.partial(takes_output, formats=NO_LATEX)
 def cost(
     scene: Scene,
     effects: Sequence[str],
@@ -73,7 +55,7 @@ def cost(
     measure: str,
     wanted: Sequence[str],
     budget: str | None,
-    picture: str | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """CPU time against error on a scene, for many methods and steps.
@@ -81,17 +63,18 @@ def cost(
     Runs methods that suit the scene over a range of steps, measures errors of the solution (against a reference) and
     of the energy, and times the steps in separate runs. Prints the CPU time for each power of ten of the error (empty
     where a method does not reach it), the cheapest one with *, and recommends a method and a step for each --error.
-    -o FILE.png, .svg or .pdf draws the diagram; --format csv and json have all runs.
+    --plot draws the diagram; --format csv and json have all runs.
 
     \b
     Examples:
       bseries cost kepler
-      bseries cost kepler --error 1e-8 -o kepler.png
+      bseries cost kepler --error 1e-8 --plot kepler.png
       bseries cost pendulum --methods stormer-verlet,rk4,gauss3 --span 100 --errors 1e-2:1e-8
       bseries cost henon-heiles --measure energy --error 1e-6 --budget 1
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
+    from bseries.advice.work_precision.diagram import draw
     from bseries.advice.work_precision.precision_curves import BUDGET, work_precision
 
     if start is not None:
@@ -107,8 +90,7 @@ def cost(
         budget=BUDGET if budget is None else _positive(budget, "budget"),
         progress=output.progress.update,
     )
-    if picture is not None:
-        _draw(found, picture)
+    plot.save(lambda: draw(found.curves, found.errors, found.measures, found.title))
     if output.has_records:
         return found.to_table()
     goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
@@ -149,12 +131,3 @@ def _choice(found: WorkPrecision, error: float) -> Recommendation | str:
         return found.best(error)
     except IntegratorError as refusal:
         return str(refusal)
-
-
-def _draw(found: WorkPrecision, path: str) -> None:
-    from bseries.advice.work_precision.diagram import draw
-    from bseries.picture_files import picture_format
-    from foundation.plotting import picture
-    from integrators.core.text_files import atomic_write
-
-    atomic_write(path, picture(draw(found), picture_format(path)))

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_float
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
     from integrators import Scene
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 @click.option(
     "--order", type=WholeNumber(), help="Powers h^0 to h^(N-1) of the modified equation; by default at least 7."
 )
+@takes_plot
 @takes_output
 def drift(
     method: Method,
@@ -39,30 +43,34 @@ def drift(
     step: str | None,
     steps: int | None,
     order: int | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """Whether the energy error of a method stays bounded, drifts linearly, or like a random walk.
 
     Finds the first power of h at which the modified equation has no Hamiltonian on the scene, and the mean rate of
     change of the energy that follows. With one degree of freedom the mean is computed on the orbit from --start, or for
-    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step.
+    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step. --plot draws
+    the energy error of a run against the prediction.
 
     \b
     Examples:
       bseries drift simplified-takahashi-imada --scene pendulum --effect asymmetry
       bseries drift simplified-takahashi-imada --scene pendulum --effect asymmetry --start "p=5/2;q=0" --step 0.2
-      bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1
+      bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1 --plot drift.png
       bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
     """
     from bseries.hamiltonians.drift.mean_rates import STEPS, energy_drift
+    from integrators.runs.integration import integrate
 
-    report = energy_drift(
-        method,
-        scene,
-        order,
-        y0=None if start is None else read_start(start, scene).y0,
-        h=None if step is None else read_float(step, "step"),
-        steps=STEPS if steps is None else steps,
-        parts=read_parts(parts, method, scene),
-    )
+    if plot.path is not None and step is None:
+        raise Refusal("step must be given with --plot, for a run to compare with, but was not")
+    run: dict[str, Any] = {
+        "y0": None if start is None else read_start(start, scene).y0,
+        "h": None if step is None else read_float(step, "step"),
+        "steps": STEPS if steps is None else steps,
+        "parts": read_parts(parts, method, scene),
+    }
+    report = energy_drift(method, scene, order, **run)
+    plot.save(lambda: report.plot(run=integrate(method, scene, observe="energy", **run)))
     return report.to_table(effects)

@@ -12,12 +12,14 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_part_names, read_start_values, takes_parts, takes_scene
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from bseries.cli.progress import Progress
     from foundation.table import Table
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
 @click.option("--order", type=WholeNumber(), help="Without --span: the largest number of nodes of trees; by default 6.")
+@takes_plot
 @takes_output
 def effects(
     scene: Scene | str,
@@ -49,6 +52,7 @@ def effects(
     start: str | None,
     solver: str,
     order: int | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """Influence and cost of the effects of a scene, and the effects that can be left out.
@@ -59,7 +63,7 @@ def effects(
     without them checks that the result changes by no more than promised.
 
     Without --span: time for a step and for an evaluation of the field, and how many trees the modified equation needs,
-    against the number of effects that are on.
+    against the number of effects that are on. --plot draws influences, or times.
 
     \b
     Examples:
@@ -86,6 +90,7 @@ def effects(
             if given is not None:
                 raise Refusal(f"span must be given with --{name}, since influences grow with it, but was not")
         costs = effect_costs(method, scene, order=ORDER if order is None else order, **common)
+        plot.save(costs.plot)
         return costs.to_table().extended(machine=machine())
     if order is not None:
         raise Refusal("order must be left out with --span, which counts no trees, but was given")
@@ -99,6 +104,7 @@ def effects(
         progress=FirstRun(output.progress, common["h"], length),
         **common,
     )
+    plot.save(report.plot)
     return report.to_table().extended(machine=machine())
 
 

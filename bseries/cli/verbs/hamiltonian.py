@@ -9,16 +9,21 @@ import click
 
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
+from bseries.cli.options.numbers import read_float
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.powers import read_powers, takes_powers
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
 from bseries.cli.output import takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
     from integrators import Scene
 
+STEPS = 1000
+"""Of the run in a plot."""
 OF_INTEGRATION = (
     "Found on this scene, not for all Hamiltonians: see --verdict. Where variables are angles, `bseries drift` "
     "determines whether it is a function of them."
@@ -36,6 +41,8 @@ OF_INTEGRATION = (
 @click.option("--brackets", is_flag=True, help="Nested brackets of the method's parts; there is no SCENE then.")
 @click.option("--kinetic", metavar="NAME", help="With --brackets: the part that is quadratic in p, as T.")
 @click.option("--verdict", is_flag=True, help="Whether there is one: for all Hamiltonians, and on the scene.")
+@click.option("--step", metavar="H", help="With --plot: the step size.")
+@takes_plot
 @takes_output
 def hamiltonian(
     method: Method,
@@ -49,6 +56,8 @@ def hamiltonian(
     brackets: bool,
     kinetic: str | None,
     verdict: bool,
+    step: str | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """The modified Hamiltonian of a method on a scene, in powers of h.
@@ -57,6 +66,8 @@ def hamiltonian(
     Poisson integrator likewise. Trees, brackets and generating functions lead to it independently; integration is for
     methods that are symplectic on the scene at hand only. Other methods are refused, and the sentence says where they
     fail; with --verdict that is the answer.
+
+    --plot draws its level curves, with the states of a run from the scene's start.
 
     With --brackets, it is a sum of nested Poisson brackets of the parts of a splitting method, for all Hamiltonians.
 
@@ -69,8 +80,11 @@ def hamiltonian(
       bseries hamiltonian stormer-verlet --brackets --kinetic T
       bseries hamiltonian yoshida4 --brackets --power 4 --format json
       bseries hamiltonian rk4 --scene pendulum --verdict
+      bseries hamiltonian symplectic-euler-p --scene pendulum --order 3 --step 0.5 --plot levels.pdf
     """
     _check_options(scene, parts, route, kinetic, brackets=brackets, verdict=verdict)
+    if (plot.path is None) != (step is None) or (plot.path is not None and (brackets or verdict)):
+        raise Refusal("plot must come with --step, and without --brackets and --verdict, but did not")
     if scene is None:
         from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
 
@@ -85,9 +99,13 @@ def hamiltonian(
 
         return hamiltonian_verdict(method, scene, order, parts=chosen).to_table(effects)
     from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+    from integrators.runs.integration import integrate
 
     order, powers = read_powers(order, power)
     energy = modified_hamiltonian(method, scene, order, parts=chosen, route=route)
+    if step is not None:
+        h = read_float(step, "step")
+        plot.save(lambda: energy.plot(h=h, run=integrate(method, scene, h=h, steps=STEPS, parts=chosen)))
     table = energy.to_table(powers, nonzero=nonzero, effects=effects)
     if route == "auto" and energy.route == "integration" and scene.poisson is None:
         limit, *others = table.notes

@@ -12,10 +12,12 @@ import click
 from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.method_argument import split_row
 from bseries.cli.options.numbers import read_float
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_assignments, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
 
 if TYPE_CHECKING:
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
     from integrators import Scene
@@ -46,7 +48,7 @@ if TYPE_CHECKING:
     "--tolerance", metavar="X", help="Allowed relative distance of states from steps of the method; by default 1e-9."
 )
 @click.option("--bound", metavar="E", help="Also the largest step that keeps the energy within ±E.")
-@click.option("--plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
+@takes_plot
 @functools.partial(takes_output, formats=NO_LATEX)
 def shadow(
     file: str | None,
@@ -60,7 +62,7 @@ def shadow(
     period: str | None,
     tolerance: str | None,
     bound: str | None,
-    plot: str | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """Is the step size of a finished simulation too large? Does its energy drift?
@@ -86,10 +88,6 @@ def shadow(
 
     if file is None:
         raise Refusal("FILE must be given: a trajectory, as NPZ or text, or - for text on standard input")
-    if plot is not None:
-        from bseries.shadow.report import check_picture
-
-        check_picture(plot)
     chosen = None
     if columns is not None:
         pieces = re.split(r"[;,]\s*(?=\w+\s*=)|;\s*$", columns)  # commas separate names of one role as well
@@ -108,8 +106,8 @@ def shadow(
         progress=output.progress.update,
     )
     table = report.to_table(limit)
-    if plot is not None:
-        report.save_plot(plot)
+    if plot.path is not None:
+        report.save_plot(plot.path)
     return table
 
 

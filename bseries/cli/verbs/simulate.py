@@ -13,6 +13,7 @@ from bseries.cli.options.ensemble import simulate_ensemble, takes_ensemble
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
 
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.ensemble import EnsembleOptions
     from bseries.cli.options.method_argument import Method
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
     from integrators import Scene
 
 OBSERVATIONS = 1000
-"""The default number of observations of runs that store no states: enough for a plot."""
+"""The default number of observations of runs that store no states, and of states for a plot of them."""
 
 
 def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
@@ -67,6 +69,7 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
     help="Predict time and errors first; by default for runs of more than a few seconds.",
 )
 @takes_ensemble
+@takes_plot
 @takes_trajectory_file
 @functools.partial(takes_output, formats=NO_LATEX)
 def simulate(
@@ -86,13 +89,15 @@ def simulate(
     predict: bool | None,
     to: str | None,
     many: EnsembleOptions | None,
+    plot: PlotFile,
     output: Output,
 ) -> Table:
     """Integrate a scene with a method.
 
     Prints the initial and final states, and the errors of the energy or of the quantities named by --observe.
     -o FILE.npz stores the trajectory for NumPy: t, y (variables, times), observed/NAME. It is written during the run,
-    so it may be larger than memory; --format csv prints it.
+    so it may be larger than memory; --format csv prints it. --plot draws the changes of observed quantities over time,
+    such as the error of the energy; without any, the variables.
 
     --ensemble K integrates from K random starts, given by --temperature or --spread, on all cores. The result is
     statistics of the observed quantities; they do not depend on the number of cores. --checkpoint then names a folder.
@@ -105,6 +110,7 @@ def simulate(
     \b
     Examples:
       bseries simulate pendulum --method stormer-verlet --step 0.1 --steps 1000
+      bseries simulate kepler --method rk4 --step 1/100 --span 200 --plot energy.pdf
       bseries simulate kepler --method gauss3 --step 1/100 --span 20 --observe energy --observe angular_momentum
       bseries simulate pendulum --method rk4 --effect damping --step 0.1 --steps 50 --format csv
       bseries simulate toda --method yoshida6 --step 0.05 --steps 2000 --save-every 10 -o toda.npz
@@ -134,11 +140,20 @@ def simulate(
                 "save-every must be left out with --ensemble, which stores no intermediate states, but was given"
             )
         return simulate_ensemble(
-            many, scene, method, effects, observe_every=observe_every, to=to, predict=predict, output=output, **common
+            many,
+            scene,
+            method,
+            effects,
+            observe_every=observe_every,
+            to=to,
+            predict=predict,
+            plot=plot,
+            output=output,
+            **common,
         )
     kept = save_every if save_every is not None or (to is None and not output.has_records) else 1
-    if observe_every is None and kept is None:
-        observe_every = max(1, count // OBSERVATIONS)
+    if kept is None:
+        kept, observe_every = _few(count, observe_every, of_states=plot.path is not None and not common["observe"])
 
     def expect(cost: float | None) -> Prediction:
         from bseries.advice.predictions.run_prediction import predict_run
@@ -157,6 +172,7 @@ def simulate(
         raise
     if output.has_records and run.observed and run.observed_t is not run.t:
         raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
+    plot.save(lambda: run.plot(y=list(run.observed), change=bool(run.observed)))
     return _with_outcome(run_summary(run, scene, method.name, count, effects=effects), scene, watch, to, len(run.t))
 
 
@@ -166,6 +182,12 @@ def _number(text: str | None, option: str) -> Fraction:
 
     value = read_given(text, option)
     return value if isinstance(value, Fraction) else Fraction(float(value))
+
+
+def _few(count: int, observe_every: int | None, *, of_states: bool) -> tuple[int | None, int | None]:
+    """Intervals of stored states and of observations where no states are asked for."""
+    interval = max(1, count // OBSERVATIONS)
+    return interval if of_states else None, interval if observe_every is None else observe_every
 
 
 def _energy(scene: Scene) -> str | None:

@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bseries.cli.application import Refusal
+from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.trees import takes_max_children
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:
+    from bseries.cli.options.plot import PlotFile
     from bseries.cli.output import Output
     from foundation.table import Table
 
@@ -19,8 +22,9 @@ if TYPE_CHECKING:
 @click.option("--colors", type=WholeNumber(), default=1, show_default=True, help="Number of colours of the nodes.")
 @takes_max_children
 @click.option("--count", is_flag=True, help="Only count the trees, without listing them; to order 60.")
+@takes_plot
 @takes_output
-def trees(order: int, colors: int, max_children: Any, count: bool, output: Output) -> Table:
+def trees(order: int, colors: int, max_children: Any, count: bool, plot: PlotFile, output: Output) -> Table:
     """Rooted trees with their numbers and formulas.
 
     For each tree τ: symmetry σ, density γ, α = |τ|!/(σγ), elementary differential and elementary weight. With two
@@ -32,6 +36,7 @@ def trees(order: int, colors: int, max_children: Any, count: bool, output: Outpu
       bseries trees --order 4
       bseries trees --order 3 --colors 2
       bseries trees --order 8 --colors 2 --max-children "0,inf;inf,0"
+      bseries trees --order 5 --plot trees.svg
       bseries trees --order 40 --count
       bseries trees --order 15 --format csv -o trees.csv
     """
@@ -40,6 +45,10 @@ def trees(order: int, colors: int, max_children: Any, count: bool, output: Outpu
 
     counts = count_trees(order, colors, max_children)
     if count:
+        if plot.path is not None:
+            raise Refusal("count must be left out with --plot, which draws the trees, but was given")
         return count_table(counts, colors)
     output.check_rows(sum(counts))
-    return TreeTable(order, colors, max_children).to_table()
+    table = TreeTable(order, colors, max_children)
+    plot.save(table.plot)
+    return table.to_table()

@@ -19,7 +19,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, prime_factors, primitive
+from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, check_smooth, prime_factors, primitive
 from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
 
 if TYPE_CHECKING:
@@ -47,11 +47,8 @@ class DifferentialRing(GeneratedRing):
     exact if the generators satisfy no other relations than those of the ring: for rational functions of the variables,
     of functions with independent arguments, and of square roots of which none is a multiple of another.
 
-    Args:
-        formulas: SymPy expressions; they determine the basic arguments and the indices of roots.
-        variables: The symbols to differentiate in; other symbols are parameters.
-        limit: Results with more monomials raise `TooLarge`.
-        digits: The number of digits of floats in results; None for exact numbers.
+    Formulas determine the basic arguments and the indices of roots. Symbols other than the variables are parameters.
+    Results with more than `limit` monomials raise `TooLarge`; `digits` is the number of digits of floats in results.
 
     Example:
         >>> import sympy
@@ -137,6 +134,7 @@ class DifferentialRing(GeneratedRing):
 
     def _opaque(self, formula: sympy.Expr) -> Element:
         """A parameter, or a function of which only SymPy's derivative is used."""
+        check_smooth(formula)
 
         def derivative(i: int) -> Element:
             variable = self.variables[i]

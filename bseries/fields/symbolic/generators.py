@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.polynomials import Element, Monomial, Number, PolynomialRing, TooLarge
+from integrators.core.errors import shorten
 
 if TYPE_CHECKING:
     import sympy
@@ -149,9 +150,7 @@ class GeneratedRing(PolynomialRing):
     def quotients(self, element: Element, *, grow: bool = True) -> list[Quotient]:
         """An element as a sum of quotients with different denominators; it is zero if all numerators are.
 
-        Args:
-            element: The element.
-            grow: Whether to use a common denominator even if the numerator grows, or if the denominator has e^b.
+        With `grow`, denominators are common even if the numerator grows, or if the denominator has e^b.
         """
         parts = [Quotient(element, {})]
         for k in sorted(self._roots, reverse=True):  # the base of a root has earlier generators only
@@ -272,3 +271,12 @@ def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
     import sympy
 
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
+
+
+def check_smooth(formula: sympy.Expr) -> None:
+    """Refuse a formula with abs, sign or where: a series holds on either side only, and a step may cross."""
+    from integrators.exact.branches import Branching
+
+    found = min(map(str, formula.atoms(Branching)), default="")
+    if found:
+        raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")

@@ -20,15 +20,10 @@ MOST_POWERS = 60
 
 
 def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr | None:
-    """Integrate a vector of formulas that is known to be a gradient.
+    """Integrate a vector of formulas that is known to be a gradient; None if no rule applies.
 
-    Args:
-        ring: The ring of the gradient.
-        gradient: The components of the gradient, one for each variable of the ring.
-
-    Returns:
-        The function, verified by differentiation; None if no rule applies. There are rules for powers of polynomials
-        that are linear, or quadratic and even, in a variable, for trigonometric polynomials and for exponentials.
+    There are rules for powers of polynomials that are linear, or quadratic and even, in a variable, for trigonometric
+    polynomials and for exponentials. The function is verified by differentiation.
 
     Example:
         >>> import sympy

@@ -107,8 +107,8 @@ def point_transformation(
     if len(chi) != len(places):
         raise SeriesError(f"new must have {len(chi)} positions, as old has, but had {len(places)}")
     jacobian = sympy.Matrix(chi).jacobian(places)
-    solved = _solved(jacobian.T, momenta, places, "positions")
-    formulas = dict(zip(before[0].variables, solved, strict=True)) | dict(zip(before[1].variables, chi, strict=True))
+    solved = _solved(jacobian.T, sympy.Matrix(momenta), places, "positions")
+    formulas = dict(zip((*before[0].variables, *before[1].variables), (*solved, *chi), strict=True))
     return canonical_transformation(old, new, formulas, parameters=parameters, positive=positive)
 
 
@@ -149,6 +149,7 @@ def generating_transformation(
         HLW, section VI.5.1; E. Hairer, lecture on long-time behaviour, section 5 and exercise 3.
     """
     import sympy
+    from sympy.solvers.solveset import NonlinearError
 
     before, after = read_pair(old, "old"), read_pair(new, "new")
     shared = sorted(set(names_of(before)) & set(names_of(after)))
@@ -162,7 +163,13 @@ def generating_transformation(
         raise SeriesError(f"new must have {len(q)} positions, as old has, but had {len(places)}")
     relations = [given.diff(momentum) for momentum in momenta]
     if positions is None:
-        solution = _linear_solution(relations, q, places, momenta)
+        equations = [relation - place for relation, place in zip(relations, places, strict=True)]
+        try:
+            solution = _solved(*sympy.linear_eq_to_matrix(equations, q), [*momenta, *places], "S")
+        except NonlinearError:
+            raise SeriesError(
+                "positions must be given where S is not quadratic in the old positions, but were not"
+            ) from None
     else:
         check_mapping(positions, before[1].variables, "positions")
         known = (*names_of(after), *parameters)
@@ -172,10 +179,8 @@ def generating_transformation(
         rest = simplified(relation.xreplace(values) - place, [*momenta, *places])
         if rest != 0:
             raise SeriesError(f"positions must solve {place} = {relation!s:.60}, but leave {rest!s:.60}")
-    formulas = {
-        name: simplified(given.diff(at).xreplace(values), [*momenta, *places])
-        for name, at in zip(before[0].variables, q, strict=True)
-    } | dict(zip(before[1].variables, solution, strict=True))
+    p = [simplified(given.diff(at).xreplace(values), [*momenta, *places]) for at in q]
+    formulas = dict(zip((*before[0].variables, *before[1].variables), (*p, *solution), strict=True))
     return canonical_transformation(old, new, formulas, parameters=parameters, positive=positive)
 
 
@@ -222,24 +227,9 @@ def harmonic_action_angle(
     return canonical_transformation(old, new, formulas, parameters=parameters, positive=after[0].variables)
 
 
-def _linear_solution(relations: Sequence[Any], q: Sequence[Any], places: Sequence[Any], momenta: Sequence[Any]) -> Any:
-    """Solve Q = A q + b for q, where A and b depend on P only."""
-    import sympy
-
-    matrix = sympy.Matrix(relations).jacobian(list(q))
-    if matrix.free_symbols & set(q):
-        raise SeriesError("positions must be given where S is not quadratic in the old positions, but were not")
-    constant = [relation.xreplace(dict.fromkeys(q, sympy.Integer(0))) for relation in relations]
-    right = [place - x for place, x in zip(places, constant, strict=True)]
-    return _solved(matrix, right, [*momenta, *places], "S")
-
-
-def _solved(matrix: Any, right: Sequence[Any], symbols: Sequence[Any], argument: str) -> list[Any]:
+def _solved(matrix: Any, right: Any, symbols: Sequence[Any], argument: str) -> list[Any]:
     """Solve a linear system; the solution is simplified."""
-    import sympy
-
     determinant = simplified(matrix.det(method="berkowitz"), symbols)
     if determinant == 0:
         raise SeriesError(f"{argument} must determine new coordinates, but a determinant vanishes for all of them")
-    values = matrix.adjugate() * sympy.Matrix(list(right)) / determinant
-    return [simplified(value, symbols) for value in values]
+    return [simplified(value, symbols) for value in matrix.adjugate() * right / determinant]

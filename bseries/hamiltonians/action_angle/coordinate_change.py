@@ -109,11 +109,8 @@ class CoordinateChange(ImmutableValue):
         Raises:
             SeriesError: A name is not that of a parameter.
         """
-        unknown = [name for name in values if name not in self.parameters]
-        if unknown:
-            raise SeriesError(
-                f"parameters must be among {', '.join(self.parameters) or 'none'}, but had {unknown[0]:.60}"
-            )
+        for name in values.keys() - set(self.parameters):
+            raise SeriesError(f"parameters must be among {', '.join(self.parameters) or 'none'}, but had {name:.60}")
         return self._filled({name: read_formula(value, (), name) for name, value in values.items()})
 
     def _filled(self, values: Mapping[str, sympy.Expr]) -> CoordinateChange:
@@ -149,25 +146,24 @@ class CoordinateChange(ImmutableValue):
     @cached_property
     def _defect(self) -> tuple[str, sympy.Expr, int] | None:
         """A pair of old variables with a wrong bracket {A, B} = A_Q·B_P − A_P·B_Q, this bracket, and the right one."""
+        names, matrix = names_of(self.old), poisson_matrix(self.old)
+        pairs = [(p, q) for p, q in zip(*(range(block.offset, block.end) for block in self.new), strict=True)]
         try:
-            return self._find_defect()
+            ring = DifferentialRing(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
+            slopes = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
+            # Positions first, so that each bracket must be 0 or 1.
+            for j, k in combinations([names.index(name) for block in self.old[::-1] for name in block.variables], 2):
+                bracket = ring.dot(
+                    product
+                    for p, q in pairs
+                    for product in ((slopes[j][q], slopes[k][p]), (-slopes[j][p], slopes[k][q]))
+                )
+                if not ring.is_zero(bracket - matrix[j][k]):
+                    return f"{names[j]}, {names[k]}", ring.to_expression(bracket), matrix[j][k]
         except TooLarge:
             raise SeriesError(
                 f"formulas must be simpler to verify: a bracket would have more than {MOST_MONOMIALS} monomials"
             ) from None
-
-    def _find_defect(self) -> tuple[str, sympy.Expr, int] | None:
-        ring = DifferentialRing(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
-        gradients = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
-        names, matrix = names_of(self.old), poisson_matrix(self.old)
-        momenta, positions = (range(block.offset, block.end) for block in self.new)
-        # Positions first, so that each bracket must be 0 or 1.
-        for j, k in combinations([names.index(name) for block in self.old[::-1] for name in block.variables], 2):
-            left, right = gradients[j], gradients[k]
-            forth = ring.dot((left[q], right[p]) for p, q in zip(momenta, positions, strict=True))
-            back = ring.dot((left[p], right[q]) for p, q in zip(momenta, positions, strict=True))
-            if not ring.is_zero(forth - back - matrix[j][k]):
-                return f"{names[j]}, {names[k]}", ring.to_expression(forth - back), matrix[j][k]
         return None
 
     # Application.

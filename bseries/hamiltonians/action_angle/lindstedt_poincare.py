@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_power, in_threads, read_states, read_step, read_symbolic_step
+from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.fields.symbolic.polynomials import TooLarge
 from bseries.hamiltonians.action_angle.coordinate_change import read_pair
 from bseries.hamiltonians.action_angle.elimination import Elimination
@@ -71,7 +72,7 @@ class NormalForm:
 
     def __init__(self, scene: Scene, parameter: str, blocks: tuple[Block, Block], elimination: Elimination):
         self.scene, self.parameter, self._blocks, self._elimination = scene, parameter, blocks, elimination
-        self.actions, self.angles = elimination.fourier.actions, elimination.fourier.angles
+        self.actions, self.angles = elimination.ring.actions, elimination.ring.angles
         self.order = len(elimination.normal) - 1
 
     @property
@@ -85,11 +86,12 @@ class NormalForm:
         Raises:
             SeriesError: The power is out of range.
         """
-        return self._hamiltonians[self._power(k)]
+        check_power(k, self.order, self.parameter)
+        return self._hamiltonians[k]
 
     @cached_property
     def _hamiltonians(self) -> list[sympy.Expr]:
-        return [self._elimination.fourier.expression(term) for term in self._elimination.normal]
+        return [self._elimination.ring.waves_expression(term) for term in self._elimination.normal]
 
     def expression(self, eps: Any) -> sympy.Expr:
         """The new Hamiltonian for a value of the parameter, a number or a symbol.
@@ -97,10 +99,7 @@ class NormalForm:
         Raises:
             SeriesError: `eps` is neither a number nor an expression.
         """
-        import sympy
-
-        value = read_symbolic_step(eps, self.parameter)
-        return sympy.Add(*(term * value**k for k, term in enumerate(self._hamiltonians)))
+        return power_sum(self._hamiltonians, eps, self.parameter)
 
     def generating_function(self, k: int) -> sympy.Expr:
         """The term S_k(b, θ) of the generating function with ε^k; S_0 = 0.
@@ -108,11 +107,8 @@ class NormalForm:
         Raises:
             SeriesError: The power is out of range.
         """
-        return self._elimination.fourier.expression(self._elimination.generating[self._power(k)])
-
-    def _power(self, k: int) -> int:
         check_power(k, self.order, self.parameter)
-        return k
+        return self._elimination.ring.waves_expression(self._elimination.generating[k])
 
     @property
     def resonances(self) -> Mapping[tuple[int, ...], int]:
@@ -122,7 +118,7 @@ class NormalForm:
     @cached_property
     def denominators(self) -> Mapping[tuple[int, ...], sympy.Expr]:
         """The formulas of the denominators k·ω(b), by k."""
-        write = self._elimination.fourier.coefficients.to_expression
+        write = self._elimination.ring.to_expression
         return MappingProxyType({k: write(found.value) for k, found in self._elimination.denominators.items()})
 
     def small_denominators(self, actions: Any, count: int = 10) -> list[SmallDenominator]:
@@ -239,10 +235,6 @@ class NormalForm:
         }
 
 
-MOST_MONOMIALS = 100_000
-"""Series with longer coefficients raise an error."""
-
-
 def lindstedt_poincare(
     scene: Scene | str,
     order: int,
@@ -266,7 +258,7 @@ def lindstedt_poincare(
             parameter.
         keep_resonant: Whether to keep modes with k·ω = 0 for all actions in the new Hamiltonian, which then depends on
             resonant combinations of angles. Otherwise they raise an error.
-        limit: Largest number of monomials in an intermediate coefficient.
+        limit: Largest number of monomials in an intermediate result.
 
     Returns:
         The series, as a `NormalForm`.
@@ -296,28 +288,21 @@ def lindstedt_poincare(
     scene = as_scene(scene)
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise SeriesError(f"order must be a whole number ≥ 1, but was {order!r:.60}")
-    blocks = _action_angle_blocks(scene)
+    if not scene.is_hamiltonian:
+        raise SeriesError(f"scene must be Hamiltonian, but {scene.name} is not")
+    blocks = read_pair(scene, "scene")
     given = None if perturbations is None else items(perturbations, "perturbations")
     energies = _taylor_terms(scene, parameter, order, given)
 
     actions, angles = (scene.symbols[block.offset : block.end] for block in blocks)
     try:
-        fourier = FourierRing(energies, actions, angles, limit=limit)
-        elimination = Elimination(fourier, [fourier.read(term) for term in energies], keep_resonant=keep_resonant)
+        ring = FourierRing(energies, actions, angles, limit=limit)
+        elimination = Elimination(ring, list(map(ring.read, energies)), keep_resonant=keep_resonant)
     except TooLarge:
         raise SeriesError(f"order must be smaller: a coefficient would have more than {limit} monomials") from None
     except RecursionError:
         raise SeriesError("hamiltonian must be nested less deeply than the interpreter's limit") from None
     return NormalForm(scene, parameter, blocks, elimination)
-
-
-def _action_angle_blocks(scene: Any) -> tuple[Block, Block]:
-    """The blocks of actions and of angles."""
-    if not isinstance(scene, Scene):
-        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
-    if not scene.is_hamiltonian:
-        raise SeriesError(f"scene must be Hamiltonian, but {scene.name} is not")
-    return read_pair(scene, "scene")
 
 
 def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
@@ -332,15 +317,15 @@ def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Seque
         raise SeriesError(f"parameter must have a name of its own, but {parameter:.60} is a variable")
     check_symbols([parameter], "parameter")
     rest: Any = (scene.with_parameters(**{parameter: parameter}) if known else scene).hamiltonian
-    eps, zero, found, factorial = sympy.Symbol(parameter), sympy.Integer(0), [], 1
+    eps, zero, found = sympy.Symbol(parameter), sympy.Integer(0), []
     for m in range(order + 1):
         term: Any = rest.xreplace({eps: zero})
         if term.has(sympy.nan, sympy.zoo, sympy.oo):
             raise SeriesError(
                 f"parameter must be one that can be small, but at {parameter} = 0 there is no Hamiltonian"
             )
-        found.append(term / factorial)
-        rest, factorial = rest.diff(eps), factorial * (m + 1)
+        found.append(term)
+        rest = rest.diff(eps) / (m + 1)
     names = [*scene.variables, *scene.parameter_values]
     for m, formula in enumerate(perturbations or [], 1):
         added = filled(read_formula(formula, names, f"perturbations[{m}]"), scene)

@@ -28,12 +28,9 @@ TALL = 1
 
 
 class Span:
-    """Basis of the brackets with the same letters, and coordinates in it.
+    """Basis of the brackets with the same letters, given in order of preference, and coordinates in it.
 
-    Args:
-        words: The brackets, in order of preference for the basis.
-        vectors: The coefficients of a bracket by tree.
-        trees: Trees whose coefficients determine an element.
+    The coefficients of `trees` determine an element.
     """
 
     def __init__(self, words: Iterable[Word], vectors: Callable[[Word], Mapping[int, int]], trees: Sequence[int]):
@@ -111,13 +108,7 @@ class LieAlgebra:
     def coordinates(
         self, degree: int, values: Sequence[Any], number: Callable[[Fraction], Any]
     ) -> tuple[list[Any], dict[int, Any]]:
-        """The coordinates in `basis` of one term of a field, and the remainder outside the span, by tree.
-
-        Args:
-            degree: The number of nodes.
-            values: The coefficients of the field by tree.
-            number: Converts a Fraction to a coefficient.
-        """
+        """The coordinates in `basis` of one term of a field, and the remainder outside the span, by tree."""
         found: dict[Word, Any] = {}
         rest: dict[int, Any] = {}
         for span, trees in self._spans(degree):

@@ -109,14 +109,7 @@ def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:
 
 
 class LyndonWords:
-    """The Lyndon words in two letters of up to `length` letters, by length and then alphabetically.
-
-    Attributes:
-        lengths: The number of letters of each word.
-        codes: Its letters as bits, the first the highest.
-        left, right: The indices of its standard factors.
-        place: ``place[2^n + code]`` is the index of a word of n letters.
-    """
+    """The Lyndon words in two letters of up to `length` letters, by length and then alphabetically; see the kernel."""
 
     def __init__(self, length: int):
         import numpy as np

@@ -135,18 +135,11 @@ def _operands(u, v, start, lengths, ids, row):
 def solve_class(members, n, codes, program, letters, operands, wanted, residues, prime, work, found):
     """Solve the triangular system of the words with equal letters, modulo 2^64 and modulo a prime below 2^31.
 
-    Args:
-        members: The words, ascending.
-        n: Their length, at most 31, so that |⟨P_b, x⟩| ≤ 2^(|b|−1) fits into 32 bits.
-        codes: The codes of all Lyndon words.
-        program: See `straight_line`; the first `letters` rows are single letters.
-        letters: The number of these rows.
-        operands: The four numbers from which ⟨P_y, x⟩ follows, for each word y.
-        wanted: The coefficients w_x modulo 2^64, by word.
-        residues: The same modulo the prime.
-        prime: The prime.
-        work: Work arrays of rows of `LANES` entries: int32 with a row for each of `program` and one more, two of int64.
-        found: On return two columns, the coordinates modulo 2^64 and modulo the prime.
+    The words `members`, ascending, have n ≤ 31 letters, so that |⟨P_b, x⟩| ≤ 2^(|b|−1) fits into 32 bits. `codes` has
+    the codes of all Lyndon words. `program` and `operands` are those of `straight_line`; the first `letters` rows are
+    single letters. `wanted` has the coefficients w_x modulo 2^64, and `residues` modulo the prime; the two columns of
+    `found` become the coordinates. `work` has rows of `LANES` entries: int32 with a row for each of `program` and one
+    more, two of int64.
     """
     values, sums, sums_modulo = work
     size, count = len(members), len(program)

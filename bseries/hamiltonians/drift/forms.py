@@ -21,33 +21,20 @@ if TYPE_CHECKING:
 
 
 class PeriodGain(NamedTuple):
-    """The energy gained in a forward period of an angle, to leading order; a backward period loses as much.
-
-    Attributes:
-        variable: The angle.
-        period: Its period.
-        gain: The coefficient of the power of h.
-        digits: The accuracy in digits; None if exact.
-    """
+    """The energy gained in a forward period of an angle, to leading order; a backward period loses as much."""
 
     variable: str
     period: sympy.Expr
-    gain: sympy.Expr
-    digits: int | None
+    gain: sympy.Expr  # the coefficient of the power of h
+    digits: int | None  # the accuracy; None if exact
 
 
 class Violation(NamedTuple):
-    """A power of h at which a field is not Hamiltonian.
-
-    Attributes:
-        power: The power.
-        order: The first power at which it is not even locally Hamiltonian; that of the first term left out if it is.
-        turns: The nonzero gains per period of angles, if the field is locally Hamiltonian.
-    """
+    """A power of h at which a field is not Hamiltonian."""
 
     power: int
-    order: int
-    turns: tuple[PeriodGain, ...]
+    order: int  # the first power at which it is not even locally Hamiltonian; that of the first term left out if it is
+    turns: tuple[PeriodGain, ...]  # the nonzero gains per period of angles, if the field is locally Hamiltonian
 
     @property
     def is_closed(self) -> bool:
@@ -62,10 +49,6 @@ def violations(r: Perturbation, least: int) -> Iterator[Violation]:
     period vanishes. This integral does not depend on the path. It is the difference of two values of the local modified
     Hamiltonian, which is constant along solutions, at the same state; the energy changes by minus the integral in every
     period. Periods are examined if there are formulas.
-
-    Raises:
-        SeriesError: The scene has no structure, or a formula has symbols and cannot be integrated by
-            `antiderivative`.
 
     Example:
         >>> import bseries as bs

@@ -102,7 +102,12 @@ def energy_drift(
     """
     method = as_method(method)
     scene = as_scene(scene)
-    order_of_method, steps = _order_of(method), read_steps(steps, "steps", BLOCKS * 2**HALVINGS)
+    if isinstance(method, BSeries):
+        beyond = (tree.order - 1 for tree, value in method.items() if tree.order > 1 and value)
+        order_of_method = next(beyond, method.order)
+    else:
+        order_of_method = order_of(method)
+    steps = read_steps(steps, "steps", BLOCKS * 2**HALVINGS)
     size = None if h is None else read_number(h, "h")
     if size == 0:
         raise SeriesError("h must be a number other than 0, but was 0")
@@ -129,13 +134,6 @@ def energy_drift(
         return _on_one_orbit(report, chain([broken], later), order_of_method, y0)
     powers = range(broken.power, min(broken.power + order_of_method, r.field.order))
     return _along_trajectory(report, powers, method, y0, steps, parts)
-
-
-def _order_of(method: Method | BSeries) -> int:
-    """The order of the method: the first power of h with a term in the modified field."""
-    if not isinstance(method, BSeries):
-        return order_of(method)
-    return next((tree.order - 1 for tree, value in method.items() if tree.order > 1 and value), method.order)
 
 
 def _start(scene: Scene, y0: Any) -> list[float] | None:

@@ -20,19 +20,14 @@ DIGITS = 15
 """Digits of accuracy of means."""
 WORKING_DIGITS = 30
 LEAST_POINTS, MOST_POINTS = 64, 2**14
+"""Points of the first and of the last trapezoidal sum; each further sum has twice as many."""
 
 
 def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
     """The mean of a smooth periodic function, by the trapezoidal rule, which converges exponentially.
 
-    Args:
-        samples: Gives the values at n equidistant points of a period, as numbers of mpmath.
-
-    Returns:
-        The mean; 0 if it is below 10^−15 of the mean of absolute values.
-
-    Raises:
-        SeriesError: The largest number of points is not sufficient.
+    `samples` gives the values at n equidistant points of a period, as numbers of mpmath. The mean is 0 if it is below
+    10^−15 of the mean of absolute values.
 
     Example:
         >>> import mpmath
@@ -61,23 +56,19 @@ FIRST_WINDOW, MOST_DOUBLINGS = 1 / 64, 16
 """First window, as a part of the shortest possible period, and most doublings of it."""
 STEP_DIGITS = 15
 """Digits of a Taylor step, which is another bound of the first window."""
-CORRECTIONS, CLOSED, CERTAIN, AT_REST = 7, 1e-20, 1e-15, 1e-13
+CORRECTIONS, CLOSED = 7, 1e-20
+"""Newton steps from a guess of few digits to 30, and the part of the orbit's size within which it then closes."""
+CERTAIN, AT_REST = 1e-15, 1e-13
+"""Largest relative error of a period, and of a field that is only rounding, a thousand units in the last place."""
 
 
 class Orbit(NamedTuple):
-    """A closed orbit of a scene of two variables.
-
-    Attributes:
-        scene: The scene.
-        y0: The initial state.
-        period: The time of a revolution, to 15 digits or (away from separatrices) about 25; 0 at an equilibrium.
-        revolutions: The signed number of periods that each angle completes in that time.
-    """
+    """A closed orbit of a scene of two variables."""
 
     scene: Scene
     y0: tuple[float, ...]
-    period: Any
-    revolutions: dict[int, int]
+    period: Any  # the time of a revolution, to 15 digits or (away from separatrices) about 25; 0 at an equilibrium
+    revolutions: dict[int, int]  # the signed number of periods that each angle completes in that time
 
     @property
     def kind(self) -> str:
@@ -87,11 +78,7 @@ class Orbit(NamedTuple):
         return "rotating" if any(self.revolutions.values()) else "oscillating"
 
     def mean(self, formula: sympy.Expr) -> Any:
-        """The time average of a function; 0 if it is below 10^−15 of the average of absolute values.
-
-        Raises:
-            SeriesError: The formula has parameters or varies too fast.
-        """
+        """The time average of a function; 0 if it is below 10^−15 of the average of absolute values."""
         import mpmath
         import sympy
 
@@ -105,7 +92,8 @@ class Orbit(NamedTuple):
 
             def samples(points: int) -> list[Any]:
                 times = [self.period * (j + 1) / points for j in range(points)]
-                return [mpmath.mpf(function(*y)) for y in _states(self.scene, self.y0, times)]
+                states = reference_solution(self.scene, times, y0=self.y0, full=True).numbers()
+                return [mpmath.mpf(function(*y)) for y in states.T]
 
             return mean_of_samples(samples)
 
@@ -117,14 +105,7 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
     first window of time is a part of that, with L at the start in the units that make it least, or a step of the Taylor
     series if L is much larger elsewhere on the orbit. Windows are doubled until one contains a return.
 
-    Args:
-        scene: The scene.
-        y0: The point.
-        periods: The periods of angles, by index of the variable.
-
-    Raises:
-        SeriesError: The orbit does not close, or takes too long; rounding decides when it returns, as on a separatrix;
-            or a parameter has no value.
+    `periods` are those of angles, by index of the variable.
 
     Example:
         >>> import bseries as bs, mpmath
@@ -160,11 +141,6 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
         f"y0 must lie on a closed orbit, but from {list(y0)!s:.60} nothing returned up to t = {searched:.4g}, "
         "where the search ended"
     )
-
-
-def _states(scene: Scene, y0: Any, times: Sequence[Any]) -> np.ndarray:
-    """The solution at some times as numbers of mpmath, a row for each time."""
-    return reference_solution(scene, times, y0=y0, full=True).numbers().T
 
 
 def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:

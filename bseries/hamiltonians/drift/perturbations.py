@@ -37,20 +37,8 @@ class Perturbation:
     derivatives to the rate, which have no mean. The rate is given as ∇H · r: for means along solutions of y' = f(y) the
     omitted part is smaller by a factor h^p, p being the order of the method.
 
-    Args:
-        method: The method, or its modified field.
-        scene: The scene, with a Hamiltonian.
-        order: The largest number of nodes N: powers h^0 … h^(N−1).
-        parts: As for `modified_field`.
-
-    Attributes:
-        scene: The scene.
-        twin: The symplectic method that r is relative to; None if there is none.
-        field: The modified field f_h.
-        series: r, as a function on the scene.
-
-    Raises:
-        SeriesError: The scene has no Hamiltonian, or the assignment of the method's parts is ambiguous.
+    The arguments are those of `modified_field`. `twin` is the symplectic method that r is relative to, if there is one,
+    `field` is f_h, and `series` is r.
 
     Example:
         >>> import bseries as bs
@@ -108,11 +96,7 @@ class Perturbation:
         return (f[q] * r[p] - f[p] * r[q]).sum(axis=0)
 
     def hamiltonian(self, power: int | None) -> ModifiedHamiltonian:
-        """H̃: that of the twin to the order of f_h, or the terms of f_h below a power of h (None: all).
-
-        Raises:
-            SeriesError: It has no formula.
-        """
+        """H̃: that of the twin to the order of f_h, or the terms of f_h below a power of h (None: all)."""
         method = self._method if self.twin is None else self.twin
         order = self.field.order if power is None or self.twin is not None else power
         return modified_hamiltonian(method, self.scene, order, parts=self._parts)

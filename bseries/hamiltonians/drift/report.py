@@ -8,21 +8,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
 from bseries.scene_text import place
+from foundation.diagrams import draw_band, draw_legend, write_title
+from foundation.plotting import BLACK, SKY, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.errors import shorten
 from integrators.scenes.latex import latex_formula
 
 if TYPE_CHECKING:
     import sympy
+    from matplotlib.axes import Axes
 
     from bseries.hamiltonians.drift.forms import PeriodGain, Violation
     from bseries.hamiltonians.drift.orbits import Orbit
     from bseries.hamiltonians.drift.perturbations import Perturbation
     from bseries.hamiltonians.drift.statistics import RateStatistics
     from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
+    from integrators.runs.trajectory import Trajectory
     from trees.tree import Tree
 
 LONGEST_FORMULA = 300
+MODIFIED = "the modified equation of "
 LEADING_DIGITS = 2
 """Digits shown of values that are known to leading order in h."""
 
@@ -124,6 +129,48 @@ class DriftReport(NamedTuple):
         power, diffusion = self.spread
         return abs(h) ** power * (2 * diffusion * abs(t)) ** 0.5
 
+    def plot(self, ax: Axes | None = None, *, run: Trajectory) -> Axes:
+        """The energy error of a run against its prediction: the mean slope, and ± two deviations of a random walk.
+
+        The energy also oscillates, by an amount that does not grow and that the prediction leaves out.
+
+        Args:
+            ax: The axes; None for those of a new figure.
+            run: A run of the method on the scene, which observes the energy.
+
+        Returns:
+            The axes.
+
+        Raises:
+            SeriesError: The run does not observe the energy, there is no prediction for this orbit, or `ax` is no axes.
+            ImportError: matplotlib is not installed.
+
+        Example:
+            >>> import bseries as bs
+            >>> scene, start = bs.scene("pendulum"), {"y0": [2.5, 0], "h": 0.2}
+            >>> run = bs.integrate("rk4", scene, steps=5000, observe="energy", **start)
+            >>> axes = bs.energy_drift("rk4", scene, **start).plot(run=run)
+            >>> [line.get_label() for line in axes.lines]
+            ['measured', 'predicted']
+        """
+        energies = getattr(run, "observed", {}).get("energy")
+        if energies is None:
+            raise SeriesError(f"run must be a trajectory that observes the energy, but was {run!r:.60}")
+        t, h = run.observed_t - run.observed_t[0], run.h
+        slope = self.slope(h)
+        with drawing(ax, SeriesError) as axes:
+            axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=1.0, label="measured")
+            axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
+            if self.spread is not None:
+                deviation = 2 * self.deviation(1.0, h) * abs(t) ** 0.5
+                draw_band(axes, run.observed_t, slope * t - deviation, slope * t + deviation, "± 2 deviations")
+            draw_legend(axes)
+            method = self.perturbation.field.label.removeprefix(MODIFIED)
+            about = f"{place(method, self.perturbation.scene)}, h = {h:g}: {self.verdict}"
+            write_title(axes, f"{about}, slope {shown_number(slope, LEADING_DIGITS)}" if slope else about)
+            axes.set(xlabel="time t", ylabel="change of the energy since the start")
+        return axes
+
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data."""
         r = self.perturbation
@@ -173,7 +220,7 @@ class DriftReport(NamedTuple):
             return self.to_dict() | ({} if slope is None else {"h": self.h, "slope": str(slope)})
 
         what, facts = Column("what"), list(_facts(self))
-        method = field.label.removeprefix("the modified equation of ")
+        method = field.label.removeprefix(MODIFIED)
         return Table(
             f"Energy of {place(method, scene, effects)}: {self.verdict}",
             [what, Column("value", get=lambda fact: shorten(str(fact[1]), LONGEST_FORMULA), latex=latex)],

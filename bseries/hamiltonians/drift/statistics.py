@@ -28,15 +28,6 @@ class RateStatistics(NamedTuple):
     Over times that are longer than correlations last, W has the mean m t and the variance c + 2 D t: c comes from the
     part of r that is a derivative of a bounded function, and D from what is left.
 
-    Attributes:
-        time: The length of the trajectory.
-        mean: m, the mean of the rate.
-        error: Its standard error, from the longest blocks.
-        diffusion: D, from the variances of blocks of several lengths.
-        diffusion_error: Its standard error.
-        growth: The exponent γ of the power t^γ that fits the variances of blocks.
-        largest: The largest part of a block in the sum of squares of all: near 1, the rate is not stationary.
-
     Example:
         >>> import numpy as np
         >>> white = np.random.default_rng(1).standard_normal(2**15)
@@ -47,13 +38,13 @@ class RateStatistics(NamedTuple):
         True
     """
 
-    time: float
-    mean: float
-    error: float
-    diffusion: float
+    time: float  # the length of the trajectory
+    mean: float  # m
+    error: float  # its standard error, from the longest blocks
+    diffusion: float  # D, from the variances of blocks of several lengths
     diffusion_error: float
-    growth: float
-    largest: float
+    growth: float  # the exponent γ of the power t^γ that fits the variances of blocks
+    largest: float  # the largest part of a block in the sum of squares of all: near 1, the rate is not stationary
 
     @property
     def kind(self) -> str:
@@ -70,11 +61,7 @@ class RateStatistics(NamedTuple):
 
 
 def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
-    """The statistics of a rate.
-
-    Args:
-        rates: The rate at equidistant times, (n,).
-        dt: The time between two values.
+    """The statistics of a rate at equidistant times, dt apart.
 
     References:
         H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
@@ -94,17 +81,11 @@ def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
     error = float(np.sqrt(variances[-1] / BLOCKS) / times[-1])
     squares = gains.reshape(BLOCKS, -1).sum(axis=1) ** 2
     largest = float(squares.max() / squares.sum()) if squares.any() else 0.0
-    growth = float(np.polyfit(np.log(times), np.log(variances), 1)[0]) if variances.all() else 0.0
-    return RateStatistics(len(used) * dt, mean, error, *_slope(times, variances), growth, largest)
-
-
-def _slope(times: np.ndarray, variances: np.ndarray) -> tuple[float, float]:
-    """D and its error, of c + 2 D t fitted to variances with the relative errors of their numbers of blocks."""
-    import numpy as np
-
-    if not variances.all():
-        return 0.0, 0.0
-    errors = variances * np.sqrt(2 * times / (BLOCKS * times[-1]))
-    design = np.stack([np.ones_like(times), 2 * times], axis=1) / errors[:, None]
-    covariance = np.linalg.inv(design.T @ design)
-    return float((covariance @ design.T @ (variances / errors))[1]), float(np.sqrt(covariance[1, 1]))
+    growth = diffusion = diffusion_error = 0.0
+    if variances.all():
+        growth = float(np.polyfit(np.log(times), np.log(variances), 1)[0])
+        # c + 2 D t, with the relative errors of the variances of so many blocks
+        weights = 1 / (variances * np.sqrt(2 * times / (BLOCKS * times[-1])))
+        fitted, covariance = np.polyfit(2 * times, variances, 1, w=weights, cov="unscaled")
+        diffusion, diffusion_error = float(fitted[0]), float(np.sqrt(covariance[0, 0]))
+    return RateStatistics(len(used) * dt, mean, error, diffusion, diffusion_error, growth, largest)

@@ -59,6 +59,14 @@ TRAPEZOIDAL_MIDPOINT = {
     "p": {"p": [["0", "0"], ["1/2", "1/2"]], "q": [["0"], ["1"]]},
     "q": {"p": [["1/2", "0"]], "q": [["1/2"]]},
 }
+BORIS = (
+    "J. P. Boris, Proc. 4th Conf. Numerical Simulation of Plasmas, Washington (1970) 3–67; "
+    "E. Hairer, C. Lubich, BIT 58 (2018) 969–979, doi:10.1007/s10543-018-0713-1"
+)
+MIDPOINT_TRAPEZOIDAL = {
+    "v": {"v": [["1/2"]], "x": [["1/2", "0"]]},
+    "x": {"v": [["0"], ["1"]], "x": [["0", "0"], ["1/2", "1/2"]]},
+}
 
 METHODS = (
     MethodEntry("avf", "continuous stage", 1, 2,
@@ -73,6 +81,9 @@ METHODS = (
     MethodEntry("gark2", "additive", 3, 2,
         "p by the trapezoidal and q by the midpoint rule; Störmer-Verlet if p' = f(q), q' = g(p)", GARK,
         partial(GeneralizedAdditiveRungeKutta, TRAPEZOIDAL_MIDPOINT, {"p": ["1/2", "1/2"], "q": ["1"]})),
+    MethodEntry("boris", "additive", 3, 2,
+        "v by the midpoint rule between two half steps of x: Boris's method if x' = v, v' = E(x) + v × B(x)", BORIS,
+        partial(GeneralizedAdditiveRungeKutta, MIDPOINT_TRAPEZOIDAL, {"v": ["1"], "x": ["1/2", "1/2"]})),
     MethodEntry("lawson-euler", "exponential", 1, 1,
         "exp(hL) applied to an explicit Euler step of N, for y' = L y + N(y)", LAWSON,
         partial(_lawson, "explicit-euler")),

@@ -170,6 +170,12 @@ NORSETT = (
     "S. P. Nørsett, Math. and Comp. 6/74, Trondheim (1974); Hairer, Nørsett, Wanner, "
     "Solving Ordinary Differential Equations I, Table II.7.2, doi:10.1007/978-3-540-78862-1"
 )
+_CROUZEIX4_ROWS = [
+    ["1/2 + cos(pi/18)/sqrt(3)", "0", "0"],
+    ["-cos(pi/18)/sqrt(3)", "1/2 + cos(pi/18)/sqrt(3)", "0"],
+    ["1 + 2*cos(pi/18)/sqrt(3)", "-1 - 4*cos(pi/18)/sqrt(3)", "1/2 + cos(pi/18)/sqrt(3)"],
+]
+_CROUZEIX4_WEIGHTS = ["1/(8*cos(pi/18)^2)", "1 - 1/(4*cos(pi/18)^2)", "1/(8*cos(pi/18)^2)"]
 
 
 def _entry(name: str, order: int, A: Any, b: Any, *texts: str, aliases: tuple[str, ...] = ()) -> MethodEntry:
@@ -217,6 +223,9 @@ METHODS = (
     _entry("crouzeix3", 3, [["1/2+sqrt(3)/6", "0"], ["-sqrt(3)/3", "1/2+sqrt(3)/6"]], ["1/2", "1/2"],
         "A-stable method of order 3 with two stages: sdirk2 with gamma = 1/2 + sqrt(3)/6",
         f"M. Crouzeix, thesis, Paris (1975); {NORSETT}", aliases=("crouzeix",)),
+    _entry("crouzeix4", 4, _CROUZEIX4_ROWS, _CROUZEIX4_WEIGHTS,
+        "A-stable method of order 4 with three stages and the diagonal 1/2 + cos(pi/18)/sqrt(3)",
+        f"M. Crouzeix, thesis, Paris (1975); {NORSETT}"),
     _entry("qin-zhang", 2, [["1/4", "0"], ["1/2", "1/4"]], ["1/2", "1/2"],
         "two implicit midpoint steps of half the length, symplectic: sdirk2 with gamma = 1/4",
         "M.-Z. Qin, M.-Q. Zhang, J. Comput. Math. Suppl. (1992) 205–215"),

@@ -83,6 +83,9 @@ class MethodEntry(NamedTuple):
         """Whether the number of stages follows the name, as in ``gauss3``."""
         return self.stages is None
 
+    def __repr__(self) -> str:
+        return f"<MethodEntry: {self.name}, {self.kind}, {self.description}>"
+
 
 def lower_rows(rows: Sequence[str], columns: int) -> list[list[str]]:
     """The rows of a lower triangular matrix, padded with zeros; entries are separated by spaces."""

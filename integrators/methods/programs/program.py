@@ -2,8 +2,7 @@
 
 Every one-step method with stages is a list of evaluations k_1, k_2, … and a result y₁ = y₀ + Σ b_e k_e. Four kinds of
 evaluations suffice; their arguments are linear forms in y₀ and the k_e, including later ones for implicit stages.
-Programs are used by the algebra of series, by substitution (with another field in place of f), and by the generator of
-steppers.
+Programs are used by series, by substitution (another field for f) and by the generator of steppers.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from integrators.methods.programs.evaluations import (
     check_form,
     operands,
 )
+from integrators.methods.programs.pictures import method_picture
 
 if TYPE_CHECKING:
     from integrators.exact.entries import Entry
@@ -77,7 +77,7 @@ class Method(ImmutableValue):
         """The method as plain data."""
         return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
 
-    _repr_html_ = as_html
+    _repr_html_, plot = as_html, method_picture
 
     @property
     def remarks(self) -> list[str]:

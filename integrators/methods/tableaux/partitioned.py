@@ -12,14 +12,8 @@ from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import errors_from
 from integrators.methods.programs.program import Method
-from integrators.methods.tableaux.runge_kutta import (
-    RungeKutta,
-    are_symmetric,
-    check_known,
-    emit,
-    tableau_program,
-    tableau_table,
-)
+from integrators.methods.tableaux.presentation import tableau_picture, tableau_table
+from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
 from integrators.methods.tableaux.tableau_input import in_color_order
 
 if TYPE_CHECKING:
@@ -104,6 +98,8 @@ class PartitionedRungeKutta(Method):
     def to_latex(self) -> str:
         """The tableaus as LaTeX arrays."""
         return "\n".join(part.to_latex() for part in self.partitions)
+
+    plot = tableau_picture
 
     def to_dict(self) -> dict[str, Any]:
         """The content of a tableau file; see `load_method`."""

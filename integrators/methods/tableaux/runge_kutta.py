@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
-from foundation.numbers import latex_number
-from foundation.table import Column, Table
+from foundation.table import Table
 from integrators.core.arguments import read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.core.text_files import LARGEST_NUMBER, json_text
 from integrators.exact import entries
 from integrators.exact.expressions import decimal_text, format_number
 from integrators.methods.programs.builder import ProgramBuilder
 from integrators.methods.programs.evaluations import combination
 from integrators.methods.programs.program import Method
+from integrators.methods.tableaux.presentation import (
+    plain_entries,
+    tableau_html,
+    tableau_latex,
+    tableau_picture,
+    tableau_table,
+    tableau_text,
+)
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 from integrators.methods.tableaux.tableau_input import read_tableau
 
@@ -132,6 +138,8 @@ class RungeKutta(Method):
             \\end{array}
         """
         return tableau_latex(self)
+
+    plot = tableau_picture
 
     def to_dict(self) -> dict[str, Any]:
         """The content of a tableau file, without absent entries; see `load_method`."""
@@ -452,94 +460,3 @@ def emit(issues: Iterable[str]) -> None:
     """Warn of each issue at the caller of the constructor."""
     for issue in issues:
         warnings.warn(issue, TableauWarning, stacklevel=3)
-
-
-DIGITS = 10
-MOST_EXACT_STAGES = 3
-"""Methods with irrational entries and more stages are shown in floats."""
-
-
-def tableau_text(method: RungeKutta) -> str:
-    """The tableau as text: nodes and stage matrix; below a line the weights and embedded weights."""
-    rows = _cell_texts(method)
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        " │ ".join((row[0].ljust(widths[0]), "  ".join(map(str.ljust, row[1:], widths[1:])))).rstrip() for row in rows
-    ]
-    lines.insert(method.stages, "─" * (widths[0] + 1) + "┼" + "─" * (sum(widths[1:]) + 2 * len(widths) - 3))
-    return "\n".join(lines)
-
-
-def tableau_html(method: RungeKutta) -> str:
-    """The tableau as an HTML table."""
-    rows = []
-    for i, cells in enumerate(_cell_texts(method)):
-        top = "border-top:1px solid;" if i == method.stages else ""
-        first, *others = (f'<td style="{top}%stext-align:left">{cell}</td>' for cell in cells)
-        rows.append("<tr>" + first % "border-right:1px solid;" + "".join(other % "" for other in others) + "</tr>")
-    return f'<table style="border-collapse:collapse">{"".join(rows)}</table>'
-
-
-def tableau_latex(method: RungeKutta) -> str:
-    """The tableau as a LaTeX array."""
-    part = _readable(method)
-    rows = [(c, *row) for c, row in zip(part.c, part.A, strict=True)]
-    lines = [" & ".join(latex_number(x, part.digits) for x in row) + r" \\" for row in rows]
-    lines[-1] += r" \hline"
-    lines += [" & ".join(["", *(latex_number(x, part.digits) for x in w)]) + r" \\" for w in (part.b, *part.embedded)]
-    return "\n".join([f"\\begin{{array}}{{c|{'c' * part.stages}}}", *lines, r"\end{array}"])
-
-
-def plain_entries(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
-    """Doubles unchanged, small integers as numbers, everything else as text."""
-    return [
-        value
-        if isinstance(value, float)
-        else int(value)
-        if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < LARGEST_NUMBER
-        else write(value)
-        for value in values
-    ]
-
-
-def tableau_table(method: Any, latex: Callable[[], str]) -> Table:
-    """The tableaus of all parts as rows."""
-    rows = [row for name, part in zip(method.names, method.partitions, strict=True) for row in _rows(name, part)]
-    columns = [Column(heading) for heading in ("part", "row", "node", *map(str, range(1, method.stages + 1)))]
-    own = {"latex": lambda width: latex() + "\n", "json": lambda width: json_text(method.to_dict()) + "\n"}
-    return Table(method.name, columns, rows, method.remarks, own=own)
-
-
-def _rows(name: str, method: RungeKutta) -> Iterator[tuple[Any, ...]]:
-    part = _readable(method)
-    for i, row in enumerate(part.A):
-        yield name, f"A{i + 1}", part.c[i], *row
-    for label, weights in [("b", part.b), *(("embedded", row) for row in part.embedded)]:
-        yield name, label, "", *weights
-
-
-def _readable(method: RungeKutta) -> RungeKutta:
-    """The method, in floats if its exact entries are roots of high degree, which are very long."""
-    is_long = method.algebra is not None and method.domain != "QQ" and method.stages > MOST_EXACT_STAGES
-    return method.to_float() if is_long else method
-
-
-def _cell_texts(method: RungeKutta) -> list[list[str]]:
-    """The entries as text, node first; explicit methods without zeros on and above the diagonal.
-
-    Published decimals, and roots of polynomials of degree above three, have ten digits.
-    """
-    rounds = method.digits is not None or (method.algebra is not None and method.stages > 3)
-    shown = method.to_float() if rounds else method
-    rows = [*zip(shown.c, shown.A, strict=True), *(("", row) for row in (shown.b, *shown.embedded))]
-    cells = [[_cell_text(value) for value in (first, *row)] for first, row in rows]
-    if method.is_explicit:
-        for i in range(method.stages):
-            cells[i][i + 1 :] = [""] * (method.stages - i)
-    return cells
-
-
-def _cell_text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.{DIGITS}g}"
-    return value if isinstance(value, str) else format_number(value)

@@ -76,6 +76,9 @@ class SceneEntry(NamedTuple):
         """The names of the effects that are on by default."""
         return tuple((self.builder.__kwdefaults__ or {}).get("effects", ()))
 
+    def __repr__(self) -> str:
+        return f"<SceneEntry: {self.name}, {self.summary}>"
+
 
 class SceneCatalogue(Tabular, tuple["SceneEntry", ...]):
     """The built-in scenes, shown as a table."""

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
-from integrators.exact.expressions import ELEMENTARY, NOT_FINITE, ROOTS, parse_expression
+from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, parse_expression
 from integrators.exact.number_text import nearest_double
 
 if TYPE_CHECKING:
     import sympy
     from sympy.printing.str import StrPrinter
 
-FUNCTIONS = frozenset((*ELEMENTARY, *ROOTS, "pi"))
+KNOWN = frozenset((*FUNCTIONS, *ROOTS, "pi"))
+"""All names with a meaning in formulas."""
 MAX_FORMS = 10
 """The largest number of write-and-read cycles until a formula is stable; at most two have been observed."""
 FORMULA = "formula"
@@ -135,14 +136,14 @@ def _parse(text: str, names: Collection[str], argument: str) -> sympy.Expr:
     """The expression of a text; the parser receives only the names in it, out of up to a million."""
     used = words(text)
     for word in used:
-        if word not in names and word not in FUNCTIONS and word.lower() not in NOT_FINITE:
+        if word not in names and word not in KNOWN and word.lower() not in NOT_FINITE:
             _refuse_name(word, text, names, argument)
     return parse_expression(text, names=[word for word in used if word in names], argument=argument)
 
 
 def _refuse_name(name: str, text: str, names: Collection[str], argument: str) -> NoReturn:
     if re.search(rf"\b{re.escape(name)}\s*\(", text):
-        functions = ", ".join((*ELEMENTARY, *ROOTS))
+        functions = ", ".join((*FUNCTIONS, *ROOTS))
         raise IntegratorError(f"{argument} must have functions of {functions} only, but has {shorten(name)!r}")
     known = ", ".join(islice(names, 20))
     what = f"a formula in {shorten(known)}" if known else "a number"
@@ -176,6 +177,10 @@ def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Ex
     if value.has(sympy.I):
         raise IntegratorError(f"{argument} must be real, but was {shorten(str(value))}")
     floats = {number: sympy.Rational(_fraction_of(number)) for number in value.atoms(sympy.Float)}
+    if value.has(sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.Piecewise):
+        from integrators.exact.branches import from_sympy
+
+        value = from_sympy(value)
     plain = {symbol: sympy.Symbol(symbol.name) for symbol in cast("set[sympy.Symbol]", value.free_symbols)}
     return cast("sympy.Expr", value.xreplace({**floats, **plain}))
 

@@ -96,7 +96,8 @@ def hamiltonian_field(energy: sympy.Expr, scene: System) -> list[sympy.Expr]:
     pair = canonical_blocks(scene.blocks)
     if scene.poisson is not None:
         for i, row in enumerate(scene.poisson):
-            field[i] = sympy.Add(*(filled(b, scene) * g for b, g in zip(row, gradient, strict=False))).expand()
+            products = (filled(b, scene) * g for b, g in zip(row, gradient, strict=False))
+            field[i] = sympy.expand_mul(sympy.Add(*products))  # powers of sums stay whole
     elif pair is not None:
         for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
             field[p], field[q] = -gradient[q], gradient[p]

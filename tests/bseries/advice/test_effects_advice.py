@@ -306,7 +306,7 @@ MISTAKES = {
     "parameter that is off": (
         ("pendulum",),
         {"effects": "drive", "parameters": {"gamma": 1}},
-        "belongs to the effect damping that is off",
+        "there is no parameter gamma unless the effect damping is on",
     ),
     "empty": (("pendulum",), {"effects": []}, "effects must name one effect or more, or be None"),
     "start": (("pendulum",), {"start": [1, 2]}, r"start must map names to values, but was \[1, 2\]"),

@@ -281,7 +281,7 @@ def test_the_energy_as_the_measure(pendulum):
         ),
         ({"methods": ["lawson4"]}, "methods must have one that fits pendulum, but had none"),
         ({"span": -1}, "span must be positive, but was -1"),
-        ({"span": "x"}, "span must be a finite number"),
+        ({"span": "x"}, "span must be a number, but 'x'"),
         ({"errors": (1e-5, 1e-3)}, "errors must be two numbers from 1 to 1e-15, the larger one first"),
         ({"errors": 3}, "errors must be two numbers"),
         ({"measure": "speed"}, "measure must be one of solution, energy, but was 'speed'"),
@@ -321,7 +321,7 @@ def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
     pytest.importorskip("matplotlib")
     from bseries.advice.work_precision.diagram import draw
 
-    figure = draw(pendulum)
+    figure = draw(pendulum.curves, pendulum.errors, pendulum.measures, pendulum.title)
     assert len(figure.axes) == 2
     legend = figure.axes[0].get_legend()
     assert legend is not None

@@ -217,6 +217,7 @@ def test_json_keeps_its_schema():
     head = {key: value for key, value in data.items() if key != "terms"}
     assert head == {
         "schema": 1, "kind": "modified", "method": "rk4", "order": 5, "domain": "QQ", "colors": [""], "empty": "0",
+        "max_children": None, "nonzero": False,
     }  # fmt: skip
     assert data["terms"][6] == {
         "tree": "[τ,[τ]]", "levels": [0, 1, 1, 2], "colors": [0, 0, 0, 0], "order": 4, "symmetry": 1, "density": 8,

@@ -38,7 +38,7 @@ NUMERIC = [
 A_STABLE = [
     *(f"{family}{s}" for family in ("gauss", "radau-ia", "radau-iia") for s in (1, 2, 3, 7, 20)),
     *(f"lobatto-iii{letter}{s}" for letter in "abcde" for s in (2, 3, 6, 12)),
-    *("implicit-euler", "implicit-midpoint", "trapezoidal", "crouzeix3", "qin-zhang"),
+    *("implicit-euler", "implicit-midpoint", "trapezoidal", "crouzeix3", "crouzeix4", "qin-zhang"),
 ]
 
 

@@ -214,7 +214,7 @@ def rows_of(conditions, table, n):
         if breaks in ids:
             row = [0] * len(ids)
             for at in range(start[k], start[k + 1]):
-                row[conditions._tree[at] - ids.start] += conditions._factor[at]
+                row[conditions._tree[at] - ids.start] += int(conditions._factor[at])
             rows.append(row)
     return rows
 

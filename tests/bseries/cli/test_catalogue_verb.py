@@ -89,3 +89,28 @@ def test_a_method_without_tableau_shows_its_program(answer, name):
 def test_the_flows_of_a_splitting_are_rows(answer):
     lines = answer("methods", "strang", "--format", "csv").splitlines()
     assert lines == ["step,flow of,coefficient of h", "1,a,1/2", "2,b,1", "3,a,1/2"]
+
+
+@pytest.mark.parametrize("package", ["nodepy", "diffrax", "scipy", "sundials", "petsc", "rungekutta.jl", "sciml"])
+def test_a_method_as_text_for_another_package(run, answer, tmp_path, package):
+    text = answer("methods", "dormand-prince54", "--as", package)
+    found = bs.methods.import_tableau(text)
+    assert found == bs.method("dormand-prince54") or (package == "rungekutta.jl" and not found.embedded)
+    path = tmp_path / "pair.any"
+    assert answer("methods", "dormand-prince54", "--as", package, "-o", str(path)) == ""
+    assert path.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--as", "petsc"), "METHOD must be given where --as is, but only 'petsc' was"),
+        (("rk4", "--as", "matlab"), "format must be one of nodepy"),
+        (("rk4", "--as", "petsc", "--format", "json"), "format must be left out where --as is given, but was 'json'"),
+        (("strang", "--as", "petsc"), "method must be a RungeKutta"),
+    ],
+)
+def test_what_no_package_takes_is_refused(run, arguments, message):
+    result = run("methods", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr

@@ -13,8 +13,6 @@ import pytest
 import bseries as bs
 from bseries.advice.work_precision.precision_curves import times_of
 from bseries.advice.work_precision.recommendation import Recommendation
-from bseries.cli.verbs.cost import PICTURES
-from foundation.plotting import FORMATS
 
 SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
 
@@ -87,7 +85,7 @@ def test_the_picture_is_written_and_the_text_goes_to_stdout(answer, tmp_path):
     pytest.importorskip("matplotlib")
     for name, begin in (("cost.svg", b"<?xml"), ("cost.png", b"\x89PNG")):
         path = tmp_path / name
-        text = answer(*SMALL, "--measure", "energy", "-o", str(path))
+        text = answer(*SMALL, "--measure", "energy", "--plot", str(path))
         assert "error of the energy" in text
         assert path.read_bytes().startswith(begin)
     assert answer(*SMALL, "--measure", "energy", "-o", str(tmp_path / "cost.md")) == ""
@@ -113,13 +111,10 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--span", "0"), "span must be positive"),
         (("pendulum", "--measure", "x"), "measure must be one of solution, energy, but was 'x'"),
         (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
-        (
-            ("pendulum", "-o", "k.tex"),
-            "output must end in one of .txt, .json, .csv, .md, .html, .png, .svg, .pdf where",
-        ),
+        (("pendulum", "-o", "k.tex"), "output must end in one of .txt, .json, .csv, .md, .html where"),
         (("pendulum", "--span", "1e300"), "span must be below 1.35e+16 for pendulum"),
-        (("pendulum", "-o", "missing/cost.png"), "output must be a file in a folder that is there"),
-        (("pendulum", "-o", "cost.jpg"), "output must end in one of"),
+        (("pendulum", "--plot", "missing/cost.png"), "plot must be a file in a folder that is there"),
+        (("pendulum", "-o", "cost.png"), "output must end in one of"),
         (("pendulum", "--budget", "0"), "budget must be positive, but was '0'"),
     ],
 )
@@ -128,10 +123,6 @@ def test_refusals(run, arguments, message):
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
-
-
-def test_pictures_have_all_formats_that_can_be_saved():
-    assert {f".{name}" for name in FORMATS} == {*PICTURES}
 
 
 def test_errors_are_shown_as_they_were_given(answer):

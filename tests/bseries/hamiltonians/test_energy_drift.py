@@ -581,7 +581,7 @@ def test_reports_of_trajectories():
             "scene must have a Hamiltonian, but pendulum has none",
         ),
         (("rk4", PENDULUM), {"h": 0}, "h must be a number other than 0, but was 0"),
-        (("rk4", PENDULUM), {"h": "x"}, "h must be a finite number, but was 'x'"),
+        (("rk4", PENDULUM), {"h": "x"}, "h must be a number, but 'x'"),
         (("rk4", PENDULUM), {"steps": 10}, r"steps must be a whole number from 512 to 2\^53, but was 10"),
         (("rk4", PENDULUM), {"y0": [1]}, r"y0 must hold 2 finite numbers, but was \[1\]"),
         (("rk4", PENDULUM), {"y0": 7}, "y0 must hold 2 finite numbers, but was 7"),

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import pickle
 import sys
-from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from integrators import IntegratorError, RungeKutta, Scene, catalogue, method, scene
-from integrators.bindings.scipy_bridge import from_scipy, right_hand_side, scipy_solver
+from integrators.bindings.scipy_bridge import right_hand_side, scipy_solver
 
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
@@ -252,75 +251,6 @@ def test_without_scipy_the_message_says_what_to_install(monkeypatch):
     monkeypatch.delitem(sys.modules, "integrators.bindings.scipy_pairs", raising=False)
     with pytest.raises(ImportError, match=r"pip install '\.\[scipy\]' in the clone"):
         scipy_solver(method("tsit5"))
-
-
-@pytest.mark.parametrize(("name", "own"), [("bogacki-shampine32", "RK23"), ("dormand-prince54", "RK45")])
-def test_tableaux_of_scipy_are_read_exactly(name, own):
-    found = from_scipy(getattr(integrate, own))
-    assert found == method(name)
-    assert found.domain == "QQ"
-    assert found.name == own
-
-
-def test_decimals_of_scipy_are_kept_with_their_digits():
-    found, known = from_scipy(integrate.DOP853), method("dop853")
-    assert (found.domain, found.digits, found.issues) == ("decimal", 16, ())
-    assert [float(x) for x in found.b] == integrate.DOP853.B.tolist()
-    solver = scipy_solver(found)
-    assert (solver.order, solver.error_estimator_order) == (8, 7)
-    for ours, theirs in zip((*known.A, *known.embedded), (*found.A, *found.embedded), strict=True):
-        np.testing.assert_allclose(list(map(float, ours)), list(map(float, theirs)), rtol=1e-15, atol=1e-15)
-
-
-def test_radau_is_recognised():
-    assert from_scipy(integrate.Radau) == method("radau-iia3")
-
-
-def test_a_solver_of_ours_gives_its_method_back():
-    assert from_scipy(scipy_solver(method("verner65"))) is method("verner65")
-
-
-def test_one_changed_double_is_no_fraction_any_more():
-    class Nudged(integrate.RK45):
-        B = np.nextafter(integrate.RK45.B, 1)
-
-    found = from_scipy(Nudged)
-    assert (found.domain, found.digits) == ("decimal", 16)
-    assert found.b[0] == Fraction(repr(float(Nudged.B[0])))
-
-
-def test_fractions_without_the_order_claimed_are_not_trusted():
-    class Boastful(integrate.RK23):
-        order = 4
-
-    class Shifted(integrate.RK23):
-        C = np.array([0, 1 / 2, 2 / 3])
-
-    assert from_scipy(Boastful).digits == from_scipy(Shifted).digits == 16
-    assert from_scipy(Shifted).issues
-
-
-@pytest.mark.parametrize("wrong", ["BDF", "LSODA", "OdeSolver"])
-def test_classes_without_a_tableau_are_refused(wrong):
-    with pytest.raises(IntegratorError, match=f"Runge–Kutta class of SciPy, such as RK45, but was {wrong}"):
-        from_scipy(getattr(integrate, wrong))
-
-
-def test_misshapen_classes_are_refused():
-    class Short(integrate.RK45):
-        E = integrate.RK45.E[:-1]
-
-    class Wide(integrate.RK45):
-        A = np.ones((6, 9))
-
-    class Infinite(integrate.RK45):
-        B = np.full(6, np.inf)
-
-    for wrong in (Short, Infinite, 3, "RK45", None):
-        with pytest.raises(IntegratorError, match="solver must be a Runge–Kutta class of SciPy"):
-            from_scipy(wrong)
-    with pytest.raises(IntegratorError, match="A must be square"):
-        from_scipy(Wide)
 
 
 def test_right_hand_sides_are_the_fields_of_scenes():

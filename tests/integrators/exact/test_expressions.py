@@ -116,10 +116,18 @@ REFUSED = {
     "1;2": "has ';'",
     "1\\2": "position 2",
     '"1"': "has '\"'",
-    "gamma": "unknown name 'gamma' \\(known: sqrt, cbrt, root\\)",
+    "gamma": "unknown name 'gamma' \\(known: sqrt, cbrt, root, cos, sin, tan\\)",
     "eval(1)": "unknown name 'eval'",
-    "sin(1)": "unknown name 'sin'",
-    "pi": "unknown name 'pi'",
+    "exp(1)": "unknown name 'exp'",
+    "sin(1)": "of something else than a rational multiple of pi",
+    "cos(sqrt(2)*pi)": "of something else than a rational multiple of pi",
+    "cos(pi/47)": "of a degree above 16",
+    "cos(pi/7)*cos(pi/9)": "of a degree above 16",
+    f"sin(pi/{'7' * 3000})": "of a degree above 16",
+    "1 + pi": "has pi outside a cosine, sine or tangent",
+    "2^cos(pi/7)": "exponent that is not rational",
+    "tan(pi/2)": "is not finite",
+    "sqrt(cos(pi/18) - 1)": "even root of a negative number",
     "sqrt": "ends where '\\('",
     "sqrt 2": "has '2' where '\\(' is expected at position 6",
     "sqrt(2,3)": "has ',' where '\\)'",
@@ -141,14 +149,14 @@ def test_refused_with_one_short_sentence(text, message):
     with pytest.raises(IntegratorError, match=message) as caught:
         parse_number(text, argument="A[1][2]")
     sentence = str(caught.value)
-    assert sentence.startswith("A[1][2] must be a formula, but ")
+    assert sentence.startswith("A[1][2] must be a number, but ")
     assert len(sentence) < 300
     assert "\n" not in sentence
 
 
 @pytest.mark.parametrize("value", [None, 5, b"1"])
 def test_only_text_is_read(value):
-    with pytest.raises(IntegratorError, match="entry must be a formula as text, but was"):
+    with pytest.raises(IntegratorError, match="entry must be text, but was"):
         parse_number(value)
 
 

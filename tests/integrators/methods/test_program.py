@@ -205,7 +205,7 @@ def test_program_of_a_tableau_makes_its_step(name):
     assert (tableau.program.name, tableau.program.digits) == (tableau.name, tableau.digits)
 
 
-@pytest.mark.parametrize("name", ["gauss3", "radau-iia4", "sdirk2", "crouzeix3"])
+@pytest.mark.parametrize("name", ["gauss3", "radau-iia4", "sdirk2", "crouzeix3", "crouzeix4"])
 def test_program_of_a_tableau_with_roots_or_symbols_has_its_entries(name):
     tableau = method(name)
     stages = range(tableau.stages)

@@ -168,6 +168,8 @@ RANGES = [
     ("acosh", positive(0, 300)),
     ("atanh", log_uniform(-20, 0)),
     ("atanh", near_the_ends),
+    ("erf", log_uniform(-20, 0)),
+    ("erf", uniform(-12, 12)),
 ]
 
 

@@ -21,6 +21,8 @@ from integrators.exact.expressions import parse_expression
 ORBIT = ("relativity", "oblateness", "drag")
 # name: (variables in the order of the state, effects)
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "charged-particle": ("vx vy vz x y z", ()),
+    "magnetic-dipole": ("vx vy vz x y z", ("attraction",)),
     "riccati": ("y", ()),
     "linear": ("y1 y2", ()),
     "nonlinear-oscillator": ("u1 u2", ()),

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 import bseries as bs
 from integrators.scenes.functions import scene_from_function
@@ -66,6 +67,31 @@ def test_scenes_are_those_of_text():
     assert known == H
 
 
+def branches(t, y):
+    force = np.where((y > 1) & ~(y[::-1] >= 3) | (y < -1), np.abs(y) ** 3, -np.sign(y))
+    top = max(1, 2) * np.minimum(y[0], 1.5) + np.maximum(y, 0.5).sum() + abs(y[1])
+    return force * erf(y) + top * np.heaviside(y[0], 0.25) + np.where(y[0] > y[1], y[0], 2 * y[1]) + np.max(y)
+
+
+def test_branches_are_formulas():
+    scene = scene_from_function(branches, [1, 2])
+    rate = bs.integrators.right_hand_side(scene)
+    random = np.random.default_rng(1)
+    for y in [*random.normal(0, 2, (200, 2)), *random.integers(-3, 4, (50, 2)).astype(float)]:
+        np.testing.assert_allclose(rate(0.0, y), branches(0.0, y), rtol=1e-14, atol=1e-14)
+
+
+def test_arrays_are_changed_in_place():
+    def function(y):
+        rate = np.zeros_like(y)
+        rate += y**2
+        rate[0] -= np.float64(2) * y[1]
+        return rate / np.sqrt(np.linalg.norm(y)) + np.dot(y, y)
+
+    scene = scene_from_function(function, [1, 2])
+    np.testing.assert_allclose(bs.integrators.right_hand_side(scene)(0.0, [1.0, 2.0]), function(np.array([1.0, 2.0])))
+
+
 def test_time_parameters_and_exact_numbers():
     def driven(t, y, a=0.1, omega=2):
         return [y[1], -y[0] + a * np.cos(omega * t)]
@@ -81,7 +107,13 @@ def test_time_parameters_and_exact_numbers():
 
 REFUSED = {
     "branches": (lambda t, y: [y[0] if y[0] > 0 else 0], [1], "it looks at their values"),
-    "absolute values": (lambda y: [abs(y[0])], [1], "it looks at their values"),
+    "max": (
+        lambda y: [max(y[0], 1)],
+        [1],
+        r"looks at their values; for a choice use np\.where, np\.minimum or np\.max",
+    ),
+    "equal": (lambda y: [np.where(y == 1, y, 2)], [1], "it looks at their values"),
+    "frexp": (lambda y: np.frexp(y[0])[0], [1], "must run on symbols, but failed"),
     "math": (lambda y: [math.sin(y[0])], [1], "must run on symbols, but failed: .*use NumPy's functions"),
     "arctan2": (lambda y: [np.arctan2(y[0], 1)], [1], "must run on symbols, but failed: .*arctan2"),
     "a float array": (lambda y: np.array([y[0]], dtype=float), [1], "use NumPy's functions, and np.zeros_like"),

@@ -25,7 +25,7 @@ VALUES = {
 }
 ROSENBROCK = ["rosenbrock-euler", "ros2", "ros3p", "rodas3", "grk4a", "grk4t", "rosenbrock-shampine4", "rodas4"]
 W_METHODS = ["ros2-w", "ros34pw2"]
-DIAGONALLY_IMPLICIT = ["implicit-euler", "implicit-midpoint", "trapezoidal", "crouzeix3", "qin-zhang"]
+DIAGONALLY_IMPLICIT = ["implicit-euler", "implicit-midpoint", "trapezoidal", "crouzeix3", "crouzeix4", "qin-zhang"]
 IMPLICIT = ["gauss2", "radau-ia2", "radau-iia3", "lobatto-iiia3", "lobatto-iiib3", "lobatto-iiic2", "lobatto-iiid2"]
 FORCE_GRADIENTS = ["takahashi-imada", "simplified-takahashi-imada", "chin4a", "chin4b", "chin4c"]
 STEP_SIZES = {"van-der-pol": 1e-4}

@@ -156,7 +156,7 @@ def test_iterations_that_do_not_converge_are_no_steps():
         (lambda: bi.stepper("strang", bi.scene("riccati")), "scene must have blocks or parts for a, b"),
         (lambda: bi.stepper("rk4", PENDULUM, solver="exact"), "solver must be one of"),
         (lambda: bi.stepper("rk4", PENDULUM).start(h=0), "h must not be zero"),
-        (lambda: bi.stepper("rk4", PENDULUM).start(h="x"), "h must be a formula, but 'x' has the unknown name"),
+        (lambda: bi.stepper("rk4", PENDULUM).start(h="x"), "h must be a number, but 'x' has the unknown name"),
         (lambda: bi.stepper("rk4", PENDULUM).start(h=float("nan")), "h must be a finite number, but was nan"),
         (lambda: bi.stepper("rk4", PENDULUM).start([1.0], h=0.1), r"y0 must hold 2 finite numbers, but was \[1.0\]"),
         (lambda: bi.stepper("rk4", PENDULUM).start([1, np.inf], h=0.1), "y0 must hold 2 finite numbers"),

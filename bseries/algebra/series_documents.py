@@ -1,0 +1,133 @@
+"""Series read from the JSON documents that `BSeries.to_dict` and the command write."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from fractions import Fraction
+from math import isfinite
+from typing import IO, Any
+
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.presentation import KINDS
+from bseries.exact.domains import make_values
+from bseries.exceptions import SeriesError
+from integrators.core.arguments import check_digits
+from integrators.core.errors import shorten, shown
+from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
+from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
+from trees.counting import count_trees
+from trees.notation import check_names
+from trees.table import tree_table
+from trees.tree import Tree
+
+MOST_BYTES = 200_000_000
+MOST_TREES = 5_000_000
+KEYS = ("method", "order", "domain", "colors", "empty", "terms")
+RATIONAL = re.compile(rf"-?\d{{1,{MOST_DIGITS}}}(?:/0*[1-9]\d{{0,{MOST_DIGITS - 1}}})?", re.ASCII)
+FLOAT = re.compile(r"-?\d{1,400}(?:\.\d{1,400})?(?:e[-+]?\d{1,4})?", re.ASCII)
+
+
+def load_series(source: str | os.PathLike[str] | IO[Any]) -> BSeries:
+    """Read a series from the JSON that it was written to.
+
+    Args:
+        source: A path, an open file, or the text itself, which begins with ``{``: what `BSeries.to_dict` gives, or the
+            command with ``--format json`` for ``series``, ``modified`` or ``modifying``.
+
+    Returns:
+        The series that was written: equal coefficients and, for methods published as decimals, equal digits and
+        uncertainties. Terms left out by ``nonzero`` are zero.
+
+    Raises:
+        SeriesError: The document is no series, lacks terms or has some twice, or has coefficients that are no formulas
+            of numbers, roots, elementary functions and symbols. Decimals are refused if terms were left out, since
+            these are known to be zero up to rounding only.
+        IntegratorError: The file cannot be read, or is not JSON.
+
+    Example:
+        >>> import json
+        >>> import bseries as bs
+        >>> text = json.dumps(bs.modified_equation("sdirk2", 4).to_dict("modified"))
+        >>> load_series(text) == bs.modified_equation("sdirk2", 4)
+        True
+    """
+    if isinstance(source, str) and source.lstrip().startswith("{"):
+        text, label = source, "text"
+    else:
+        text, label = read_text(source, MOST_BYTES)
+    with errors_from(label):
+        data = parse_json(text)
+    if not isinstance(data, dict) or data.get("schema") != 1 or data.get("kind") not in KINDS:
+        kinds = ", ".join(KINDS)
+        found = shown(data.get("kind")) if isinstance(data, dict) else shown(data)
+        raise SeriesError(f"document must have schema 1 and the kind {kinds}, but had {found}")
+    for key in KEYS:
+        if key not in data:
+            raise SeriesError(f"document must have the key {key}, but had {shorten(', '.join(data))}")
+    return _read(data)
+
+
+def _read(data: Mapping[str, Any]) -> BSeries:
+    """The series of a document that has all keys."""
+    colors, terms, digits, domain = data["colors"], data["terms"], data.get("digits"), data["domain"]
+    check_digits(digits)
+    if not isinstance(colors, list) or not isinstance(terms, list) or not all(isinstance(x, dict) for x in terms):
+        raise SeriesError(f"colors and terms must be lists, the latter of objects, but colors were {shown(colors)}")
+    if not isinstance(domain, str) or not isinstance(data["method"], str):
+        raise SeriesError(f"domain and method must be text, but were {shown(domain)} and {shown(data['method'])}")
+    names, nonzero, max_children = check_names(colors), data.get("nonzero") is True, data.get("max_children")
+    count = sum(count_trees(data["order"], len(names), max_children))
+    if (count != len(terms) and not nonzero) or not len(terms) <= count <= MOST_TREES:
+        raise SeriesError(f"terms must be those of all {count:,} trees up to the order, but were {len(terms):,}")
+    if nonzero and digits is not None:
+        raise SeriesError("terms must all be there for a method in decimals, but nonzero left some out")
+    table = tree_table(data["order"], len(names), max_children)
+    values: list[Any] = [0.0 if domain == "RR" else 0] * count
+    errors, known = [0.0] * count, set()
+    for term in terms:
+        tree = Tree(term.get("tree", ""), names=names if len(names) > 1 else None)
+        at = table.index(tree)
+        if at in known:
+            raise SeriesError(f"terms must have each tree once, but had {tree} twice")
+        known.add(at)
+        values[at] = _number(term.get("coefficient" if digits is None else "exact"), domain, f"coefficient of {tree}")
+        errors[at] = _error(term.get("error", 0), tree)
+    stored = make_values(table, values)
+    if (stored.name in ("QQ", "RR") or domain in ("QQ", "RR")) and stored.name != domain:
+        raise SeriesError(f"domain must be that of the coefficients, {stored.name}, but was {shorten(domain)!r}")
+    return BSeries(
+        table,
+        stored,
+        _number(data["empty"], None, "empty"),
+        names=names,
+        label=data["method"],
+        digits=digits,
+        uncertainty=errors.__getitem__ if any("error" in term for term in terms) else None,
+    )
+
+
+def _number(text: Any, domain: str | None, argument: str) -> Any:
+    """A number from its text, in a domain or in the narrowest."""
+    if isinstance(text, str):
+        if domain != "RR" and RATIONAL.fullmatch(text):
+            return Fraction(text)
+        if domain in ("RR", None) and FLOAT.fullmatch(text) and isfinite(float(text)):
+            return float(text)
+        if domain not in ("QQ", "RR"):
+            names = set(re.findall(r"[^\W\d]\w*", text)) - {*ROOTS, *ELEMENTARY, "pi"}
+            return parse_expression(text, names=sorted(names), argument=argument)
+    place = "" if domain is None else f" in {shorten(domain)}"
+    raise SeriesError(f"{argument} must be the text of a number{place}, but was {shown(text)}")
+
+
+def _error(value: Any, tree: Tree) -> float:
+    """An uncertainty."""
+    try:
+        error = float(value)
+    except (TypeError, ValueError):
+        error = -1.0
+    if not 0 <= error < float("inf"):
+        raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(value)}")
+    return error

@@ -1,0 +1,55 @@
+"""The published JSON Schema of the documents that `to_dict` and the command write."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from bseries.exceptions import SeriesError
+from integrators.core.errors import shown, suggestion
+
+FILE = "documents.schema.json"
+SHARED = "shared-"
+"""How the names of definitions begin that several kinds use."""
+
+
+def json_schema(kind: str | None = None) -> dict[str, Any]:
+    """The JSON Schema of the documents of a kind, or of all kinds.
+
+    Args:
+        kind: The entry ``kind`` of the documents, such as ``series`` or ``check``; ``tableau`` for tableau files,
+            ``scene-file`` for scene files and ``verdict`` for verdicts, which have no such entry. By default all kinds.
+
+    Returns:
+        A schema of draft 2020-12; what it describes is under ``$defs``. It refuses entries that it does not know, so
+        that it changes with the documents.
+
+    Raises:
+        SeriesError: There are no documents of this kind.
+
+    Example:
+        >>> json_schema("series")["$ref"]
+        '#/$defs/series'
+        >>> import jsonschema
+        >>> import bseries as bs
+        >>> jsonschema.validate(bs.series("rk4", 3).to_dict(), json_schema("series"))
+
+    References:
+        https://json-schema.org/draft/2020-12
+    """
+    schema = json.loads(_text())
+    if kind is None:
+        return schema
+    kinds = [name for name in schema["$defs"] if not name.startswith(SHARED)]
+    if kind not in kinds:
+        near = suggestion(kind, kinds) if isinstance(kind, str) else ""
+        raise SeriesError(f"kind must be one of {', '.join(kinds)}, but was {shown(kind)}{near}")
+    del schema["oneOf"]
+    return {**schema, "$id": f"{schema['$id']}:{kind}", "$ref": f"#/$defs/{kind}"}
+
+
+@cache
+def _text() -> str:
+    return files("bseries").joinpath(FILE).read_text(encoding="utf-8")

@@ -1,0 +1,101 @@
+"""Kinds of diagrams as functions of arrays, for the `plot` methods of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
+COLOURS = (BLUE, ORANGE, BLACK, VERMILION, SKY, GREEN, PURPLE)
+"""Of curves: neighbours differ in grey, too."""
+DASHES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "^", "D", "v", "P", "<", "X", ">", "*", "d")
+"""Numbers of colours, dashes and markers are such that combinations repeat late."""
+SHADE = "#c6dbef"
+"""Of regions: light enough for lines and text on it."""
+MANY = 10_000
+"""Number of points from which on a curve is stored as an image in PDF and SVG."""
+TITLE = 54
+"""Most characters in a line of a title."""
+BAR = 0.6
+"""Thickness of a bar, as a part of the distance of bars."""
+
+
+def line_style(k: int) -> dict[str, Any]:
+    """Colour and dashes of the k-th curve.
+
+    Example:
+        >>> len({tuple(line_style(k).values()) for k in range(28)})
+        28
+    """
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+
+
+def draw_curves(ax: Axes, x: Any, curves: Mapping[str, Any], *, points: bool = False, **style: Any) -> None:
+    """Curves over x, or their points; with a legend if there are several."""
+    for k, (name, y) in enumerate(curves.items()):
+        own = line_style(k) | style
+        if points:
+            own |= {"linestyle": "none", "marker": MARKERS[k % len(MARKERS)], "markersize": 1.5}
+        ax.plot(x, y, label=name, rasterized=len(y) > MANY, **own)
+    if len(curves) > 1:
+        draw_legend(ax)
+
+
+def write_title(ax: Axes, text: str) -> None:
+    """A title in lines that a narrow figure has room for; names from files are no formulas."""
+    ax.set_title(fill(text.removeprefix("the ").replace(" = ", "\xa0=\xa0"), TITLE), parse_math=False)
+
+
+def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SHADE) -> None:
+    """The region between two curves."""
+    ax.fill_between(x, low, high, color=color, linewidth=0, label=label, zorder=0)
+
+
+def draw_legend(ax: Axes, handles: Sequence[Any] | None = None, **options: Any) -> Any:
+    """A legend to the right of the axes; inside where the figure makes no room for it."""
+    managed: Any = ax.figure
+    outside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
+    place = {"loc": "best"} if managed.get_layout_engine() is None else outside
+    chosen = {} if handles is None else {"handles": handles}
+    return ax.legend(frameon=False, **place, **chosen, **options)
+
+
+def draw_region(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray) -> None:
+    """The region of the plane where values, (len(y), len(x)), are negative, with its border and lines through 0."""
+    import numpy as np
+
+    ax.axhline(0, color=GREY, linewidth=0.6, zorder=1.5)
+    ax.axvline(0, color=GREY, linewidth=0.6, zorder=1.5)
+    bounded = np.clip(values, -1, 1)  # beyond, only signs count
+    ax.contourf(x, y, bounded, levels=[-2, 0], colors=[SHADE])
+    ax.contour(x, y, bounded, levels=[0], colors=[BLUE], linewidths=1.2)
+
+
+def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, count: int) -> None:
+    """Level curves of values, (len(y), len(x)), as many as wanted, with about equal areas between them."""
+    import numpy as np
+
+    levels = np.unique(np.nanquantile(values, np.linspace(0, 1, count + 2)[1:-1]))
+    ax.contour(x, y, values, levels=levels, colors=[GREY], linewidths=0.8, linestyles="solid")
+
+
+def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:
+    """Horizontal bars with their names, the first one on top."""
+    places = range(len(values))
+    whiskers = {} if errors is None else {"xerr": errors, "error_kw": {"linewidth": 0.8, "capsize": 2}}
+    ax.barh(places, values, height=BAR, **{"color": SHADE, "edgecolor": BLUE, "linewidth": 0.8, **whiskers, **style})
+    ax.set_yticks(places, list(names))
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(values) - 0.5, -0.5)
+
+
+def bar_height(count: int) -> float:
+    """The height in centimetres of a figure with bars."""
+    return 2.2 + 0.75 * count

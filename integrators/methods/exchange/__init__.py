@@ -1,0 +1,1 @@
+"""Tableaus in the text and the objects of other packages."""

@@ -1,0 +1,208 @@
+"""Tableaus written for other packages and read from them."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from integrators.core.errors import IntegratorError, shown
+from integrators.core.text_files import read_text
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.catalogue.registry import method as named_method
+from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
+from integrators.methods.exchange.c_formats import PETSC, SUNDIALS
+from integrators.methods.exchange.julia_formats import RUNGEKUTTA_JL, SCIML
+from integrators.methods.exchange.python_formats import DIFFRAX, NODEPY, SCIPY
+from integrators.methods.exchange.tableau_parts import Entries
+from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
+from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
+
+if TYPE_CHECKING:
+    from integrators.methods.exchange.tableau_parts import Format
+    from integrators.methods.programs.program import Method
+
+FORMATS: dict[str, Format] = {
+    "nodepy": NODEPY,
+    "diffrax": DIFFRAX,
+    "scipy": SCIPY,
+    "sundials": SUNDIALS,
+    "petsc": PETSC,
+    "rungekutta.jl": RUNGEKUTTA_JL,
+    "sciml": SCIML,
+}
+OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
+"""Attributes that tell the objects of packages."""
+
+
+def export_tableau(method: Method | str, format: str) -> str:
+    """The text of a tableau for another package.
+
+    Fractions are written as such, for C and Python as quotients, which these round to doubles. Roots are rounded to
+    doubles, of 17 digits at most, except for nodepy, and decimals keep their digits.
+
+    Args:
+        method: A Runge–Kutta method without parameters.
+        format: ``nodepy`` (arrays of SymPy numbers and their method), ``diffrax`` (a `ButcherTableau`), ``scipy`` (a
+            solver class for `solve_ivp`), ``sundials`` (a function that returns an `ARKodeButcherTable`), ``petsc``
+            (arrays and their registration), ``rungekutta.jl`` (a `Tableau`) or ``sciml`` (an `ExplicitRKTableau`).
+
+    Returns:
+        Source text, from which `import_tableau` reads the method. Its first line says what had no place in it.
+
+    Raises:
+        IntegratorError: The method has parameters or no tableau, or the package has no form for methods of its kind.
+
+    Example:
+        >>> print(export_tableau("explicit-midpoint", "sciml"), end="")
+        # explicit-midpoint, a tableau for SciML.
+        import DiffEqBase
+        <BLANKLINE>
+        A = Float64[
+            0 0
+            1//2 0
+        ]
+        c = Float64[0, 1//2]
+        α = Float64[0, 1]
+        explicit_midpoint = DiffEqBase.ExplicitRKTableau(A, c, α, 2)
+    """
+    found = as_method(method)
+    if not isinstance(found, RungeKutta):
+        hint = "; each part of a partitioned method is one" if hasattr(found, "partitions") else ""
+        raise IntegratorError(f"method must be a RungeKutta, but was {shown(found)}{hint}")
+    if found.parameters:
+        raise IntegratorError(f"parameters must have values for a tableau, but {', '.join(found.parameters)} had none")
+    return _format(format).write(found)
+
+
+def import_tableau(
+    source: Any, format: str | None = None, name: str | None = None, *, fractions: bool = False
+) -> RungeKutta:
+    """The method of a tableau in the text or the objects of another package.
+
+    Text is read and never evaluated. Decimals in it are exact; the tableau has `digits` if some have 16 or more.
+    Doubles in objects become their shortest decimals, with 16 digits, unless they are integers or binary fractions.
+
+    Args:
+        source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
+            `ARKodeButcherTable_Write` prints, or a file of RungeKutta.jl. Or an object: a method of nodepy; a
+            `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
+        format: The format, as for `export_tableau`; by default recognised.
+        name: The name of the method; by default that in the source, or ``custom``.
+        fractions: Whether doubles and long decimals become the fractions behind them: each the nearest with a
+            denominator of at most 10^6, if it rounds to the same double. This needs all entries to be such fractions,
+            and row sums and order conditions that then hold exactly; else the decimals stay.
+
+    Returns:
+        The method, with its embedded weights. SciPy's ``Radau`` is the exact ``radau-iia3``; its error estimate is not
+        a row of weights. A `TableauWarning` is emitted for each of its issues.
+
+    Raises:
+        IntegratorError: The source has no such tableau, or something else than numbers in it.
+
+    Example:
+        >>> text = "A = [0 0; 2//3 0]; c = [0, 2//3]; α = [1//4, 3//4]; ExplicitRKTableau(A, c, α, 2)"
+        >>> import_tableau(text).b
+        (Fraction(1, 4), Fraction(3, 4))
+        >>> from scipy.integrate import RK45
+        >>> from integrators import method
+        >>> import_tableau(RK45).digits, import_tableau(RK45, fractions=True) == method("dormand-prince54")
+        (16, True)
+    """
+    if isinstance(source, os.PathLike):
+        source = read_text(source, MOST_CHARACTERS)[0]
+    if isinstance(source, str):
+        form, arrays, title = _of_text(source, format)
+    else:
+        known = _known(source)
+        if known is not None:
+            return known
+        form, arrays, title = _of_object(source, format)
+    build = partial(_built, form, arrays, name or title)
+    method = build(Entries(fractions=False))
+    if fractions and method.digits is not None:
+        exact = build(Entries(fractions=True))
+        method = exact if _is_confirmed(exact, method) else method
+    emit(method.issues)
+    return method
+
+
+def _format(name: Any) -> Format:
+    if not isinstance(name, str) or name.lower() not in FORMATS:
+        raise IntegratorError(f"format must be one of {', '.join(FORMATS)}, but was {shown(name)}")
+    return FORMATS[name.lower()]
+
+
+def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], str | None]:
+    """The format of a text, the arrays in it, and the name of its method."""
+    if len(text) > MOST_CHARACTERS:
+        raise IntegratorError(f"text must have at most {MOST_CHARACTERS:,} characters, but has {len(text):,}")
+    if format is None:
+        fits = [name for name, form in FORMATS.items() if re.search(form.marks, text, re.MULTILINE)]
+        if len(fits) != 1:
+            what = f"of {' and '.join(fits)}" if fits else "of none"
+            raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
+        format = fits[0]
+    form = _format(format)
+    title = re.search(form.title, text)
+    return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
+
+
+def _known(source: Any) -> RungeKutta | None:
+    """The method of a class from `scipy_solver`, or of SciPy's ``Radau``, which has no tableau of its own."""
+    integrate = sys.modules.get("scipy.integrate")
+    if integrate is not None and source is integrate.Radau:
+        radau: Any = named_method("radau-iia3")
+        return radau
+    known = getattr(source, "method", None)
+    return known if isinstance(known, RungeKutta) else None
+
+
+def _of_object(source: Any, format: str | None) -> tuple[Format, Mapping[str, Any], str | None]:
+    """The format of an object, its arrays, and the name of its method."""
+    tableau = getattr(source, "tableau", source)
+    fits = (name for name, attributes in OBJECTS.items() if all(hasattr(tableau, key) for key in attributes))
+    found = next(fits, None)
+    if found is None or (format is not None and _format(format) is not FORMATS[found]):
+        what = f"text or an object of {format or 'nodepy or diffrax, or a Runge–Kutta class of SciPy, such as RK45'}"
+        raise IntegratorError(f"source must be {what}, but was {shown(source)}")
+    form = FORMATS[found]
+    values = {key: getattr(tableau, key, None) for key in form.names}
+    if hasattr(tableau, "E5"):  # DOP853 has two rows, with the other sign
+        values["E"] = [[-x for x in row] for row in (tableau.E5, tableau.E3)]
+    title = getattr(source, "__name__", None) or getattr(source, "name", None)
+    return form, {key: value for key, value in values.items() if value is not None}, title
+
+
+def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: Entries) -> RungeKutta:
+    """The method of arrays."""
+    read = {key: entries.read(values, key) for key, values in arrays.items()}
+    try:
+        A, b, c, embedded = form.tableau(read)
+    except KeyError as error:
+        raise IntegratorError(f"text must assign {error.args[0]}, but did not") from None
+    except TypeError:
+        shapes = ", ".join(f"{key} {_shape(values)}" for key, values in read.items())
+        raise IntegratorError(f"{', '.join(read)} must be a matrix and rows of one length, but were {shapes}") from None
+    return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
+
+
+def _shape(values: Any) -> str:
+    return f"of {len(values)}" if isinstance(values, list) else "a number"
+
+
+def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
+    """Whether all entries are fractions whose row sums are the nodes and that have the orders of the decimals."""
+    import numpy as np
+
+    if exact.digits is not None or exact.issues or exact.row_sums != exact.c:
+        return False
+
+    def found_orders(method: RungeKutta, kind: Any) -> list[int]:
+        A, b, *rows = (np.array(values, dtype=kind) for values in (method.A, method.b, *method.embedded))
+        return [order_of_weights(A, b), *(order_of_difference(A, row - b) for row in rows)]
+
+    return found_orders(exact, object) == found_orders(decimals.to_float(), float)
