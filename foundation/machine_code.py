@@ -174,7 +174,7 @@ class _Cache:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The cached code for a signature; None if there is none."""
         from numba.core.compiler import CompileResult
-        from numba.core.runtime import rtsys
+        from numba.core.runtime.nrt import rtsys
 
         rtsys.initialize(target)  # `target.refresh()` would import what only compiling needs, for a quarter of a second
         path = self._path(signature, target.codegen())

@@ -19,6 +19,7 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
+from bseries.analysis.stability.field_elements import from_flint, to_flint
 from bseries.analysis.structure_conditions import Verdict, verdict
 from bseries.exact.domains import alike, exact_number, make_values, ring_element, to_float
 from bseries.exact.rationals import RationalValues
@@ -302,4 +303,4 @@ def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Ca
     if values.kind == "ring":
         values = values.reduced
         return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
-    return values.coefficients(), Fraction, Fraction
+    return list(map(to_flint, values.coefficients())), to_flint, from_flint

@@ -19,6 +19,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bseries.algebra.bseries import BSeries
+from bseries.analysis.stability.field_elements import to_flint
 from bseries.exceptions import SeriesError
 from foundation.table import Table, as_html, fact_table
 from integrators.core.canonical_names import canonical_names
@@ -176,9 +177,10 @@ def verdict(table: TreeTable, violating: int | None) -> Verdict:
 
 def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
     """Decide conditions on a series, the first of its `samples`."""
-    values = (
-        [samples[0].stored.homogeneous(flow=flow)] if len(samples) == 1 else [s.stored.coefficients() for s in samples]
-    )
+    if len(samples) == 1:
+        values = [samples[0].stored.homogeneous(flow=flow)]
+    else:  # decimals
+        values = [list(map(to_flint, s.stored.coefficients())) for s in samples]
     residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
     violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
     return verdict(samples[0].table, violating)

@@ -77,3 +77,14 @@ def test_tables_made_by_the_interpreter_take_up_compiled_kernels(monkeypatch):
     assert table.splits.trunk.dtype == np.uint32
     with pytest.raises(AttributeError, match="immutable"):
         table.compiled = False
+
+
+def test_arrays_pay_once_they_save_the_import_of_numpy(monkeypatch):
+    monkeypatch.setattr(compiled, "_interpreted", 0.0)
+    assert compiled.arrays_pay(0.01)
+    assert not compiled.arrays_pay(1e-4)
+    monkeypatch.delitem(sys.modules, "numpy")
+    assert not compiled.arrays_pay(0.01)
+    assert compiled.arrays_pay(0.2)
+    monkeypatch.setattr(compiled, "_interpreted", 0.1)
+    assert compiled.arrays_pay(0.01)
