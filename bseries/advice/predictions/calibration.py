@@ -19,16 +19,16 @@ FIRST_STEPS, GROWTH = 64, 4
 class Stopwatch:
     """Progress function of `integrate` that measures the time of steps, without compilation before the first one.
 
-    `steps` is the number of steps since the first record, `seconds` their time.
+    `done` is the number of steps so far, `steps` that since the first record, `seconds` the time of the latter.
     """
 
     def __init__(self) -> None:
-        self.steps, self.seconds = 0, 0.0
+        self.done, self.steps, self.seconds = 0, 0, 0.0
         self._first: tuple[int, float] | None = None
 
     def __call__(self, done: int, total: int) -> None:
         """Record the progress of a run."""
-        now = done, perf_counter()
+        self.done, now = done, (done, perf_counter())
         self._first = self._first or now
         self.steps, self.seconds = now[0] - self._first[0], now[1] - self._first[1]
 

@@ -124,7 +124,7 @@ class FourierRing(DifferentialRing):
         places = [(last - forth, last - back) for forth, back in self._waves]
         found: dict[Mode, tuple[dict[Any, Any], dict[Any, Any]]] = {}
         for exponents, number in polynomial.terms():
-            k = tuple(exponents[forth] - exponents[back] for forth, back in places)
+            k = tuple(int(exponents[forth] - exponents[back]) for forth, back in places)
             if k >= self.constant:  # −k has the conjugate coefficient
                 rest, is_sine = list(exponents), exponents[last - self._i] > 0
                 for place in (last - self._i, *chain(*places)):
