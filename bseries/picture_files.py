@@ -25,12 +25,7 @@ def check_format(format_: str, argument: str) -> str:
 
 
 def picture_format(path: str, argument: str = "output") -> str:
-    """The format by the extension of a path.
-
-    Args:
-        path: The path.
-        argument: The name of the path in messages.
-    """
+    """The format by the extension of a path."""
     return check_format(os.path.splitext(path)[1].removeprefix("."), f"the ending of the {argument} {path!r:.60}")
 
 

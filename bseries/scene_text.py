@@ -81,12 +81,7 @@ def formula_notes(series: Any, issues: Sequence[str], scene: Scene, *, nonzero: 
 
 
 def field_equations(scene: Scene, terms: Sequence[tuple[int, Sequence[sympy.Expr]]]) -> str:
-    """Equations for all variables by powers of h, as a displayed align.
-
-    Args:
-        scene: The scene.
-        terms: Consecutive powers of h with their coefficients, one formula for each variable.
-    """
+    """Equations for all variables by powers of h, as a displayed align."""
     rows = []
     for i, symbol in enumerate(scene.symbols):
         base, *index = latex_formula(symbol, scene).partition("_{")

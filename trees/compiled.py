@@ -93,12 +93,7 @@ def kernel(function: Callable[..., Any]) -> Kernel:
 
 
 def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = ()) -> Kernel:
-    """Mark a function as a floating-point kernel: products and sums may be fused, 1/0 is infinite as in C.
-
-    Args:
-        function: The function.
-        sources: Modules or files on which its machine code depends.
-    """
+    """Mark a function as a floating-point kernel: products and sums may be fused, 1/0 is infinite as in C."""
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 
 

@@ -43,16 +43,7 @@ def check_size(order: object, colors: object) -> tuple[int, int]:
 
 
 def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | float | None) -> Limits:
-    """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all.
-
-    Args:
-        colors: Number of colours K.
-        max_children: None (no bound), one number (for the children of every node), or K rows of K bounds, each with
-            an optional entry K for the total. None and ``inf`` mean unbounded.
-
-    Raises:
-        TreeError: A bound is not a whole number, 0 or more, or a row has a wrong length.
-    """
+    """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all."""
     if max_children is None or not hasattr(max_children, "__iter__"):
         bound = _bound(max_children)  # pyright: ignore[reportArgumentType]
         return tuple((UNBOUNDED,) * colors + (bound,) for _ in range(colors))

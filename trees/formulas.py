@@ -21,17 +21,6 @@ _INDICES = "ijklmnrsuvwxyz"  # without p and q (blocks), t (node) and o (zero)
 def elementary_differential(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
     """The elementary differential F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)) of a tree.
 
-    Args:
-        tree: The tree.
-        format: ``"text"`` or ``"latex"``.
-        names: One name per colour; None for the default names.
-
-    Returns:
-        The formula, with f_p for a node of colour p.
-
-    Raises:
-        TreeError: If the format is unknown or a colour has no name.
-
     Example:
         >>> from trees import Tree
         >>> elementary_differential(Tree("[τ,[τ]]")), elementary_differential(Tree("[τ^4]"))
@@ -89,9 +78,6 @@ def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] |
     """The order condition of a Runge–Kutta method: the elementary weight of the tree is 1/γ.
 
     The arguments are those of `elementary_differential`.
-
-    Raises:
-        TreeError: If γ is too large to be printed.
 
     Example:
         >>> from trees import Tree

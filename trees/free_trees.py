@@ -155,11 +155,7 @@ def _list(column: Any) -> list[int]:
 
 @lru_cache(maxsize=8)
 def rootings(table: TreeTable, *, blocks: bool = False) -> Rootings:
-    """The rootings of a table, cached.
-
-    Raises:
-        TreeError: The table does not contain every tree with its root moved.
-    """
+    """The rootings of a table, cached."""
     return Rootings(table, blocks=blocks)
 
 

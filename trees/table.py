@@ -471,12 +471,6 @@ class Partitions(NamedTuple):
 def partitions_of(table: TreeTable) -> Partitions:
     """The partitions of all trees of a table, cached for the last four tables.
 
-    Args:
-        table: An unrestricted table; skeletons of restricted trees may be unrestricted.
-
-    Raises:
-        TreeError: The table is restricted, or the lists would not fit in memory (refused before any work).
-
     Example:
         >>> partitions = partitions_of(TreeTable(4))
         >>> len(partitions.skeleton)

@@ -238,18 +238,7 @@ def check(method: Method | str, order: int | None = None) -> Report:
 
 
 def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVerdict]:
-    """Verdicts of all structure tests up to some order; none for methods with auxiliary parts.
-
-    Args:
-        method: A method.
-        order: The largest number of nodes.
-
-    Returns:
-        The verdicts by the names in `STRUCTURES`, without those that do not apply to the colours of the method.
-
-    Raises:
-        SeriesError: `method` is no method.
-    """
+    """Verdicts of all structure tests up to some order; none for methods with auxiliary parts."""
     if auxiliary_colors(check_method(method)):
         return {}
     exact = trusted(method)

@@ -40,12 +40,7 @@ def _entry_facts(method: Method) -> Iterator[str]:
 
 
 def scene_table(scene: Scene, effects: Sequence[str] | None = None) -> Table:
-    """The table of a scene, with its entry in the catalogue.
-
-    Args:
-        scene: The scene.
-        effects: Effects for the title; by default the active ones.
-    """
+    """The table of a scene, with its entry in the catalogue."""
     table = scene.to_table()
     title = with_effects(scene.name, scene.active if effects is None else effects)
     rows = [*table.rows, *_scene_entry_facts(scene)]

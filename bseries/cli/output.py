@@ -96,12 +96,7 @@ class WholeNumber(click.ParamType):
 
 
 def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FORMATS) -> Callable[..., None]:
-    """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text.
-
-    Args:
-        verb: The verb.
-        formats: The formats of the verb.
-    """
+    """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text."""
 
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
     @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE, in the format of its suffix.")

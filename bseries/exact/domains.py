@@ -97,11 +97,7 @@ class Values(Protocol):
 
 
 def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
-    """A number in its narrowest domain: a Fraction, a float, or a SymPy expression without floats.
-
-    Raises:
-        SeriesError: It is not a finite number or expression.
-    """
+    """A number in its narrowest domain: a Fraction, a float, or a SymPy expression without floats."""
     if isinstance(value, Decimal) and value.is_finite():
         return Fraction(value)
     if isinstance(value, Rational) and not isinstance(value, bool):
@@ -359,11 +355,7 @@ def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
 
 
 def to_float(number: Any) -> float:
-    """The nearest float.
-
-    Raises:
-        SeriesError: The number has symbols without a value.
-    """
+    """The nearest float."""
     try:
         return nearest_double(number)
     except ArithmeticError:

@@ -75,9 +75,6 @@ def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any,
     """The entries of a method in an arithmetic, matrices in compressed sparse rows.
 
     Entries carry the scaling of one node, weights that of a field or flow; with `field` None, neither does.
-
-    Returns:
-        Block ends, row starts, columns, matrix entries, weights, relation.
     """
     node, last = (
         arithmetic.entry_factors
@@ -199,16 +196,7 @@ def into_stages(
     target: Any = None,
     inverses: Sequence[Any] = (),
 ) -> Any:
-    """The series of a method applied to `field`, or the field that gives the series `target`.
-
-    Args:
-        stages: The method.
-        table: The trees.
-        arithmetic: Any except the homogeneous `Wrapped`.
-        field: b at every tree.
-        target: The result at every tree, if b is sought.
-        inverses: In that case 1/B for each colour, with B the sum of the weights.
-    """
+    """The series of a method applied to `field`, or the field that gives the series `target`."""
     size, top, solve = len(table), table.offsets[-2], field is None
     _, row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
     shape = _layout(stages)

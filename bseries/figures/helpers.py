@@ -36,12 +36,6 @@ def _is_a(kind: type, value: Any) -> bool:
 def truncated_scene(method: str, scene: Scene, terms: int, h: float) -> Scene:
     """The truncated modified equation y' = f(y) + h f_2(y) + … + h^(N−1) f_N(y) for one step size, as a scene.
 
-    Args:
-        method: The name of the method.
-        scene: The scene that the method is applied to.
-        terms: The number of terms N.
-        h: The step size; its printed decimal is used.
-
     Example:
         >>> truncated_scene("explicit-euler", bs.scene("riccati"), 3, 0.1).field
         (3*y**4/200 - y**3/10 + y**2,)

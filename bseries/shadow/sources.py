@@ -248,11 +248,7 @@ def find_roles(
     forces: SceneForces | None,
     roles: Sequence[str] = tuple(NAMES),
 ) -> dict[str, list[str]]:
-    """The names of the columns of each role: as chosen, by the names of a scene, or by usual names.
-
-    Raises:
-        SeriesError: Names are not unique, a choice fits none, or a quantity is missing.
-    """
+    """The names of the columns of each role: as chosen, by the names of a scene, or by usual names."""
     names, chosen = [str(name) for name in names], columns or {}
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:

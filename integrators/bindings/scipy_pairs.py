@@ -76,9 +76,6 @@ def solver_class(method: RungeKutta, name: str) -> type[PairSolver]:
     Orders come from the order conditions. Two estimates E of order k and E' of a lower order k' combine into
     E²/√(E² + (0.1 E')²), of order 2k − k'.
 
-    Raises:
-        IntegratorError: The method has symbols, is implicit or inconsistent, or has no usable embedded weights.
-
     References:
         Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.4 (embedded weights) and II.10 (two
         estimates).

@@ -30,15 +30,6 @@ def load_module(
 ) -> ModuleType:
     """Load generated source as a module; the same source gives the same module.
 
-    Args:
-        source: The text of the module.
-        helpers: Modules that it imports, or their files.
-        keep: Whether the module lives until the process ends, as cached machine code requires, or until its last
-            reference is gone.
-
-    Returns:
-        The module, executed once in its lifetime.
-
     Example:
         >>> module = load_module("def twice(x):\\n    return 2*x\\n")
         >>> module.twice(21)

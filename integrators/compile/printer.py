@@ -49,18 +49,6 @@ def source_lines(
 ) -> list[str]:
     """Write formulas as assignments in Python, without common subexpressions.
 
-    Args:
-        assignments: Targets and formulas. A target is the text to the left of ``=``, or an augmented one such as
-            ``"out[0] +="``.
-        names: The text of each symbol: a variable, or an entry such as ``y[0]``.
-        temporary: The prefix of temporary variables.
-
-    Returns:
-        The lines, without indentation. They call the `FUNCTIONS`.
-
-    Raises:
-        IntegratorError: A formula uses other symbols or functions, or a number that is not real and finite.
-
     Example:
         >>> import sympy
         >>> x, y = sympy.symbols("x y")
@@ -89,12 +77,6 @@ def source_lines(
 
 def count_operations(lines: Iterable[str]) -> Counter[str]:
     """Count the operations in lines of Python.
-
-    Args:
-        lines: Lines from `source_lines`.
-
-    Returns:
-        The number of operations of each kind in `COSTS`; signs are free.
 
     Example:
         >>> sorted(count_operations(["c0 = sin(x)*x", "y = c0/(1.0 - c0) + x"]).items())

@@ -26,17 +26,6 @@ if TYPE_CHECKING:
 def compiled_scene(scene: System) -> ModuleType:
     """Compile the functions of a scene, or load them from the cache on disk.
 
-    Args:
-        scene: The scene; its parameters must be numbers.
-
-    Returns:
-        A module with ``field(y, out)``, ``energy(y)`` if the scene has a Hamiltonian, and ``invariants(y, out)`` if it
-        has first integrals, where `y` and `out` are different contiguous arrays of doubles. Outside the domain the
-        results are infinite or nan.
-
-    Raises:
-        IntegratorError: A parameter is a symbol, or a number beyond the range of doubles.
-
     Example:
         >>> import numpy as np
         >>> from integrators.scenes.scene import Scene

@@ -22,12 +22,6 @@ def plug_in_entries(group: str, kind: type, taken: Collection[str], check: Calla
 
     An entry point is a sequence of entries. If one of them cannot be used, all of its entries are left out with a
     warning that says why.
-
-    Args:
-        group: The group, such as ``bseries.methods``.
-        kind: The class of the entries.
-        taken: Names in use, in their normalised spelling.
-        check: Raises an error if an entry cannot be used.
     """
     from importlib.metadata import entry_points
 

@@ -46,9 +46,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def cached_method(function: Function) -> Function:
     """Cache the results of a method in its object; `functools.cache` would keep the object alive.
 
-    Args:
-        function: A method, or a function of an object and hashable positional arguments.
-
     Example:
         >>> class Squares:
         ...     @cached_method

@@ -244,15 +244,6 @@ def _text(array: np.ndarray, name: str) -> Any:
 def read_json(text: str, form: Any, name: str) -> Any:
     """The content of JSON text, checked against a form.
 
-    Args:
-        text: The text.
-        form: A type; None; a dictionary of forms for the keys that matter, where a missing one is None; a list of one
-            form for all entries; or a tuple of forms of which one must match.
-        name: Its name in messages.
-
-    Raises:
-        ValueError: It is no JSON, is nested too deeply, or does not match the form.
-
     Example:
         >>> read_json('{"names": ["p", "q"], "h": null}', {"names": [str], "h": (None, float)}, "head")
         {'names': ['p', 'q'], 'h': None}

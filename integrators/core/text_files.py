@@ -153,11 +153,7 @@ def _unfinished(path: str) -> tuple[str, str]:
 
 
 def lock(file: IO[bytes]) -> bool:
-    """Lock a file open for writing until it is closed or the process ends; False if another process holds the lock.
-
-    Raises:
-        OSError: The file system has no locks.
-    """
+    """Lock a file open for writing until it is closed or the process ends; False if another process holds the lock."""
     try:
         import fcntl
     except ImportError:  # not POSIX: open files cannot be removed there
@@ -170,11 +166,7 @@ def lock(file: IO[bytes]) -> bool:
 
 
 def check_path(path: Any, argument: str) -> str:
-    """A path as text.
-
-    Raises:
-        IntegratorError: it is not a path; the message calls it `argument`.
-    """
+    """A path as text."""
     if not isinstance(path, str | os.PathLike):
         raise IntegratorError(f"{argument} must be a path, but was {shown(path)}")
     name = os.fspath(path)

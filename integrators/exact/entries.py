@@ -25,19 +25,7 @@ NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write t
 
 
 def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
-    """Read one entry of a tableau, exactly.
-
-    Args:
-        value: a Python, NumPy or SymPy number, a SymPy expression of roots and symbols, or a formula as text.
-        argument: the entry's name in messages.
-        names: symbols allowed in a formula; the symbols of a SymPy expression need not be declared.
-
-    Returns:
-        A `Fraction` if the value is rational, a float if it is a float, else a SymPy expression.
-
-    Raises:
-        IntegratorError: the value is not finite and real, or does not consist of rationals, roots and declared symbols.
-    """
+    """Read one entry of a tableau, exactly."""
     if isinstance(value, str | Decimal):
         return parse_number(str(value), names=names, argument=argument)
     if is_sympy(value):
@@ -84,11 +72,7 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
 
 
 def round_entry(value: Any) -> float:
-    """The nearest double to a number.
-
-    Raises:
-        IntegratorError: The number is beyond the range of doubles.
-    """
+    """The nearest double to a number."""
     try:
         number = float(value.evalf(30)) if is_sympy(value) else float(value)
     except OverflowError:
@@ -145,13 +129,6 @@ def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
 
 def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
     """Whether terms sum to zero: exactly, or within the error of inexact entries.
-
-    Args:
-        terms: numbers of one method, or products of two.
-        precision: the relative error of the entries, 0 if they are exact.
-
-    Returns:
-        The answer; None if it cannot be decided for a formula.
 
     Example:
         >>> terms = [Fraction(1, 3), Fraction("-0.333")]

@@ -53,19 +53,6 @@ _TOKEN = re.compile(
 def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
     """Read a formula of algebraic numbers and declared symbols.
 
-    Args:
-        text: the formula, with + - * / ^ (or **), parentheses, ``sqrt(x)``, ``cbrt(x)``, ``root(x, n)``, and
-            cosines, sines and tangents of rational multiples of pi, such as ``cos(pi/18)``.
-        names: the allowed symbols.
-        argument: its name in messages.
-
-    Returns:
-        A `Fraction` if it is rational, else a SymPy expression in plain symbols (``sympy.Symbol(name)``).
-
-    Raises:
-        IntegratorError: the text is not such a formula, or has a number that is infinite, not real, too long or of too
-            high a degree over the rationals.
-
     Example:
         >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
         (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
@@ -86,16 +73,6 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
 def parse_constant(text: str, *, argument: str = "number") -> Exact:
     """Read a number: a formula of numbers, roots, pi and elementary functions.
 
-    Args:
-        text: the formula.
-        argument: its name in messages.
-
-    Returns:
-        A `Fraction` if it is rational, else a SymPy expression.
-
-    Raises:
-        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
-
     Example:
         >>> parse_constant("1/10"), parse_constant("pi/4")
         (Fraction(1, 10), pi/4)
@@ -115,18 +92,6 @@ def parse_expression(
     ``heaviside(x)`` is (1 + sign(x))/2, ``min`` and ``max`` take two formulas or more, and ``where(x > y, a, b)`` is a
     where x > y, otherwise b. See `integrators.exact.branches` for their derivatives.
 
-    Args:
-        text: the formula.
-        names: the allowed symbols.
-        functions: the allowed functions, of `FUNCTIONS`.
-        argument: its name in messages.
-
-    Returns:
-        A SymPy expression in plain symbols, with fractions in place of decimals.
-
-    Raises:
-        IntegratorError: the text is not such a formula, or has a number that is infinite, not real or too long.
-
     Example:
         >>> parse_expression("p^2/2 - 0.5*cos(q)", names=["p", "q"])
         p**2/2 - cos(q)/2
@@ -141,12 +106,6 @@ def parse_expression(
 
 def format_number(value: Any) -> str:
     """The text of a number or formula, from which `parse_number` reads an equal value.
-
-    Args:
-        value: an integer, a `Fraction`, a float or a SymPy expression.
-
-    Returns:
-        The text; for a float, the shortest that gives the same float.
 
     Example:
         >>> format_number(Fraction(1, 2)), format_number(0.1)
@@ -171,12 +130,7 @@ def decimal_text(value: Fraction) -> str:
 
 
 def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
-    """The names of symbols as a tuple.
-
-    Raises:
-        IntegratorError: one has other characters than letters, digits and ``_``, begins with a digit, or names a
-            function; the message calls them `argument`.
-    """
+    """The names of symbols as a tuple."""
     if isinstance(names, str):
         raise IntegratorError(f"{argument} must be a sequence of names, but was the text {shorten(names)!r}")
     checked = tuple(names)

@@ -38,13 +38,6 @@ def nearest_double(value: Any) -> float:
     Python rounds fractions this way, SymPy does not. Irrational numbers are rounded to 40 digits first, which matters
     only for numbers that agree with the midpoint of two doubles to 40 digits.
 
-    Args:
-        value: A rational Python number, or a real SymPy number.
-
-    Raises:
-        ArithmeticError: It is beyond the range of doubles, or cannot be distinguished from zero.
-        TypeError: It is not a real number.
-
     Example:
         >>> import sympy
         >>> nearest_double(Fraction(1, 3)), nearest_double(1 - sympy.sqrt(2))

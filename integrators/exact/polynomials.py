@@ -112,16 +112,6 @@ def compose(p: Polynomial, q: Polynomial) -> Polynomial:
 def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> Matrix:
     """The matrix X with matrix · X = right.
 
-    Args:
-        matrix: a square matrix, by rows.
-        right: a matrix with as many rows; a vector is a matrix with one column.
-
-    Returns:
-        The solution, by rows.
-
-    Raises:
-        IntegratorError: the matrix is singular.
-
     Example:
         >>> solve([[Fraction(2), Fraction(1)], [Fraction(1), Fraction(1)]], [[Fraction(1)], [Fraction(0)]])
         ((Fraction(1, 1),), (Fraction(-1, 1),))
@@ -154,13 +144,6 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     """The roots of a polynomial with simple real roots only, ascending.
 
     Rational roots are exact; the others are within 10^-digits, as proved by python-flint's ball arithmetic.
-
-    Args:
-        p: a polynomial of degree 1 or more whose roots are all real and simple.
-        digits: decimals wanted.
-
-    Returns:
-        One `Fraction` per root.
 
     Example:
         >>> [str(root) for root in real_roots((Fraction(0), Fraction(-1, 3), Fraction(1)))]

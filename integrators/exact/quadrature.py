@@ -11,13 +11,6 @@ from typing import Any
 def gauss_legendre(count: int, digits: int = 40) -> tuple[tuple[Fraction, Fraction], ...]:
     """Nodes, in ascending order, and weights on [0, 1]; exact for polynomials of degree 2 count − 1.
 
-    Args:
-        count: The number of nodes.
-        digits: The number of correct digits.
-
-    Returns:
-        A pair of a node and its weight for each node; the denominators are powers of two.
-
     Example:
         >>> [(round(float(x), 10), float(weight)) for x, weight in gauss_legendre(2)]
         [(0.2113248654, 0.5), (0.7886751346, 0.5)]

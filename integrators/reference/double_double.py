@@ -34,9 +34,6 @@ inlined: Any = njit(nogil=True, error_model="numpy", fastmath=False, forceinline
 def split(value: Fraction) -> DoubleDouble:
     """The pair nearest to an exact number.
 
-    Raises:
-        OverflowError: The number is beyond the range of doubles.
-
     Example:
         >>> split(Fraction(1, 3))
         (0.3333333333333333, 1.850371707708594e-17)

@@ -50,25 +50,6 @@ def plain_step(
     Implicit stages are found by fixed-point iteration, or else by Newton's method, until the increments stagnate; flows
     and averages of the field are computed numerically until they no longer change.
 
-    Args:
-        method: A method of any kind, without symbols.
-        field: The field, a function of y that returns a sequence of numbers; for a method with several parts a function
-            for each part, as a mapping or in their order. Parts that are blocks of variables are zero elsewhere:
-            `block_parts` makes them. A kind of method for special fields (`max_children`) needs such a field.
-        y: The start of the step.
-        h: The step size, of any sign.
-        derivative: f′(y)v as a function of y and v, like `field`; parts may be left out. A missing one is computed by
-            complex steps for doubles, so that f must be analytic and accept complex numbers, and by differences with
-            twice the digits for mpmath.
-        flows: The exact flow of a part as a function of y and the time, like `field`; parts may be left out.
-        digits: None for doubles; else the number of digits, and `field` must compute with mpmath.
-
-    Returns:
-        The end of the step: an array of doubles, or of mpmath numbers.
-
-    Raises:
-        IntegratorError: An argument is invalid, the stages cannot be found, or a result is not finite.
-
     Example:
         >>> from integrators import method
         >>> print(plain_step(method("rk4"), lambda y: [-y[1], y[0]], [1, 0], 0.1))
@@ -94,9 +75,6 @@ def plain_steps(
 ) -> Vector:
     """Several steps of a method; the arguments and errors are those of `plain_step`.
 
-    Returns:
-        An array with one row for each component of y, and one column for the start and each step.
-
     Example:
         >>> from integrators import method
         >>> print(plain_steps(method("explicit-euler"), lambda y: -y, [1], 0.5, 3))
@@ -117,16 +95,6 @@ def plain_steps(
 
 def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict[str, Function]:
     """Split a field, or its derivative, into parts by blocks of variables.
-
-    Args:
-        function: The whole field y ↦ f(y), or its derivative (y, v) ↦ f′(y)v.
-        blocks: The indices of the components of each part, from 0, by name of part.
-
-    Returns:
-        For each part the function that is zero outside its block.
-
-    Raises:
-        IntegratorError: The blocks do not hold the indices 0, 1, … once each.
 
     Example:
         >>> parts = block_parts(lambda y: [-y[1], y[0]], {"p": [0], "q": [1]})

@@ -219,10 +219,6 @@ def _solve(
     step is below 10^−digits of each variable, apart from rounding. `perturbation` is a relative change of each variable
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
     errors.
-
-    Raises:
-        Stuck: The solution could not be continued.
-        TooManySteps: Extrapolated from the steps so far, the work would exceed `MOST_WORK`.
     """
     import numpy as np
 

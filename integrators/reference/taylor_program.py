@@ -60,13 +60,6 @@ class TaylorProgram(NamedTuple):
 def taylor_program(scene: Scene) -> TaylorProgram:
     """The operations that compute f(y) for a scene.
 
-    Args:
-        scene: The scene; its parameters must be numbers.
-
-    Raises:
-        IntegratorError: A parameter is a symbol, a number is not real or exceeds the range of doubles, or a formula is
-            nested too deeply.
-
     Example:
         >>> from integrators import Scene
         >>> program = taylor_program(Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)"))
@@ -91,11 +84,7 @@ def taylor_program(scene: Scene) -> TaylorProgram:
 
 
 def fraction_of(value: Any) -> Fraction:
-    """A real number of Python or mpmath as an exact fraction, one of SymPy to 60 digits if irrational.
-
-    Raises:
-        IntegratorError: The number is infinite, or cannot be distinguished from zero.
-    """
+    """A real number of Python or mpmath as an exact fraction, one of SymPy to 60 digits if irrational."""
     if isinstance(value, int | Fraction):
         return Fraction(value)
     if getattr(value, "is_Rational", False):

@@ -230,9 +230,6 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
     """A hash of the starts (if drawn, the first and the last) and of one step, which identifies functions of the user.
 
     The step also compiles everything before workers start.
-
-    Raises:
-        IntegratorError: Neither the first member nor the last can start.
     """
     import numpy as np
 

@@ -119,19 +119,6 @@ class Observers:
 def observers(scene: Scene, observe: Any) -> Observers:
     """Compile the quantities to observe on a scene.
 
-    Args:
-        scene: The scene.
-        observe: One of these, a list of them, or a mapping from names to them: ``"energy"``, the Hamiltonian, or that
-            of the base system if an effect removes it; the name of a first integral, even one that an effect breaks; a
-            function of (t, y), with y (variables,), that numba can compile. A list may contain ``"invariants"``, the
-            energy and all other first integrals that hold. None: nothing.
-
-    Returns:
-        The observers.
-
-    Raises:
-        IntegratorError: A quantity is unknown, a function cannot be compiled, or a name is invalid.
-
     Example:
         >>> import math
         >>> from integrators import scene

@@ -56,10 +56,6 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
 def loads_scene(text: str, *, source: str = "text") -> Scene:
     """Read a scene from TOML text, named `source` in error messages.
 
-    Raises:
-        IntegratorError: The text is not TOML, describes no scene, or declares a first integral that is not constant
-            along the field.
-
     Example:
         >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
         (y**2,)

@@ -56,13 +56,6 @@ class ControlText(NamedTuple):
 def read_control(control: Any, scene: System) -> sympy.Expr:
     """Read the step size function σ(y) of h = ε σ(y).
 
-    Args:
-        control: Text or a SymPy expression in the variables and parameters of the scene.
-        scene: The scene.
-
-    Raises:
-        IntegratorError: It is not a formula in these, or it is constant.
-
     Example:
         >>> from integrators import scene
         >>> read_control("sqrt(q1^2 + q2^2)", scene("kepler"))
@@ -75,11 +68,7 @@ def read_control(control: Any, scene: System) -> sympy.Expr:
 
 
 def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) -> np.ndarray:
-    """`State.control` at the start of a run.
-
-    Raises:
-        IntegratorError: σ is not positive there.
-    """
+    """`State.control` at the start of a run."""
     import numpy as np
     import sympy
 

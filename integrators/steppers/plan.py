@@ -215,11 +215,7 @@ def _without(work: Call | Group, block: int, kick: Form) -> Call | Group:
 
 
 def _topological_order(needs: Mapping[Key, Iterable[Key]]) -> list[Key]:
-    """Sort topologically, and otherwise in ascending order.
-
-    Raises:
-        CycleError: There is an implicit stage.
-    """
+    """Sort topologically, and otherwise in ascending order."""
     sorter = TopologicalSorter(needs)
     sorter.prepare()
     waiting, found = list(sorter.get_ready()), []
@@ -255,13 +251,7 @@ def _written(work: Call | Group) -> Iterable[Key]:
 
 
 def _merged(work: Sequence, *, old: Iterable[Key] = (), apart: Iterable[Key] = ()) -> list:
-    """Merge neighbouring calls of one evaluation and piece, so that common subexpressions are computed once.
-
-    Args:
-        work: Calls and groups.
-        old: Stage derivatives that are read from the previous iteration, and so may be read and written in one call.
-        apart: Stage derivatives that must have a call of their own.
-    """
+    """Merge neighbouring calls of one evaluation and piece, so that common subexpressions are computed once."""
     merged: list = []
     for item in work:
         last = merged[-1] if merged else None

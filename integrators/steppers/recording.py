@@ -19,9 +19,6 @@ def recorded(
     The arguments are the address of the steps and those of `steps_in_c`, of which `state`, `compensation`, `memory` and
     `control` are changed in place; the time at step 0 and the number of earlier steps; and those of `Stepper.record`,
     with empty arrays instead of None.
-
-    Returns:
-        The number of steps made; fewer if one failed, or if a state to be stored or observed was not finite.
     """
     y = pointer(state)
     done, y_row, o_row = 0, 0, 0

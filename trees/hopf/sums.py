@@ -323,9 +323,6 @@ def _check_alike(argument: str, terms: Iterable[Factors]) -> None:
 def exact_coefficient(value: Any) -> Any:
     """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression.
 
-    Raises:
-        TreeError: If it is a float, or not a number.
-
     Example:
         >>> exact_coefficient(Fraction(4, 2)), exact_coefficient(Fraction(1, 2))
         (2, Fraction(1, 2))

@@ -58,18 +58,6 @@ def fold(
     """The value of a tree: lift(tree, unit · the product of its children's values).
 
     It is computed from the leaves up, without recursion, and once for equal subtrees.
-
-    Args:
-        tree: The tree.
-        unit: The value of no children.
-        lift: Returns the value of a subtree from the product of the values of its children.
-        multiply: The product of two values.
-
-    Returns:
-        The value of the whole tree.
-
-    Raises:
-        TreeError: If there are too many products of terms.
     """
     values: dict[Tree, Terms] = {}
     work = 0

@@ -74,9 +74,6 @@ def perturbation_run(
     default `MOST_POINTS`. There is no result if the span is shorter than the time scale and all effects are below the
     rounding of a step.
 
-    Raises:
-        SeriesError: The terms do not decrease, are not finite or all 0, or the time scale of f tends to zero.
-
     Example:
         >>> import bseries as bs
         >>> from bseries.advice.predictions.modified_terms import gradient, modified_terms

@@ -95,12 +95,7 @@ def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
 
 
 def first_crossing(p: Sequence[Any]) -> Fraction | float:
-    """First x ≥ 0 beyond which p becomes negative.
-
-    Returns:
-        0 if p is negative immediately right of 0, ``inf`` if p(x) ≥ 0 for all x > 0, else the smallest positive root of
-        odd multiplicity: a `Fraction` if it is recognised as rational (and verified), else the nearest float.
-    """
+    """First x ≥ 0 beyond which p becomes negative."""
     p = trim(p[next((k for k, a in enumerate(p) if a), len(p)) :])
     signs = [sign(a) for a in p]
     if -1 not in signs:

@@ -98,19 +98,7 @@ def simulate_ensemble(
     output: Output,
     **options: Any,
 ) -> Table:
-    """Run an ensemble, store it if a file is given, and summarise it.
-
-    Args:
-        many: The options of the ensemble.
-        scene: The scene.
-        method: The method.
-        effects: The effects that are on.
-        to: The file.
-        predict: Whether to predict the time; by default for long runs only.
-        plot: The file of a picture.
-        output: The output, with the progress bar.
-        options: Further options of `integrators.runs.ensembles.ensemble`.
-    """
+    """Run an ensemble, store it if a file is given, and summarise it."""
     from bseries.scene_text import head, place
     from integrators.runs.ensembles import ensemble
     from integrators.runs.executors import cluster_executor

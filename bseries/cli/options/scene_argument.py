@@ -54,12 +54,6 @@ def takes_scene(
     """Add the option --scene, or the argument SCENE, and its options to a verb.
 
     The verb receives `scene` (None if not given) and `effects`, the names of the active effects.
-
-    Args:
-        as_argument: Whether it is an argument.
-        required: Whether there must be a scene.
-        compare: The verb switches effects itself. It gets the scene without them, a name if it is built in, and also
-            `parameters`, those of its effects included.
     """
     where = "name from `bseries scenes`, a .toml file, or - for one on standard input"
     if as_argument:

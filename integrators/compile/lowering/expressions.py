@@ -35,11 +35,7 @@ def refuse(node: ast.AST, reason: str = "is not lowered") -> NoReturn:
 
 
 def tree_of(function: Any) -> ast.FunctionDef:
-    """The syntax tree of a function.
-
-    Raises:
-        NotImplementedError: It contains unsupported constructs, or its file has changed since it was loaded.
-    """
+    """The syntax tree of a function."""
     tree = ast.parse(dedent(inspect.getsource(function))).body[0]
     if not isinstance(tree, ast.FunctionDef):
         refuse(tree)

@@ -230,9 +230,6 @@ def _entries(instruction: Any) -> int:
 def lowered(signature: Any = None) -> Callable[[Any], Any]:
     """Turn a generated function into an intrinsic that functions compiled by numba can call.
 
-    Args:
-        signature: The types of its result and its arguments; by default no result and arguments of any type.
-
     Example:
         >>> from numba import njit, types
         >>> @lowered(types.float64(types.float64, types.int64))

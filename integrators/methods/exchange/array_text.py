@@ -44,14 +44,6 @@ class Language(NamedTuple):
 def read_arrays(text: str, names: Iterable[str], language: Language) -> dict[str, Any]:
     """The values that a text assigns to names, as nested lists of formulas.
 
-    Args:
-        text: Source text.
-        names: The names to look for; those that are not assigned are left out.
-        language: Its language.
-
-    Raises:
-        IntegratorError: A name is assigned several times, or something else than numbers.
-
     Example:
         >>> read_arrays("A = [0 0; 1//2 0]; b = [0, 1] # weights", ["A", "b"], JULIA)
         {'A': [['0', '0'], ['(1)/(2)', '0']], 'b': ['0', '1']}

@@ -96,17 +96,6 @@ WIDTH = 100
 def method_picture(self: Any, ax: Axes | None = None) -> Axes:
     """The table of the method as a picture: the flows of a splitting, or the evaluations of a program.
 
-    Args:
-        self: The method.
-        ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-
-    Returns:
-        The axes.
-
-    Raises:
-        IntegratorError: `ax` is no axes.
-        ImportError: matplotlib is not installed.
-
     Example:
         >>> from integrators import method
         >>> print(method("lie-trotter").plot().texts[0].get_text())

@@ -49,16 +49,6 @@ class ContinuousExtension(NamedTuple):
 def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
     """The extension of order p − 1 of a method of order p, whose error O(h^p) is that of the method at a fixed time.
 
-    Args:
-        A: The stage matrix of an explicit method in doubles. The last stage is the derivative at the end of the step,
-            so the last row is `b`.
-        b: The weights.
-        order: The order p.
-
-    Returns:
-        An extension of order p − 1, at least min(p, 3) and at most `MOST_EXTENSION_ORDER`; of lower order if
-        `MOST_FURTHER_STAGES` do not suffice.
-
     Example:
         >>> import numpy as np
         >>> heun = continuous_extension(np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.5, 0]]), np.array([0.5, 0.5, 0]), 2)

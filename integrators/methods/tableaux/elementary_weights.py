@@ -37,9 +37,6 @@ class Conditions(NamedTuple):
 def weight_conditions(A: Array) -> Iterator[Conditions]:
     """The order conditions of a stage matrix for orders 1, 2, 3, ….
 
-    Args:
-        A: a square array of doubles, or of `Fraction`s as objects for exact conditions.
-
     Example:
         >>> import numpy as np
         >>> from itertools import islice

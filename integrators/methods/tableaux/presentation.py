@@ -53,17 +53,6 @@ def tableau_latex(method: Any) -> str:
 def tableau_picture(self: Any, ax: Axes | None = None) -> Axes:
     r"""The tableau as a picture; those of several parts side by side. Long irrational entries are rounded to floats.
 
-    Args:
-        self: The method.
-        ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-
-    Returns:
-        The axes.
-
-    Raises:
-        IntegratorError: `ax` is no axes.
-        ImportError: matplotlib is not installed.
-
     Example:
         >>> from integrators import method
         >>> [text.get_text() for text in method("explicit-midpoint").plot().texts if text.get_text()]

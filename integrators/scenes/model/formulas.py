@@ -96,11 +96,7 @@ def formula_text(formula: sympy.Expr) -> str:
 
 
 def as_float(value: sympy.Expr) -> float:
-    """The double nearest to an exact number.
-
-    Raises:
-        IntegratorError: The number exceeds the range of doubles, or cannot be distinguished from zero.
-    """
+    """The double nearest to an exact number."""
     try:
         return nearest_double(value)
     except ArithmeticError as error:

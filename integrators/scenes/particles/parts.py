@@ -104,20 +104,7 @@ UNNAMED = ("a", "b")
 
 
 def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[Piece, ...]:
-    """The pieces of a scene's field that correspond to the colours of a method or series.
-
-    Args:
-        names: The names of the colours; a single colour is the whole field.
-        scene: The scene.
-        parts: Maps every name to a block, a part of the field, or a list of blocks. None if the names are those of
-            blocks (the time variable is added to the last block) or of parts; or if both the names and the two blocks
-            of the scene tell momenta from positions, as v and x do; or if they are a, b and the scene has two blocks:
-            then a advances the positions (drift) and b the momenta (kick), the convention for splitting methods. If
-            the blocks are not canonical, a advances the second block and b the first.
-
-    Raises:
-        IntegratorError: A colour is ambiguous, or the pieces do not sum to the whole field.
-    """
+    """The pieces of a scene's field that correspond to the colours of a method or series."""
     if parts is not None:
         if len(names) == 1:
             raise IntegratorError(f"parts must be None where the whole field is one part, but was {parts!r:.60}")
