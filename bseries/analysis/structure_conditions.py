@@ -22,7 +22,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.analysis.stability.field_elements import to_flint
 from bseries.exceptions import SeriesError
 from foundation.table import Table, as_html, fact_table
-from integrators.core.canonical_names import canonical_names
+from integrators.core.arguments import canonical_names
 from trees.counting import normal_limits
 from trees.free_trees import grafting, is_separable
 from trees.table import tree_table

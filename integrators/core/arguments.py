@@ -1,4 +1,4 @@
-"""Checks of arguments: numbers, arrays, sequences, labels and names."""
+"""Checks of arguments: numbers, arrays, sequences, labels, names, and names that tell momenta from positions."""
 
 from __future__ import annotations
 
@@ -104,3 +104,23 @@ def check_progress(progress: Any) -> None:
     """Refuse a progress callback that cannot be called."""
     if progress is not None and not callable(progress):
         raise IntegratorError(f"progress must be a function of two numbers, but was {shown(progress)}")
+
+
+MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})
+POSITIONS = frozenset({"q", "Q", "x", "r", "theta", "phi"})
+"""Names of momenta (velocities, actions) and of positions (angles)."""
+
+
+def canonical_names(names: Iterable[str]) -> tuple[str, str] | None:
+    """The names of momenta and of positions: p and q, or the only pair of other such names; None if names do not tell.
+
+    Example:
+        >>> canonical_names(["x", "v"]), canonical_names(["v", "q", "p"]), canonical_names(["x", "y"])
+        (('v', 'x'), ('p', 'q'), None)
+    """
+    given = tuple(names)
+    for groups in (({"p"}, {"q"}), (MOMENTA, POSITIONS)):
+        momenta, positions = ([name for name in given if name in group] for group in groups)
+        if len(momenta) == len(positions) == 1:
+            return momenta[0], positions[0]
+    return None

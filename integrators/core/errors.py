@@ -1,7 +1,7 @@
 """The error that every misuse of this package raises."""
 
 from collections.abc import Iterable
-from fractions import Fraction
+from numbers import Rational
 from typing import Any
 
 
@@ -20,7 +20,7 @@ def shorten(text: str, length: int = 60) -> str:
 def shown(value: Any) -> str:
     """A value as text for a message; Python refuses to print integers of more than 4300 digits."""
     try:
-        return shorten(str(value) if isinstance(value, Fraction) else repr(value))
+        return shorten(str(value) if isinstance(value, Rational) else repr(value))
     except ValueError:
         return "too long to be printed"
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import MOST_STEPS, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact.quadrature import gauss_legendre
+from integrators.exact.polynomials import gauss_legendre
 from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, operands
 from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from integrators.core.canonical_names import MOMENTA, POSITIONS, canonical_names
+from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import NOT_FINITE
 from integrators.scenes.model.blocks import TIME, read_blocks

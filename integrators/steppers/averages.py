@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from integrators.compile.printer import indented
-from integrators.exact.quadrature import gauss_legendre
+from integrators.exact.polynomials import gauss_legendre
 from integrators.scenes.model.system import output_formula
 from integrators.scenes.particles.parts import degree
 

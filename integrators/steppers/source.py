@@ -44,10 +44,8 @@ KERNELS = {
         "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_converged",
         "midpoint_step", "next_interval",
     ),
-    "integrators.steppers.kernels.iteration": (
+    "integrators.steppers.kernels.stage_kernels": (
         "BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding",
-    ),
-    "integrators.steppers.kernels.linear_algebra": (
         "add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity",
     ),
     "integrators.compile.machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),

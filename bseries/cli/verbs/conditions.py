@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.trees import takes_max_children
+from bseries.cli.options.numbers import takes_max_children
 from bseries.cli.output import WholeNumber, takes_output, takes_text
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.powers import read_powers, takes_powers
+from bseries.cli.options.numbers import read_powers, takes_powers
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
 from bseries.cli.output import takes_output
 

@@ -9,9 +9,8 @@ import click
 
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import read_float
+from bseries.cli.options.numbers import read_float, read_powers, takes_powers
 from bseries.cli.options.plot import takes_plot
-from bseries.cli.options.powers import read_powers, takes_powers
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
 from bseries.cli.output import takes_output
 

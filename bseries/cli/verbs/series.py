@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.trees import takes_max_children
+from bseries.cli.options.numbers import takes_max_children
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal
+from bseries.cli.options.numbers import takes_max_children
 from bseries.cli.options.plot import takes_plot
-from bseries.cli.options.trees import takes_max_children
 from bseries.cli.output import WholeNumber, takes_output
 
 if TYPE_CHECKING:

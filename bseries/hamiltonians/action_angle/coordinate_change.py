@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.fields.symbolic.polynomials import TooLarge
-from bseries.hamiltonians.action_angle.newton import newton
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
@@ -24,6 +23,9 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     import numpy as np
     import sympy
+
+    Equations: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    """Functions from rows x, and their numbers among all points, to f(x) and the matrices f'(x)."""
 
 
 class CoordinateChange(ImmutableValue):
@@ -343,3 +345,64 @@ def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
     if keys is None or set(keys) != set(names):
         was = repr(formulas) if keys is None else f"for {', '.join(map(str, keys)) or 'none'}"
         raise SeriesError(f"{argument} must have a formula for each of {', '.join(names):.60}, but was {was:.60}")
+
+
+MOST_STEPS = 200
+CONVERGED = 1e-8
+"""Newton's method has converged if its step is smaller; it continues until steps no longer decrease."""
+CONTINUATIONS = (1, 8, 64)
+"""The numbers of steps of the continuation, tried in this order: of 2,000 points near a small denominator, 75 would
+reach another solution without, and 45 with 8 steps at most."""
+
+
+def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")) -> np.ndarray:
+    """Solve f(x) = 0 at each row of `start`; nan where a step exceeds the previous one times `growth`, or steps end."""
+    import numpy as np
+
+    x, last = start.copy(), np.full(len(start), np.inf)
+    active = np.flatnonzero(np.isfinite(x).all(axis=1))
+    for _ in range(MOST_STEPS):
+        if not active.size:
+            break
+        with np.errstate(all="ignore"):
+            residual, matrix = equations(x[active], active)
+            matrix[np.linalg.det(matrix) == 0] = np.nan
+            step = np.linalg.solve(matrix, residual[..., None])[..., 0]
+        x[active] -= step
+        moved, before = (np.abs(step) / (1 + np.abs(x[active]))).sum(axis=1), last[active]
+        done = (moved == 0) | ((moved >= before) & (before < CONVERGED))
+        failed = ~done & ~(moved <= growth * before) & ~(before < CONVERGED)
+        x[active[failed]] = np.nan
+        last[active] = moved
+        active = active[~done & ~failed]
+    x[active] = np.nan
+    return x
+
+
+def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
+    """Solve x + g(x) = origin at each row, for the solution that continues the identity; nan where that fails.
+
+    The equations have other solutions far away. The wanted one is followed in x + s·g(x) = origin from s = 0 to 1, with
+    Newton steps that at least halve. If a continuation fails, one with more steps is tried; in the end, plain Newton
+    steps.
+
+    References:
+        P. Deuflhard, *Newton Methods for Nonlinear Problems*, section 5.1 (continuation with the monotonicity test).
+    """
+    import numpy as np
+
+    x, identity = np.full_like(origin, np.nan), np.eye(origin.shape[1])
+    for count, growth in [*((count, 0.5) for count in CONTINUATIONS), (1, np.inf)]:
+        rest = np.flatnonzero(np.isnan(x).any(axis=1))
+        found = origin[rest]
+        for share in np.arange(1, count + 1) / count:
+
+            def equations(
+                z: np.ndarray, k: np.ndarray, share: float = share, at: np.ndarray = rest
+            ) -> tuple[np.ndarray, np.ndarray]:
+                value, matrix = shift(z, at[k])
+                return z + share * value - origin[at[k]], identity + share * matrix
+
+            found = newton(equations, found, growth)
+        x[rest] = found
+    return x

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.action_angle.newton import continued
+from bseries.hamiltonians.action_angle.coordinate_change import continued
 from trees.compiled import float_kernel
 
 if TYPE_CHECKING:

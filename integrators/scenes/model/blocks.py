@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from integrators.core.arguments import as_lists, is_listed
-from integrators.core.canonical_names import canonical_names
+from integrators.core.arguments import as_lists, canonical_names, is_listed
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import check_names
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from integrators.core.canonical_names import canonical_names
+from integrators.core.arguments import canonical_names
 from integrators.core.errors import IntegratorError
 from integrators.methods.programs.program import ChildBounds
 from integrators.scenes.model.blocks import canonical_blocks

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from integrators.exact.quadrature import gauss_legendre
+from integrators.exact.polynomials import gauss_legendre
 
 
 @pytest.mark.parametrize(("count", "digits"), [(1, 40), (2, 40), (5, 40), (12, 40), (3, 200)])

@@ -1,10 +1,13 @@
-"""Dense linear algebra on pointers for small matrices, without the cost of calls of LAPACK."""
+"""Kernels of implicit stages: linear algebra on pointers, without the cost of calls of LAPACK, and stopping criteria.
+
+Changes in stopping criteria are bits of doubles.
+"""
 
 from __future__ import annotations
 
 from math import inf, nan
 
-from integrators.compile.machine import compiled
+from integrators.compile.machine import DOUBLE, DOUBLES, TRUTH, WHOLE, bits, compiled, inlined_as, value_of
 
 
 @compiled
@@ -105,3 +108,48 @@ def assemble(matrix, size, jacobians, n, h, parts, factors):
         for i in range(parts[5 * part + 2]):
             for j in range(parts[5 * part + 3]):
                 matrix[to + i * size + j] -= factor * jacobians[start + i * n + j]
+
+
+STAGNATION = 2.0**-39
+"""Relative change below which an iteration without progress has converged, ε^(3/4)."""
+STALLS = 8
+"""Iterations without progress after which rounding errors of the state may explain the changes."""
+BITS_OF_INFINITY = 0x7FF0000000000000
+
+
+@inlined_as(TRUTH, WHOLE)
+def failed(change):
+    """Whether a change is infinite or nan."""
+    return change >= BITS_OF_INFINITY
+
+
+@inlined_as(TRUTH, WHOLE, WHOLE, DOUBLE)
+def falls(change, before, factor):
+    """Whether a change has fallen by more than a factor."""
+    return factor * value_of(change) < value_of(before)
+
+
+@inlined_as(WHOLE, DOUBLES, WHOLE, WHOLE)
+def largest(values, first, end):
+    """The bits of the largest absolute value."""
+    found = 0
+    for i in range(first, end):
+        found = max(found, bits(abs(values[i])))
+    return found
+
+
+@inlined_as(TRUTH, WHOLE, WHOLE, DOUBLE, DOUBLES, WHOLE, WHOLE)
+def negligible(change, size, h, y, first, end):
+    """Whether a change of stage derivatives is small relative to their size or to y / h."""
+    scale = max(abs(h) * value_of(size), value_of(largest(y, first, end)))
+    return abs(h) * value_of(change) <= STAGNATION * scale
+
+
+@inlined_as(TRUTH, WHOLE, DOUBLE, DOUBLES, WHOLE)
+def within_rounding(change, h, y, end):
+    """Whether rounding errors of the whole state explain a change of stage derivatives.
+
+    The last bit of an angle near 10⁴ periods changes derivatives of size 1. As the iteration contracts, h times such a
+    change is about the last bit of the state; the bound is the same for all blocks of variables.
+    """
+    return abs(h) * value_of(change) <= STAGNATION * value_of(largest(y, 0, end))
