@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from bseries.fields.truncation import norms
 from integrators.core.errors import IntegratorError, shorten
 from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
@@ -48,6 +47,15 @@ def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
     import numpy as np
 
     return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
+
+
+def norms(y: np.ndarray) -> np.ndarray:
+    """The Euclidean norms of states (variables, n), without overflow or underflow."""
+    import numpy as np
+
+    scales = np.abs(y).max(axis=0)
+    scales[scales == 0] = 1.0
+    return np.linalg.norm(y / scales, axis=0) * scales
 
 
 def largest_size(y: np.ndarray) -> float:

@@ -317,11 +317,11 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
     References:
         HLW, section IX.7 (the optimal truncation index).
     """
-    sizes = _norms(check_field(f), y)
+    norms = _norms(check_field(f), y)
     step = read_step(h)
     if step == 0:
         raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
-    found = Reach(f"{f.label} on {f.scene.name}", step, sizes)
+    found = Reach(f"{f.label} on {f.scene.name}", step, norms)
     if method is not None:
         radius, spectral = convergence_radius(method).radius, _spectral_radius(f, method)
         found = found._replace(spectral_radius=spectral, radius=None if spectral is None else radius)
@@ -358,24 +358,24 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
     nearby = point[:, None] + (np.abs(point).max() or 1.0) * shifts
     values = f.terms(np.column_stack([point, nearby]))
     here = values[:, :, 0]
-    sizes = norms(here.T)
-    for k, norm in enumerate(sizes):
+    norms = _lengths(here)
+    for k, norm in enumerate(norms):
         if not math.isfinite(norm):
             raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
-    changes = norms((values[:, :, 1:] - here[:, :, None]).swapaxes(0, 1)).max(axis=1)
+    changes = _lengths(values[:, :, 1:] - here[:, :, None]).max(axis=1)
     series = f.series
     present = [not all(map(series.is_zero_at, series.table.ids(n))) for n in range(1, f.order + 1)]
-    return tuple(np.where(present & (changes < sizes / 2), sizes, 0.0).tolist())
+    return tuple(np.where(present & (changes < norms / 2), norms, 0.0).tolist())
 
 
-def norms(vectors: np.ndarray) -> np.ndarray:
-    """The Euclidean norms along the first axis; entries are scaled, so that squares neither overflow nor underflow."""
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Euclidean norms along axis 1; entries are scaled, so that squares neither overflow nor underflow."""
     import numpy as np
 
-    largest = np.abs(vectors).max(axis=0)
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
     scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
     with np.errstate(over="ignore"):
-        return np.linalg.norm(vectors / scale, axis=0) * scale
+        return np.linalg.norm(vectors / scale, axis=1) * scale[:, 0]
 
 
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:

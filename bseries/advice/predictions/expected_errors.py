@@ -17,9 +17,8 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from bseries.advice.measures import energy_size, largest_size, without_time
+from bseries.advice.measures import energy_size, largest_size, norms, without_time
 from bseries.advice.predictions.prediction import ExpectedError
-from bseries.fields.truncation import norms
 
 if TYPE_CHECKING:
     import numpy as np

@@ -15,10 +15,10 @@ from functools import cache
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.measures import largest_size, without_time
+from bseries.advice.measures import largest_size, norms, without_time
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import modified_field
-from bseries.fields.truncation import Reach, norms
+from bseries.fields.truncation import Reach
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
