@@ -30,6 +30,7 @@ ADVISED = {
     "n-body": ("stormer-verlet", 0.01, 3, 1e-3, {"epsilon": "1e-3"}, ("softening",)),
     "outer-solar-system": ("stormer-verlet", 20, 4000, 1e-4, {"effects": ["saturn", "pluto"]}, ("pluto",)),
     "lennard-jones": ("stormer-verlet", 0.01, 2, 1e-2, {"k": "1/1000"}, ("confinement",)),
+    "magnetic-dipole": ("rk4", 0.01, 3, 1e-2, {"k": "1/1000000"}, ("attraction",)),
 }
 """Method, step, span, accepted error, parameters, and what is to be left out."""
 
