@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from itertools import chain
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
@@ -52,23 +53,24 @@ class ErrorCoefficients(NamedTuple):
     """The terms of the local error with one power of h, by default the leading one.
 
     `terms` pairs each tree of order p+1 with e(τ) = (a(τ) − 1/γ(τ)) / σ(τ); the local error is
-    h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)).
+    h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)). `names` are those of the colours, if there are several.
     """
 
     order: int
     terms: tuple[tuple[Tree, Any], ...]
+    names: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
         return f"<ErrorCoefficients: order {self.order}, {len(self.terms)} trees>"
 
     def to_dict(self) -> dict[str, Any]:
         """The coefficients as plain data."""
-        terms = [{"tree": str(tree), "coefficient": str(e)} for tree, e in self.terms]
+        terms = [{"tree": tree.text(self.names), "coefficient": str(e)} for tree, e in self.terms]
         return {"schema": 1, "kind": "error-coefficients", "order": self.order, "norm": self.norm, "terms": terms}
 
     def to_table(self) -> Table:
         """The coefficients as a table."""
-        columns = (Column("tree τ"), Column("e(τ)", True))
+        columns = (Column("tree τ", get=lambda row: row[0].text(self.names)), Column("e(τ)", True, itemgetter(1)))
         notes = [] if self.norm is None else [f"Principal error norm: {self.norm:.6g}."]
         return Table(f"Error coefficients at order {self.order + 1}", columns, self.terms, notes, data=self.to_dict)
 
@@ -230,7 +232,8 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     exact = _exact(s.table, auxiliary_colors(method))
     ids = s.table.ids(order + 1)
     terms = tuple((s.table[at], (s.stored[at] - exact[at]) / s.table[at].symmetry) for at in ids)
-    return ErrorCoefficients(order, tuple((tree, _simple(e)) for tree, e in terms))
+    names = s.names if s.table.colors > 1 else None
+    return ErrorCoefficients(order, tuple((tree, _simple(e)) for tree, e in terms), names)
 
 
 def _simple(value: Any) -> Any:

@@ -32,7 +32,7 @@ class OrderCondition(ImmutableValue):
         Σ b_i c_i a_ij c_j = 1/8
         >>> condition.tree, condition.right, condition.left
         (Tree('[τ,[τ]]'), Fraction(1, 8), 'Σ b_i c_i a_ij c_j')
-        >>> print(condition.latex)
+        >>> print(condition.to_latex())
         \\sum_{i,j} b_{i} c_{i} a_{ij} c_{j} = \\frac{1}{8}
     """
 
@@ -59,8 +59,7 @@ class OrderCondition(ImmutableValue):
         """The left-hand side as text."""
         return left_text(self._program, self._equation)
 
-    @property
-    def latex(self) -> str:
+    def to_latex(self) -> str:
         """The equation as LaTeX."""
         return f"{left_text(self._program, self._equation, latex=True)} = {latex_number(self.right, None)}"
 

@@ -132,18 +132,18 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """The equations as text, one on each line."""
         return "\n".join(map(str, self))
 
-    def latex(self) -> str:
+    def to_latex(self) -> str:
         """The equations as LaTeX, aligned at their equality signs.
 
         Example:
             >>> import bseries as bs
-            >>> print(bs.order_conditions("runge-kutta", 2).latex())
+            >>> print(bs.order_conditions("runge-kutta", 2).to_latex())
             \\begin{align*}
             \\sum_{i} b_{i} &= 1 \\\\
             \\sum_{i} b_{i} c_{i} &= \\frac{1}{2}
             \\end{align*}
         """
-        lines = " \\\\\n".join(condition.latex.replace(" = ", " &= ") for condition in self)
+        lines = " \\\\\n".join(condition.to_latex().replace(" = ", " &= ") for condition in self)
         return f"\\begin{{align*}}\n{lines}\n\\end{{align*}}"
 
     def residuals(self, *arrays: Any) -> list[Any]:
@@ -272,7 +272,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             ("isomeric", lambda x: [tree.text(names) for tree in x.trees[1:]]),
             ("left", lambda x: x.left),
             ("right", lambda x: str(x.right)),
-            ("latex", lambda x: x.latex),
+            ("latex", lambda x: x.to_latex()),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -321,7 +321,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             items="conditions",
             section=lambda x: x.tree.order,
             records=listed(self._fields, rows),
-            own={"latex": lambda width: self.latex() + "\n"},
+            own={"latex": lambda width: self.to_latex() + "\n"},
         )
 
     _repr_html_, to_pandas = as_html, as_frame

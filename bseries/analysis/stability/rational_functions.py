@@ -281,18 +281,18 @@ class StabilityFunction(ImmutableValue):
     def __repr__(self) -> str:
         return f"StabilityFunction({shorten(str(self))})"
 
-    def latex(self) -> str:
+    def to_latex(self) -> str:
         """The function as LaTeX.
 
         Example:
-            >>> print(StabilityFunction([1], [1, -1, "1/2"]).latex())
+            >>> print(StabilityFunction([1], [1, -1, "1/2"]).to_latex())
             \\frac{1}{1 - z + \\frac{1}{2} z^{2}}
         """
         above, below = (polynomial_text(values, latex=True) for values in (self.p, self.q))
         return above if len(self.q) == 1 else f"\\frac{{{above}}}{{{below}}}"
 
     def _repr_latex_(self) -> str:
-        return f"${self.latex()}$"
+        return f"${self.to_latex()}$"
 
 
 def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:

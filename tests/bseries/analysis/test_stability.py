@@ -147,8 +147,8 @@ def test_text():
     gauss = stability_function(method("gauss2"))
     assert str(gauss) == "(1 + z/2 + z^2/12)/(1 - z/2 + z^2/12)"
     assert repr(gauss) == f"StabilityFunction({gauss})"
-    assert gauss.latex() == (r"\frac{1 + \frac{1}{2} z + \frac{1}{12} z^{2}}{1 - \frac{1}{2} z + \frac{1}{12} z^{2}}")
-    assert gauss._repr_latex_() == f"${gauss.latex()}$"
+    assert gauss.to_latex() == r"\frac{1 + \frac{1}{2} z + \frac{1}{12} z^{2}}{1 - \frac{1}{2} z + \frac{1}{12} z^{2}}"
+    assert gauss._repr_latex_() == f"${gauss.to_latex()}$"
     assert str(StabilityFunction([1, 0, Fraction(-2, 3)])) == "1 - 2*z^2/3"
     assert str(StabilityFunction([])) == "0"
     assert str(stability_function(method("tsit5"))).startswith("1 + z + 0.5*z^2 + 0.16666666")
