@@ -315,7 +315,7 @@ def _chosen(role: str, what: Any, names: list[str], label: str, roles: Sequence[
 def _of_arrays(
     arrays: Mapping[str, Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None
 ) -> Source:
-    """The source of arrays, (steps, …) each; or (…, steps) if only the last axis has the length of the times."""
+    """The source of arrays, (variables, times) or (times, …) each: (times, …) if both axes are as long as the times."""
     import numpy as np
 
     by_text = {str(name): name for name in arrays}
@@ -323,7 +323,10 @@ def _of_arrays(
     numbers = {role: [_array(arrays, by_text[name], label) for name in names] for role, names in found.items()}
     precisions = [float(np.finfo(x.dtype).eps) for part in numbers.values() for x in part if x.dtype.kind == "f"]
     masses, h = (numbers.pop(role, [None])[0] for role in ("mass", "h"))
-    count = next((numbers[role][0].size for role in ("t", "U") if role in numbers), len(np.atleast_1d(numbers["q"][0])))
+    positions = np.atleast_1d(numbers["q"][0])
+    turned = forces is not None and len(positions) == len(forces.inverse_masses) and len(numbers["q"]) == 1
+    states = positions.shape[-1 if turned else 0]
+    count = next((numbers[role][0].size for role in ("t", "U") if role in numbers), states)
     parts = {role: [_rows(x, count, role) for x in part] for role, part in numbers.items()}
     rows = {role: part[0] if len(part) == 1 else np.hstack(part) for role, part in parts.items()}
     dimension = rows["q"].shape[1]
@@ -381,4 +384,4 @@ def _rows(values: np.ndarray, count: int, role: str) -> np.ndarray:
         return values.reshape(count, -1)
     if values.ndim and values.shape[-1] == count:
         return values.reshape(-1, count).T
-    raise SeriesError(f"{role} must have {count} states along its first axis, but has the shape {values.shape}")
+    raise SeriesError(f"{role} must have {count} states along one axis, but has the shape {values.shape}")

@@ -53,10 +53,10 @@ def shadow_energy(
     by O(h²), which hides a drift. Memory does not depend on the length of the trajectory.
 
     Args:
-        trajectory: A `Trajectory`; arrays by name, (steps, …) each, also as a frame of pandas or xarray; or the path of
-            a file: one of this package, NPZ, NPY, or text with the names of columns in its first line. It has positions
-            q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and optionally t, h and
-            mass.
+        trajectory: A `Trajectory`; arrays by name, (variables, times) or (times, …) each, also as a frame of pandas or
+            xarray; or the path of a file: one of this package, NPZ, NPY, or text with the names of columns in its first
+            line. It has positions q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and
+            optionally t, h and mass.
         scene: A `Scene`, which supplies masses, potentials and forces. Trajectories of this package contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
         h: The step size, if neither times nor the file contain it.

@@ -575,11 +575,11 @@ REFUSED = [
         "lengths",
         lambda a: broken(a, p=a["p"][1:]),
         {},
-        r"p must have 601 states along its first axis, but has the shape \(600, 2\)",
+        r"p must have 601 states along one axis, but has the shape \(600, 2\)",
     ),
     (
         "turned round",
-        lambda a: {"q": np.zeros((2, 100)), "p": np.zeros((2, 100))},
+        lambda a: {"q": np.zeros((3, 100)), "p": np.zeros((3, 100))},
         {"scene": bs.scene("henon-heiles"), "h": 0.1},
         r"q must have the shape \(states, 2\), as the scene has 2 positions, but has 100 numbers for each state",
     ),
@@ -792,3 +792,14 @@ def test_pictures_need_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match="a picture needs matplotlib"):
         check_picture("run.png")
+
+
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
+def test_arrays_of_a_trajectory_are_read_as_they_are(name):
+    run = bs.integrate("stormer-verlet", name, h=0.05, steps=400)
+    d = len(run.y) // 2
+    p, q = run.y[:d], run.y[d:]
+    expected = bs.shadow_energy(run, order=6)
+    for arrays in ({"p": p, "q": q}, {"p": p.T, "q": q.T}):
+        found = bs.shadow_energy(arrays, bs.scene(name), order=6, h=0.05)
+        assert [row.deviation for row in found.rows] == pytest.approx([row.deviation for row in expected.rows])
