@@ -77,7 +77,7 @@ def parse_constant(text: str, *, argument: str = "number") -> Exact:
         >>> parse_constant("1/10"), parse_constant("pi/4")
         (Fraction(1, 10), pi/4)
     """
-    return _Parser(text, (), FUNCTIONS, argument).parse()
+    return _Parser(text, (), FUNCTIONS, argument, "a number").parse()
 
 
 def parse_expression(
@@ -146,11 +146,13 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
 class _Parser:
     """Recursive-descent parser of one text, with one method for each rule of the grammar above."""
 
-    def __init__(self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str) -> None:
+    def __init__(
+        self, text: str, names: tuple[str, ...], functions: tuple[str, ...], argument: str, wanted: str = "a formula"
+    ) -> None:
         if not isinstance(text, str):
             raise IntegratorError(f"{argument} must be text, but was {shown(text)}")
         self.text, self.names, self.functions, self.argument = text, names, functions, argument
-        self.wanted = "a formula" if names else "a number"
+        self.wanted = wanted
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
         self.depth = 0

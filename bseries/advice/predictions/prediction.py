@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from foundation.numbers import duration
+from bseries.advice.predictions.calibration import duration
 from foundation.table import Table, as_html, fact_table
-
-if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
 
 
 class ExpectedError(NamedTuple):
@@ -98,53 +92,3 @@ def time_only(h: Any, steps: int, reason: str, seconds: float | None = None) -> 
     """A prediction with unknown errors, and the reason."""
     unknown = ExpectedError(None, reason)
     return Prediction(float(h), steps, seconds, unknown, unknown, (), 0.0)
-
-
-SECONDS = 0.3
-"""Duration of the timed part: some time slices of the scheduler."""
-FIRST_STEPS, GROWTH = 64, 4
-"""Steps of the first trial, and the factor to the next, so that the last one takes less than four times `SECONDS`/2."""
-
-
-class Stopwatch:
-    """Progress function of `integrate` that measures the time of steps, without compilation before the first one.
-
-    `done` is the number of steps so far, `steps` that since the first record, `seconds` the time of the latter.
-    """
-
-    def __init__(self) -> None:
-        self.done, self.steps, self.seconds = 0, 0, 0.0
-        self._first: tuple[int, float] | None = None
-
-    def __call__(self, done: int, total: int) -> None:
-        """Record the progress of a run."""
-        self.done, now = done, (done, perf_counter())
-        self._first = self._first or now
-        self.steps, self.seconds = now[0] - self._first[0], now[1] - self._first[1]
-
-
-def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: Any) -> float | None:
-    """Seconds per step of a run, including observations and storage; None if there are too few steps to measure.
-
-    Runs that are shorter than the timed part are repeated. The options are those of `integrate`.
-    """
-    from integrators import integrate
-
-    def run(count: int) -> Stopwatch:
-        watch = Stopwatch()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # left to the run itself
-            integrate(method, scene, steps=count, progress=watch, **options)
-        return watch
-
-    count, watch = FIRST_STEPS, run(min(FIRST_STEPS, steps))
-    while watch.seconds <= SECONDS / 2 and count < steps:
-        count *= GROWTH
-        watch = run(min(count, steps))
-    if not watch.steps:
-        return None
-    costs, began = [watch.seconds / watch.steps], perf_counter()
-    while watch.seconds <= SECONDS / 2 and perf_counter() - began < SECONDS:
-        watch = run(steps)
-        costs.append(watch.seconds / watch.steps)
-    return sorted(costs)[len(costs) // 2]

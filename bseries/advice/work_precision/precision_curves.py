@@ -10,13 +10,13 @@ from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
+from bseries.advice.predictions.calibration import duration
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import candidates
 from bseries.advice.work_precision.diagram import HEIGHT, WIDTH, draw_panel
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
 from foundation.diagrams import write_title
-from foundation.numbers import duration
 from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress

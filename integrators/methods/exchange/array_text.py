@@ -24,6 +24,8 @@ MOST_TOKENS = 200
 """Between two commas; the parser's stack is as deep as an entry."""
 ARRAYS = ("array", "asarray")
 QUOTIENTS = ("Rational", "Fraction")
+ROOTS = ("sqrt", "cos", "sin", "tan")
+"""Functions that entries may have, of numbers and of multiples of pi."""
 ABSENT = ("NULL", "nullptr", "None", "nothing")
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.UAdd: "+", ast.USub: "-"}
 TOKEN = re.compile(r"[^\W\d]\w*|\d[\w.]*|\S")
@@ -132,8 +134,10 @@ class _Reader:
             parts = [self._formula(argument) for argument in node.args]
             if _called(node) in QUOTIENTS and 1 <= len(parts) <= 2:
                 return "/".join(f"({part})" for part in parts)
-            if _called(node) == "sqrt" and len(parts) == 1:
-                return f"sqrt({parts[0]})"
+            if _called(node) in ROOTS and len(parts) == 1:
+                return f"{_called(node)}({parts[0]})"
+        if isinstance(node, ast.Name) and node.id == "pi":
+            return node.id
         return self._refuse(self._text(node))
 
     def _text(self, node: ast.expr) -> str:
@@ -142,7 +146,7 @@ class _Reader:
 
     def _refuse(self, text: str) -> NoReturn:
         raise IntegratorError(
-            f"{self.name} must be an array of numbers, with + - * / and sqrt only, but has {shorten(text)!r}"
+            f"{self.name} must be an array of numbers, with + - * /, sqrt and cosines only, but has {shorten(text)!r}"
         ) from None
 
 

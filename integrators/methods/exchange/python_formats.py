@@ -53,7 +53,7 @@ def _write_nodepy(method: RungeKutta) -> str:
         f"# {header(method, 'nodepy', *notes)}",
         "import numpy as np",
         f"from nodepy.runge_kutta_method import {kind}",
-        "from sympy import Rational, sqrt  # noqa: F401",
+        "from sympy import Rational, cos, pi, sin, sqrt, tan  # noqa: F401",
         "",
         f"A = np.array({_rows(SYMPY, shown.A, digits, '')}, dtype=object)",
         f"b = np.array([{SYMPY.row(shown.b, digits)}], dtype=object)",

@@ -80,7 +80,7 @@ def test_failures_are_told(answer):
         ((*VERB, "--workers", "2"), "workers must come with --ensemble K, but came without"),
         ((*VERB, "--seed", "0"), "seed must come with --ensemble K"),
         ((*MANY, "--spread", "-1"), "spread must be a number from 0 on"),
-        ((*MANY, "--spread", "wide"), "spread must be a formula, but 'wide'"),
+        ((*MANY, "--spread", "wide"), "spread must be a number, but 'wide'"),
         ((*MANY, "--spread", "1", "--workers", "0"), "workers must be a positive integer, but was 0"),
         ((*MANY, "--spread", "1", "--scheduler", "tcp://a:1", "--workers", "2"), "scheduler must come without"),
         ((*MANY, "--spread", "1", "--save-every", "2"), "save-every must be left out with --ensemble"),

@@ -149,7 +149,7 @@ def test_refused_with_one_short_sentence(text, message):
     with pytest.raises(IntegratorError, match=message) as caught:
         parse_number(text, argument="A[1][2]")
     sentence = str(caught.value)
-    assert sentence.startswith("A[1][2] must be a number, but ")
+    assert sentence.startswith("A[1][2] must be a formula, but ")
     assert len(sentence) < 300
     assert "\n" not in sentence
 

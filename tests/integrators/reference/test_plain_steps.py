@@ -98,6 +98,8 @@ def exact_series(kind, velocity, digits):
 def local_errors(made, kind, steps, *, velocity=False, digits):
     """The errors of single steps of some sizes."""
     fields = functions(suitable_fields(kind, velocity))
+    if kind == "additive":
+        fields = dict(zip(made.names, fields.values(), strict=True))
     series = exact_series(kind, velocity, made.digits)
     y = POINT[: len(series)]
     with mpmath.workdps(75):
