@@ -33,6 +33,7 @@ VERBS = {
     "effects": "effects",
     "cost": "cost",
     "figure": "figure",
+    "report": "report",
     "completion": "completion",
 }
 """The verbs and their modules."""

@@ -34,7 +34,7 @@ TERMS, FEW_VARIABLES, TERMS_OF_MANY = 6, 4, 4
 SCALES = (0.2, 1.6)
 """Starts are the scene's, times a factor in between."""
 PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
-"""Times at which the patch is drawn after the start, points on its boundary, its radius relative to the start."""
+"""Times at which the patch is drawn after the start, points on its boundary, its radius relative to q and p."""
 ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
 NEAR = 10.0
 """Points of orbits that escape are drawn up to this many times the start."""
@@ -247,8 +247,9 @@ class SceneFlows:
 
         start, angle = scale * self.scene.y0, np.arange(CIRCLE) * (2 * np.pi / CIRCLE)
         circle = np.tile(start[:, None], CIRCLE)
-        radius = RADIUS * (np.linalg.norm(start) or 1.0)
-        for i, wave in zip(self.plane.conjugate or (), (np.cos(angle), np.sin(angle)), strict=False):
+        conjugate = list(self.plane.conjugate or ())
+        radius = RADIUS * (abs(start[conjugate]).max(initial=0.0) or 1.0)
+        for i, wave in zip(conjugate, (np.cos(angle), np.sin(angle)), strict=False):
             circle[i] += radius * wave
         return circle
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.modified import modified_equation
 from bseries.analysis.report import check
 from bseries.exceptions import SeriesError
+from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta, tableau_html
 from trees.counting import count_trees
 from trees.drawing import svg
 
@@ -20,13 +23,14 @@ DEFAULT_TREES = 100
 
 
 class TermRow(NamedTuple):
-    """A tree of the modified equation with its coefficient, as text; `value` and `latex` are of the weight."""
+    """A tree of the modified equation as text; `size` and `value` are the coefficient and the weight as numbers."""
 
     picture: str
     tree: str
     nodes: int
     coefficient: str
     weight: str
+    size: float
     value: float
     differential: str
 
@@ -90,7 +94,7 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
     return MethodFacts(
         method.name,
         report.order,
-        method._repr_html_(),
+        _tableau(method),
         method.to_table().to_latex(),
         report.to_table(nonzero=True).to_html(),
         tuple(method.issues),
@@ -103,17 +107,32 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
 
 
 def _row(term: SeriesTerm, names: tuple[str, ...] | None) -> TermRow:
-    try:
-        value = 0.0 if term.is_zero else float(term.weight)
-    except TypeError:  # a formula in the symbols of the tableau
-        value = float("nan")
     tree = term.tree
+    size, value = (0.0 if term.is_zero else _number(x) for x in (term.coefficient, term.weight))
     return TermRow(
         svg(tree, names=names),
         tree.text(names),
         tree.order,
         term.coefficient_text,
         term.weight_text,
+        size,
         value,
         tree.differential(names=names),
+    )
+
+
+def _number(value: Any) -> float:
+    """The value as a double; not a number for a formula in the symbols of the tableau."""
+    try:
+        return float(value)
+    except TypeError:
+        return math.nan
+
+
+def _tableau(method: Method) -> str:
+    """The tableau, or the steps of a method that has none, as HTML."""
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        return method.to_table().to_html()
+    return "".join(
+        f"<p>{name}</p>{tableau_html(part)}" for name, part in zip(method.names, method.partitions, strict=True)
     )
