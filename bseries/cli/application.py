@@ -34,6 +34,7 @@ VERBS = {
     "cost": "cost",
     "figure": "figure",
     "report": "report",
+    "explore": "explore",
     "completion": "completion",
 }
 """The verbs and their modules."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit, padded, quiet
@@ -38,6 +38,36 @@ PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
 ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
 NEAR = 10.0
 """Points of orbits that escape are drawn up to this many times the start."""
+
+
+class SceneShape(NamedTuple):
+    """What a page says of a scene before it has curves, all of it plain text and numbers.
+
+    Attributes:
+        title: The method and the scene.
+        start: The start as text.
+        span: The length of time.
+        largest: The largest step size.
+        terms: The most terms of the modified equation.
+        energy_terms: The most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian.
+        axes: The names on the axes of curves.
+        patch_axes: Those of patches; None without patches.
+        orbit_axes: Those of many orbits.
+        section: The variable that is zero where many orbits are shown; None if they are shown everywhere.
+        area: What areas are; empty if they have no meaning.
+    """
+
+    title: str
+    start: str
+    span: float
+    largest: float
+    terms: int
+    energy_terms: int
+    axes: tuple[str, str]
+    patch_axes: tuple[str, str] | None
+    orbit_axes: tuple[str, str]
+    section: str | None
+    area: str
 
 
 class SceneFlows:
@@ -84,21 +114,30 @@ class SceneFlows:
             return (f(start + shifts, 0.0) - f(start - shifts, 0.0)) / (2 * width)
 
     @property
-    def axes(self) -> tuple[str, str]:
-        """The names on the axes of curves."""
-        names = self.scene.variables
-        return ("t" if self.plane.x is None else names[self.plane.x]), names[self.plane.y]
-
-    @property
     def section(self) -> tuple[int, int, int] | None:
         """The section q1 = 0 and the variables (q2, p2) in it; None with one degree of freedom."""
         return (self.plane.pairs[0][0], *self.plane.pairs[1]) if len(self.plane.pairs) > 1 else None
 
     @property
-    def orbit_axes(self) -> tuple[str, str]:
-        """The names on the axes of `orbits`."""
-        names = self.scene.variables
-        return self.axes if self.section is None else (names[self.section[1]], names[self.section[2]])
+    def shape(self) -> SceneShape:
+        """What a page says of the scene."""
+        names, (x, y, conjugate, pairs) = self.scene.variables, self.plane
+        values = zip(names, self.scene.y0, strict=True)
+        axes, section = ("t" if x is None else names[x], names[y]), self.section
+        poisson = "∫ dp dq/B, B being the Poisson structure" if self.scene.poisson is not None else "Σ ∮ p dq"
+        return SceneShape(
+            title=f"{self.method.name} on {self.scene.name}",
+            start=", ".join(f"{name} = {value:.4g}" for name, value in values),
+            span=self.span,
+            largest=self.largest,
+            terms=self.terms,
+            energy_terms=self.energy_terms,
+            axes=axes,
+            patch_axes=None if conjugate is None else (names[conjugate[0]], names[conjugate[1]]),
+            orbit_axes=axes if section is None else (names[section[1]], names[section[2]]),
+            section=None if section is None else names[section[0]],
+            area=poisson if pairs else "",
+        )
 
     def numerical(self, h: float, scale: float) -> View:
         """The numerical solution; its column energy is H(y) − H(y0)."""

@@ -14,7 +14,7 @@ from integrators import RungeKutta
 from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
-    from bseries.explorer.flows import SceneFlows
+    from bseries.explorer.flows import SceneShape
     from bseries.explorer.method_facts import MethodFacts
     from bseries.explorer.stability_shapes import StabilityShapes
     from integrators.methods.programs.program import Method
@@ -46,22 +46,19 @@ def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[
     return {"title": title, "facts": facts, "stability_formula": region.formula}
 
 
-def scene_variables(flows: SceneFlows, pictures: Sequence[str]) -> dict[str, Any]:
+def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any]:
     """What the template says about a scene."""
-    values = zip(flows.scene.variables, flows.scene.y0, strict=True)
-    start = ", ".join(f"{name} = {value:.4g}" for name, value in values)
-    notes = [f"Start: {start}. Times to {flows.span:g}."]
-    if not flows.energy_terms:
+    notes = [f"Start: {scene.start}. Times to {scene.span:g}."]
+    if not scene.energy_terms:
         notes.append("The scene has no Hamiltonian, so no energy is shown.")
-    elif flows.energy_terms == 1:
+    elif scene.energy_terms == 1:
         notes.append("The method has no modified Hamiltonian on this scene: H̃ is shown for one term only, as H.")
-    elif flows.energy_terms < flows.terms:
-        notes.append(f"The modified Hamiltonian ends: H̃ is shown for up to {flows.energy_terms} terms.")
-    if flows.plane.pairs:
-        what = "∫ dp dq/B for the Poisson structure B" if flows.scene.poisson is not None else "the sum of ∮ p dq"
-        notes.append(f"The area is {what}; it is left out where the boundary is too long for its points.")
+    elif scene.energy_terms < scene.terms:
+        notes.append(f"The modified Hamiltonian ends: H̃ is shown for up to {scene.energy_terms} terms.")
+    if scene.area:
+        notes.append(f"The area is {scene.area}; it is left out where the boundary is too long for its points.")
     notes.append(
         "The modified equation is a truncated asymptotic series: more terms help for small h only, and where h "
         "sweeps into chaos none do."
     )
-    return {"scene": f"{flows.method.name} on {flows.scene.name}", "pictures": list(pictures), "scene_notes": notes}
+    return {"scene": scene.title, "pictures": list(pictures), "scene_notes": notes}

@@ -9,7 +9,7 @@ from foundation.extras import optional_module
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
-    from bseries.explorer.flows import SceneFlows
+    from bseries.explorer.flows import SceneShape
     from bseries.explorer.stability_shapes import StabilityShapes
 
 HEIGHT = 300
@@ -76,32 +76,32 @@ def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
     return found
 
 
-def scene_plots(flows: SceneFlows, steps: int, scales: tuple[float, float, float]) -> ScenePlots:
+def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float]) -> ScenePlots:
     """The pictures of a scene, still without data.
 
     Args:
-        flows: The method on the scene.
+        scene: The scene.
         steps: The number of step sizes on the slider.
         scales: The least and the largest factor of the start, and the distance between two.
     """
     models = optional_module("bokeh.models", "explore")
     sources = {name: models.ColumnDataSource({key: [] for key in keys}) for name, keys in COLUMNS.items()}
-    least = flows.largest / steps
+    least = scene.largest / steps
     wide = {"sizing_mode": "stretch_width", "margin": (4, 16, 4, 16)}
     h = models.Slider(
-        title="step size h", start=least, end=flows.largest, step=least, value=least * max(1, steps // 8),
+        title="step size h", start=least, end=scene.largest, step=least, value=least * max(1, steps // 8),
         format="0.0000", **wide,
     )  # fmt: skip
     scale = models.Slider(
         title="factor of the start", start=scales[0], end=scales[1], step=scales[2], value=1.0, format="0.00", **wide
     )
     terms = models.Slider(
-        title="terms of the modified equation", start=1, end=flows.terms, step=1, value=min(3, flows.terms), **wide
+        title="terms of the modified equation", start=1, end=scene.terms, step=1, value=min(3, scene.terms), **wide
     )
     sweep = models.Toggle(label="Sweep h", width=120, margin=(4, 16, 4, 16))
     sweep.js_on_change("active", models.CustomJS(args={"h": h, "sweep": sweep}, code=SWEEP))
     sentence = models.Div(text="", disable_math=True, sizing_mode="stretch_width")
-    figures = dict(_figures(flows, sources))
+    figures = dict(_figures(scene, sources))
     for picture in figures.values():
         _legend_above(picture)
     return ScenePlots(sources, figures, h, scale, terms, sweep, sentence)
@@ -128,9 +128,9 @@ def view_columns(name: str, columns: dict[str, Any]) -> dict[str, Any]:
     return {key: column.astype(np.float32) for key, column in shown.items()}
 
 
-def _figures(flows: SceneFlows, sources: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     curves = {name: sources[f"{name}_curve"] for name in COLOURS}
-    x, y = flows.axes
+    x, y = scene.axes
     orbit = _figure("Solutions", x, y)
     for name, source in curves.items():
         orbit.line("x", "y", source=source, legend_label=name, line_width=2, **_style(name))
@@ -140,30 +140,28 @@ def _figures(flows: SceneFlows, sources: dict[str, Any]) -> Iterator[tuple[str, 
     for name in ("exact", "modified"):
         error.line("t", "error", source=curves[name], legend_label=f"from {name}", line_width=2, **_style(name))
     yield "error", error
-    if flows.energy_terms:
+    if scene.energy_terms:
         energy = _figure("Energy error of the numerical solution", "t", "error", y_axis_type="log")
         for name, label in (("numerical", "of H"), ("modified", "of H̃")):
             energy.line("t", "energy", source=curves[name], legend_label=label, line_width=2, **_style(name))
         yield "energy", energy
-    if flows.plane.conjugate is not None:
-        names = [flows.scene.variables[i] for i in flows.plane.conjugate]
-        patch = _figure("A patch of initial values, carried along", *names)
+    if scene.patch_axes is not None:
+        patch = _figure("A patch of initial values, carried along", *scene.patch_axes)
         for name in COLOURS:
             patch.patch(
                 "x", "y", source=sources[f"{name}_patch"], legend_label=name, fill_color=COLOURS[name], fill_alpha=0.15,
                 line_color=COLOURS[name], line_dash=DASHES[name], line_width=1.5,
             )  # fmt: skip
         yield "patch", patch
-    if flows.plane.pairs:
+    if scene.area:
         area = _figure("Area of the patch, relative to its start", "t", "area")
         for name in COLOURS:
             source = sources[f"{name}_area"]
             area.line("t", "area", source=source, legend_label=name, line_width=2, **_style(name))
             area.scatter("t", "area", source=source, size=5, color=COLOURS[name])
         yield "area", area
-    section = flows.section
-    title = "Many orbits" if section is None else f"Many orbits, where {flows.scene.variables[section[0]]} = 0"
-    orbits = _figure(f"{title}, by the method", *flows.orbit_axes)
+    title = "Many orbits" if scene.section is None else f"Many orbits, where {scene.section} = 0"
+    orbits = _figure(f"{title}, by the method", *scene.orbit_axes)
     orbits.scatter("x", "y", source=sources["orbits"], size=2, color=BLUE)
     yield "orbits", orbits
 
@@ -192,15 +190,3 @@ def _figure(title: str, x: str, y: str, **options: Any) -> Any:
     picture.toolbar.logo = None
     picture.toolbar.autohide = True
     return picture
-
-
-def all_views(flows: SceneFlows, h: float, scale: float, terms: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The columns of each source for values of the sliders, the quickest first."""
-    for flow, view in (
-        ("numerical", lambda: flows.numerical(h, scale)),
-        ("exact", lambda: flows.exact(h, scale)),
-        ("modified", lambda: flows.modified(h, scale, terms)),
-    ):
-        for part, columns in view().items():
-            yield f"{flow}_{part}", view_columns(f"{flow}_{part}", columns)
-    yield "orbits", view_columns("orbits", flows.orbits(h))

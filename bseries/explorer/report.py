@@ -72,10 +72,10 @@ def report_html(
         roots |= stability_plots(region)
     if scene is not None:
         flows = SceneFlows(method, checked_scene(scene), span)
-        plots = scene_plots(flows, STEPS, SCALES)
+        plots = scene_plots(flows.shape, STEPS, SCALES)
         _add_frames(plots, flows, progress)
         roots |= plots.roots
-        variables |= scene_variables(flows, list(plots.figures))
+        variables |= scene_variables(flows.shape, list(plots.figures))
     if not roots:  # Bokeh embeds something, or nothing at all
         return template().render(variables)
     for name, root in roots.items():

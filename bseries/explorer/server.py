@@ -1,0 +1,268 @@
+"""The explorer as a local server: a page for each request, and pictures that follow its sliders."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import cache, partial
+from html import escape
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.explorer.answers import Frame, frame_answer, method_answer, scene_answer
+from bseries.explorer.page import method_variables, scene_variables, template
+from bseries.explorer.plots import scene_plots, stability_plots
+from bseries.explorer.reading import Request
+from bseries.explorer.workers import Workers
+from foundation.extras import optional_module
+
+if TYPE_CHECKING:
+    from bseries.explorer.flows import SceneShape
+    from bseries.explorer.method_facts import MethodFacts
+    from bseries.explorer.plots import ScenePlots
+    from bseries.explorer.stability_shapes import StabilityShapes
+
+ADDRESS = "127.0.0.1"
+"""Nobody else reaches the server."""
+PATIENCE = 1.2
+"""Seconds before a page says that it is computing."""
+KEPT = 32
+"""Answers."""
+MOST_PAGES = 24
+"""Open at the same time."""
+MOST_BYTES = 2**20
+"""Of a message from a browser."""
+STEPS, SCALES = 200, (0.2, 1.6, 0.02)
+"""Of the sliders of h, and of the factor of the start."""
+FLOWS = ("numerical", "exact", "modified", "orbits")
+"""The quickest first."""
+
+
+class Answer(NamedTuple):
+    """What is known for a request; None for what is not, with sentences that say why."""
+
+    method: tuple[MethodFacts, StabilityShapes | str] | None
+    scene: SceneShape | None
+    sentences: tuple[str, ...]
+
+
+class Explorer:
+    """Answers to requests, each computed once, and the pages that show them.
+
+    Args:
+        workers: What computes.
+    """
+
+    def __init__(self, workers: Workers):
+        self.workers = workers
+        self._answers: OrderedDict[Request, asyncio.Task[Answer]] = OrderedDict()
+        self._pages: dict[str, tuple[Request, asyncio.Task[Answer] | None]] = {}
+
+    async def prepare(self, context: Any) -> None:
+        """Compute what a new page needs, as far as it takes no longer than a moment."""
+        if len(self._pages) >= MOST_PAGES:
+            return
+        try:
+            request = read_arguments(context.request.arguments)
+        except SeriesError as error:
+            task = asyncio.ensure_future(_refused(error))
+            request = Request()
+        else:
+            task = self._answer(request)
+        await asyncio.wait([task], timeout=PATIENCE)
+        self._pages[context.id] = request, task
+
+    def forget(self, context: Any) -> None:
+        """Forget a page that was closed."""
+        self._pages.pop(context.id, None)
+
+    def _answer(self, request: Request) -> asyncio.Task[Answer]:
+        """The answer to a request, which may be under way; a page that comes again finds it."""
+        if request not in self._answers:
+            self._answers[request] = asyncio.ensure_future(self._compute(request))
+            while len(self._answers) > KEPT:
+                self._answers.popitem(last=False)
+        self._answers.move_to_end(request)
+        return self._answers[request]
+
+    async def _compute(self, request: Request) -> Answer:
+        sentences, found = [], []
+        for compute in (method_answer, scene_answer):
+            try:
+                found.append(await self.workers.ask(request.method, compute, request))
+            except SeriesError as error:
+                found.append(None)
+                sentences.append(f"{error}.")
+                if compute is method_answer:
+                    found.append(None)
+                    break
+        return Answer(*found, tuple(sentences))
+
+    def show(self, document: Any) -> None:
+        """Fill a page."""
+        request, task = self._pages.get(document.session_context.id, (Request(), None))
+        variables: dict[str, Any] = {"title": "bseries explore", "request": request, **_choices()}
+        document.template, document.title = template(), variables["title"]
+        if task is None:
+            variables["sentences"] = [f"pages must be at most {MOST_PAGES} at a time, but that many are open."]
+        elif not task.done():
+            variables["waiting"] = True
+        else:
+            answer = task.result()
+            variables["sentences"] = answer.sentences
+            roots: dict[str, Any] = {}
+            if answer.method is not None:
+                variables |= method_variables(*answer.method)
+                if not isinstance(answer.method[1], str):
+                    roots |= stability_plots(answer.method[1])
+            if answer.scene is not None:
+                plots = scene_plots(answer.scene, STEPS, SCALES)
+                variables |= scene_variables(answer.scene, list(plots.figures))
+                roots |= plots.roots
+                LivePage(document, self.workers, request, plots)
+            for name, root in roots.items():
+                root.name = name
+                document.add_root(root)
+        document.template_variables.update(variables)
+
+
+class LivePage:
+    """Keeps the pictures of a page at the values of its sliders: whatever moves meanwhile is computed next."""
+
+    def __init__(self, document: Any, workers: Workers, request: Request, plots: ScenePlots):
+        self._document, self._workers, self._request, self._plots = document, workers, request, plots
+        self._is_wanted = self._is_running = False
+        for slider in (plots.h, plots.scale, plots.terms):
+            slider.on_change("value", lambda name, old, new: self._start())
+        self._start()
+
+    def _start(self) -> None:
+        self._is_wanted = True
+        if not self._is_running:
+            self._is_running = True
+            free = optional_module("bokeh.document", "explore").without_document_lock
+            self._document.add_next_tick_callback(free(self._follow))
+
+    async def _follow(self) -> None:
+        try:
+            while self._is_wanted and self._document.session_context is not None:
+                self._is_wanted = False
+                await self._update()
+        finally:
+            self._is_running = False
+
+    async def _update(self) -> None:
+        """Compute and show all flows; that of many orbits only when nothing newer is wanted."""
+        plots = self._plots
+        values = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
+        sentence = ""
+        for flow in FLOWS:
+            if flow == "orbits" and self._is_wanted:
+                return
+            try:
+                frame = Frame(flow, *values)
+                columns = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
+            except SeriesError as error:
+                sentence = f"{error}."
+                break
+            self._document.add_next_tick_callback(partial(self._show, columns))
+        self._document.add_next_tick_callback(partial(self._say, sentence))
+
+    def _show(self, columns: dict[str, dict[str, Any]]) -> None:
+        for name, data in columns.items():
+            self._plots.sources[name].data = data
+
+    def _say(self, sentence: str) -> None:
+        self._plots.sentence.text = escape(sentence)
+
+
+async def _refused(error: SeriesError) -> Answer:
+    return Answer(None, None, (f"{error}.",))
+
+
+def read_arguments(arguments: Any) -> Request:
+    """The request in the query of an address.
+
+    Raises:
+        SeriesError: A text is too long, not UTF-8, or given twice.
+
+    Example:
+        >>> read_arguments({"method": [b"heun2"]}).method
+        'heun2'
+    """
+    texts: dict[str, str] = {}
+    for name, values in arguments.items():
+        if name in Request._fields:
+            try:
+                (value,) = values
+                texts[name] = value if isinstance(value, str) else value.decode("utf-8")
+            except ValueError:
+                raise SeriesError(f"{name} must be given once, as UTF-8, but was not") from None
+    return Request(**texts).checked()
+
+
+@cache
+def _choices() -> dict[str, Any]:
+    """The names in the form."""
+    from integrators import catalogue, scene_catalogue
+
+    methods = [f"{entry.name}{entry.least_stages}" if entry.is_family else entry.name for entry in catalogue()]
+    return {"methods": methods, "scenes": [entry.name for entry in scene_catalogue()]}
+
+
+def serve(port: int, ready: Callable[[str], object]) -> None:
+    """Serve pages on this machine until interrupted.
+
+    Args:
+        port: The port; 0 for any that is free.
+        ready: Called with the address once pages are served.
+
+    Raises:
+        SeriesError: The port is taken.
+        MissingPackage: Bokeh is not installed.
+    """
+    server_class = optional_module("bokeh.server.server", "explore").Server
+    application = optional_module("bokeh.application", "explore").Application
+    sockets = optional_module("tornado.netutil", "explore").bind_sockets
+    try:
+        (socket,) = sockets(port, ADDRESS)
+        chosen = socket.getsockname()[1]
+        socket.close()
+    except OSError as error:
+        raise SeriesError(f"port must be free, but {port} was not: {error.strerror}") from None
+    workers = Workers()
+    try:
+        explorer = Explorer(workers)
+        server = server_class(
+            {"/": application(_handler(explorer))},
+            port=chosen,
+            address=ADDRESS,
+            allow_websocket_origin=[f"{ADDRESS}:{chosen}", f"localhost:{chosen}"],
+            websocket_max_message_size_bytes=MOST_BYTES,
+        )
+        server.start()
+        server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one
+        ready(f"http://{ADDRESS}:{chosen}/")
+        server.io_loop.start()
+    finally:
+        workers.stop()
+
+
+def _handler(explorer: Explorer) -> Any:
+    """What Bokeh asks for each page."""
+    base = optional_module("bokeh.application.handlers", "explore").Handler
+
+    class PageHandler(base):
+        """Prepares a page without blocking the others, fills it, and forgets it."""
+
+        async def on_session_created(self, session_context: Any) -> None:
+            await explorer.prepare(session_context)
+
+        def modify_document(self, doc: Any) -> None:
+            explorer.show(doc)
+
+        async def on_session_destroyed(self, session_context: Any) -> None:
+            explorer.forget(session_context)
+
+    return PageHandler()
