@@ -87,17 +87,14 @@ class Explorer:
         return self._answers[request]
 
     async def _compute(self, request: Request) -> Answer:
-        sentences, found = [], []
-        for compute in (method_answer, scene_answer):
-            try:
-                found.append(await self.workers.ask(request.method, compute, request))
-            except SeriesError as error:
-                found.append(None)
-                sentences.append(f"{error}.")
-                if compute is method_answer:
-                    found.append(None)
-                    break
-        return Answer(*found, tuple(sentences))
+        try:
+            method = await self.workers.ask(request.method, method_answer, request)
+        except SeriesError as error:
+            return Answer(None, None, (f"{error}.",))
+        try:
+            return Answer(method, await self.workers.ask(request.method, scene_answer, request), ())
+        except SeriesError as error:
+            return Answer(method, None, (f"{error}.",))
 
     def show(self, document: Any) -> None:
         """Fill a page."""
@@ -239,7 +236,7 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
             port=chosen,
             address=ADDRESS,
             allow_websocket_origin=[f"{ADDRESS}:{chosen}", f"localhost:{chosen}"],
-            websocket_max_message_size_bytes=MOST_BYTES,
+            websocket_max_message_size=MOST_BYTES,
         )
         server.start()
         server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one

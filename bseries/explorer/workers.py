@@ -121,7 +121,7 @@ class Workers:
         """
         try:
             await asyncio.wait_for(self._free.acquire(), WAITING)
-        except asyncio.TimeoutError:
+        except TimeoutError:
             raise SeriesError(f"server must be free within {WAITING:g} s, but was busy: try again") from None
         worker = next((worker for worker in self._idle if key in worker.seen), self._idle[0])
         self._idle.remove(worker)
