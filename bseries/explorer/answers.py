@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows
+from bseries.exceptions import SeriesError
+from bseries.explorer.flows import MOST_SPAN, SCALES, SPAN, SceneFlows
 from bseries.explorer.method_facts import MOST_TREES, method_facts
 from bseries.explorer.page import region_of
 from bseries.explorer.plots import view_columns
@@ -58,6 +59,11 @@ def frame_answer(request: Request, frame: Frame) -> dict[str, dict[str, Any]]:
     """
     flows = _flows(request.method, request.scene, request.start, request.span)
     flow, h, scale, terms = frame
+    if not (SCALES[0] <= scale <= SCALES[1] and 1 <= terms <= flows.terms):
+        raise SeriesError(
+            f"factor and terms must be {SCALES[0]:g} to {SCALES[1]:g} and 1 to {flows.terms}, but were {scale!r:.60} "
+            f"and {terms!r:.60}"
+        )
     if flow == "orbits":
         return {flow: view_columns(flow, flows.orbits(h))}
     if flow == "modified":

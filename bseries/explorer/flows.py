@@ -13,6 +13,7 @@ from bseries.explorer.planes import angles, area_primitive, enclosed_area, large
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from integrators import stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 
@@ -96,6 +97,7 @@ class SceneFlows:
 
     def __init__(self, method: Method, scene: Scene, span: float = SPAN):
         self.method, self.scene, self.span = method, scene, span
+        stepper(method, scene)  # refuses symbols, and methods that do not fit
         self.plane = plane_of(scene)
         self.terms = TERMS if scene.dimension <= FEW_VARIABLES else TERMS_OF_MANY
         with quiet():

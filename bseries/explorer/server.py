@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
-PATIENCE = 1.2
+PATIENCE = 0.7
 """Seconds before a page says that it is computing."""
 KEPT = 32
 """Answers."""
@@ -100,7 +100,6 @@ class Explorer:
         """Fill a page."""
         request, task = self._pages.get(document.session_context.id, (Request(), None))
         variables: dict[str, Any] = {"title": "bseries explore", "request": request, **_choices()}
-        document.template, document.title = template(), variables["title"]
         if task is None:
             variables["sentences"] = [f"pages must be at most {MOST_PAGES} at a time, but that many are open."]
         elif not task.done():
@@ -121,6 +120,7 @@ class Explorer:
             for name, root in roots.items():
                 root.name = name
                 document.add_root(root)
+        document.template, document.title = template(), variables["title"]
         document.template_variables.update(variables)
 
 
