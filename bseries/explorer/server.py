@@ -29,8 +29,10 @@ PATIENCE = 0.7
 """Seconds before a page says that it is computing."""
 KEPT = 32
 """Answers."""
-MOST_PAGES = 24
-"""Open at the same time."""
+MOST_PAGES = 32
+"""With pictures of a scene, open at the same time."""
+LIFETIME = 10_000
+"""Milliseconds until a page is forgotten that no browser is connected to."""
 MOST_BYTES = 2**20
 """Of a message from a browser."""
 STEPS, SCALES = 200, (0.2, 1.6, 0.02)
@@ -98,7 +100,7 @@ class Explorer:
 
     def show(self, document: Any) -> None:
         """Fill a page."""
-        request, task = self._pages.get(document.session_context.id, (Request(), None))
+        request, task = self._pages.pop(document.session_context.id, (Request(), None))
         variables: dict[str, Any] = {"title": "bseries explore", "request": request, **_choices()}
         if task is None:
             variables["sentences"] = [f"pages must be at most {MOST_PAGES} at a time, but that many are open."]
@@ -117,6 +119,7 @@ class Explorer:
                 variables |= scene_variables(answer.scene, list(plots.figures))
                 roots |= plots.roots
                 LivePage(document, self.workers, request, plots)
+                self._pages[document.session_context.id] = request, task
             for name, root in roots.items():
                 root.name = name
                 document.add_root(root)
@@ -237,6 +240,8 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
             address=ADDRESS,
             allow_websocket_origin=[f"{ADDRESS}:{chosen}", f"localhost:{chosen}"],
             websocket_max_message_size=MOST_BYTES,
+            check_unused_sessions_milliseconds=LIFETIME // 5,
+            unused_session_lifetime_milliseconds=LIFETIME,
         )
         server.start()
         server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one

@@ -32,8 +32,8 @@ def address() -> Iterator[str]:
         assert line.startswith("The explorer is at http://127.0.0.1:"), server.stderr.read()
         yield line.split()[4].removesuffix(";")
         server.send_signal(signal.SIGINT)
-        assert server.wait(30) == 0
-        assert "Traceback" not in server.stderr.read()
+        code, problems = server.wait(30), server.stderr.read()
+        assert (code, "Traceback" in problems) == (0, False), problems
 
 
 @pytest.fixture(scope="session")
