@@ -7,17 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bseries.exceptions import SeriesError
-from bseries.explorer.stability_shapes import stability_shapes
 from foundation.extras import optional_module
-from integrators import RungeKutta
-from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     from bseries.explorer.flows import SceneShape
     from bseries.explorer.method_facts import MethodFacts
     from bseries.explorer.stability_shapes import StabilityShapes
-    from integrators.methods.programs.program import Method
 
 
 @cache
@@ -26,16 +21,6 @@ def template() -> Any:
     jinja2 = optional_module("jinja2", "explore")
     text = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
     return jinja2.Environment(autoescape=True).from_string(text)
-
-
-def region_of(method: Method) -> StabilityShapes | str:
-    """The stability region of a method, or a sentence on why there is none."""
-    if not isinstance(method, RungeKutta):
-        return f"There is no stability region of {method.name}, which is not given by one tableau."
-    try:
-        return stability_shapes(method)
-    except (IntegratorError, SeriesError) as error:
-        return f"There is no stability region: {error}."
 
 
 def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.explorer.flows import SPAN, SceneFlows
 from bseries.explorer.method_facts import method_facts
-from bseries.explorer.page import method_variables, region_of, scene_variables, template
+from bseries.explorer.page import method_variables, scene_variables, template
 from bseries.explorer.plots import COLUMNS, scene_plots, stability_plots, view_columns
 from bseries.explorer.reading import checked_method, checked_scene
+from bseries.explorer.stability_shapes import region_of
 from foundation.extras import optional_module
 
 if TYPE_CHECKING:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.explorer.answers import Frame, frame_answer, method_answer, scene_answer
+from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows
+from bseries.explorer.flows import SCALES as FACTORS
+from bseries.explorer.method_facts import MOST_TREES, method_facts
 from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import scene_plots, stability_plots
-from bseries.explorer.reading import Request
+from bseries.explorer.plots import scene_plots, stability_plots, view_columns
+from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
+from bseries.explorer.stability_shapes import region_of
 from bseries.explorer.workers import Workers
 from foundation.extras import optional_module
 
@@ -27,18 +30,74 @@ ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
 PATIENCE = 0.7
 """Seconds before a page says that it is computing."""
-KEPT = 32
-"""Answers."""
+KEPT, KEPT_SCENES = 32, 4
+"""Answers of the server, and scenes of a worker with their compiled functions."""
 MOST_PAGES = 32
 """With pictures of a scene, open at the same time."""
 LIFETIME = 10_000
 """Milliseconds until a page is forgotten that no browser is connected to."""
 MOST_BYTES = 2**20
 """Of a message from a browser."""
-STEPS, SCALES = 200, (0.2, 1.6, 0.02)
+STEPS, SCALES = 200, (*FACTORS, 0.02)
 """Of the sliders of h, and of the factor of the start."""
 FLOWS = ("numerical", "exact", "modified", "orbits")
 """The quickest first."""
+
+
+class Frame(NamedTuple):
+    """Values of the sliders, and the flow of which the columns are wanted."""
+
+    flow: str
+    h: float
+    scale: float
+    terms: int
+
+
+def method_answer(request: Request) -> tuple[MethodFacts, StabilityShapes | str]:
+    """The method of a request, and its stability region.
+
+    Example:
+        >>> from bseries.explorer.reading import Request
+        >>> method_answer(Request(method="heun2", order="3"))[0].order
+        2
+    """
+    method = read_method(request.method)
+    nodes = read_integer(request.order, "order", 0, MOST_TREES)
+    return method_facts(method, nodes or None), region_of(method)
+
+
+def scene_answer(request: Request) -> SceneShape:
+    """The scene of a request."""
+    return _flows(request.method, request.scene, request.start, request.span).shape
+
+
+def frame_answer(request: Request, frame: Frame) -> dict[str, dict[str, Any]]:
+    """The columns of the sources of one flow.
+
+    Example:
+        >>> from bseries.explorer.reading import Request
+        >>> sorted(frame_answer(Request(method="heun2"), Frame("exact", 0.1, 1.0, 3)))
+        ['exact_area', 'exact_curve', 'exact_patch']
+    """
+    flows = _flows(request.method, request.scene, request.start, request.span)
+    flow, h, scale, terms = frame
+    if not (FACTORS[0] <= scale <= FACTORS[1] and 1 <= terms <= flows.terms):
+        raise SeriesError(
+            f"factor and terms must be {FACTORS[0]:g} to {FACTORS[1]:g} and 1 to {flows.terms}, but were {scale!r:.60} "
+            f"and {terms!r:.60}"
+        )
+    if flow == "orbits":
+        return {flow: view_columns(flow, flows.orbits(h))}
+    if flow == "modified":
+        view = flows.modified(h, scale, terms)
+    else:
+        view = flows.exact(h, scale) if flow == "exact" else flows.numerical(h, scale)
+    return {f"{flow}_{part}": view_columns(f"{flow}_{part}", columns) for part, columns in view.items()}
+
+
+@lru_cache(KEPT_SCENES)
+def _flows(method: str, scene: str, start: str, span: str) -> SceneFlows:
+    return SceneFlows(read_method(method), read_scene(scene, start), read_positive(span, "span", SPAN, MOST_SPAN))
 
 
 class Answer(NamedTuple):

@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.analysis.stability import linear_stability
 from bseries.exceptions import SeriesError
+from integrators import RungeKutta
+from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from integrators.methods.programs.program import Method
 
 POINTS = 161
 """On each side of the grid."""
@@ -70,3 +74,13 @@ def stability_shapes(method: Any) -> StabilityShapes:
     growth = np.clip(parts[0] - parts[1], -50, 50)
     poles = tuple(z for z in map(complex, R.poles) if max(abs(z.real), abs(z.imag)) < radius)
     return StabilityShapes(str(R), axis, growth, np.clip(growth - z.real, -50, 50), poles)
+
+
+def region_of(method: Method) -> StabilityShapes | str:
+    """The stability region of a method, or a sentence on why there is none."""
+    if not isinstance(method, RungeKutta):
+        return f"There is no stability region of {method.name}, which is not given by one tableau."
+    try:
+        return stability_shapes(method)
+    except (IntegratorError, SeriesError) as error:
+        return f"There is no stability region: {error}."

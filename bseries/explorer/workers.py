@@ -31,6 +31,7 @@ class Worker:
 
     def __init__(self) -> None:
         self.seen: set[Any] = set()
+        self._is_stopped = False
         self._start()
 
     def _start(self) -> None:
@@ -64,11 +65,16 @@ class Worker:
         return answer
 
     def _restart(self) -> None:
-        self.stop()
-        self._start()
+        if not self._is_stopped:
+            self._end()
+            self._start()
 
     def stop(self) -> None:
-        """End the process."""
+        """End the process, also while it computes."""
+        self._is_stopped = True
+        self._end()
+
+    def _end(self) -> None:
         self._process.kill()
         self._process.join()
         self._pipe.close()

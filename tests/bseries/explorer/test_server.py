@@ -15,9 +15,8 @@ from urllib.parse import urlencode, urlsplit
 import pytest
 
 import bseries as bs
-from bseries.explorer.answers import Frame, frame_answer
 from bseries.explorer.reading import Request
-from bseries.explorer.server import read_arguments
+from bseries.explorer.server import Frame, frame_answer, read_arguments
 from bseries.explorer.workers import Worker, Workers
 
 pytest.importorskip("bokeh")
