@@ -33,8 +33,8 @@ VERBS = {
     "effects": "effects",
     "cost": "cost",
     "figure": "figure",
-    "report": "report",
     "explore": "explore",
+    "report": "explore",
     "completion": "completion",
 }
 """The verbs and their modules."""

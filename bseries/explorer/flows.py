@@ -37,7 +37,7 @@ SCALES = (0.2, 1.6)
 PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
 """Times at which the patch is drawn after the start, points on its boundary, its radius relative to q and p."""
 ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
-NEAR = 10.0
+NEAR = 4.0
 """Points of orbits that escape are drawn up to this many times the start."""
 
 

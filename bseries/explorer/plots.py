@@ -160,8 +160,8 @@ def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, 
             area.line("t", "area", source=source, legend_label=name, line_width=2, **_style(name))
             area.scatter("t", "area", source=source, size=5, color=COLOURS[name])
         yield "area", area
-    title = "Many orbits" if scene.section is None else f"Many orbits, where {scene.section} = 0"
-    orbits = _figure(f"{title}, by the method", *scene.orbit_axes)
+    title = "Many orbits" if scene.section is None else f"Many orbits at {scene.section} = 0"
+    orbits = _figure(title, *scene.orbit_axes)
     orbits.scatter("x", "y", source=sources["orbits"], size=2, color=BLUE)
     yield "orbits", orbits
 

@@ -1,6 +1,8 @@
-"""`bseries report` and its refusals."""
+"""`bseries report` and `bseries explore`: a file, and refusals."""
 
 from __future__ import annotations
+
+import sys
 
 import pytest
 
@@ -34,3 +36,28 @@ def test_refusals(run, arguments, sentence, tmp_path, monkeypatch):
     assert sentence in result.stderr
     assert result.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "module"),
+    [(["explore", "--no-open"], "bokeh.server.server"), (["report", "rk4", "-o", "rk4.html"], "bokeh.embed")],
+)
+def test_without_bokeh_there_is_a_sentence(run, arguments, module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert "needs bokeh: pip install '.[explore]'" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_port_that_is_taken(run):
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        result = run("explore", "--no-open", "--port", str(taken.getsockname()[1]))
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "port must be free, but" in result.stderr
+    assert "port must be from 0 to 65535, but was 99999" in run("explore", "--port", "99999").stderr
