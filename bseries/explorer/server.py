@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache, lru_cache, partial
@@ -283,13 +284,7 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
     """
     server_class = optional_module("bokeh.server.server", "explore").Server
     application = optional_module("bokeh.application", "explore").Application
-    sockets = optional_module("tornado.netutil", "explore").bind_sockets
-    try:
-        (socket,) = sockets(port, ADDRESS)
-        chosen = socket.getsockname()[1]
-        socket.close()
-    except OSError as error:
-        raise SeriesError(f"port must be free, but {port} was not: {error.strerror}") from None
+    chosen = _free_port(port)
     workers = Workers()
     try:
         explorer = Explorer(workers)
@@ -308,6 +303,17 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
         server.io_loop.start()
     finally:
         workers.stop()
+
+
+def _free_port(port: int) -> int:
+    """The port, or a free one for 0."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((ADDRESS, port))
+        except OSError as error:
+            raise SeriesError(f"port must be free, but {port} was not: {error.strerror}") from None
+        return probe.getsockname()[1]
 
 
 def _handler(explorer: Explorer) -> Any:
