@@ -36,9 +36,9 @@ def address() -> Iterator[str]:
         assert (code, "Traceback" in problems) == (0, False), problems
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Chromium, driven by Playwright."""
+    """Chromium, driven by Playwright, which keeps an event loop running as long."""
     playwright = pytest.importorskip("playwright.sync_api")
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
