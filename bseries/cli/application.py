@@ -33,6 +33,8 @@ VERBS = {
     "effects": "effects",
     "cost": "cost",
     "figure": "figure",
+    "explore": "explore",
+    "report": "explore",
     "completion": "completion",
 }
 """The verbs and their modules."""

@@ -1,0 +1,162 @@
+"""States and clouds of points carried along: by steps of a method, or by the flow of a field."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators import Scene
+    from integrators.methods.programs.program import Method
+
+FLOW = "dop853"
+"""The method for exact and modified flows."""
+FAR = 1e6
+"""Curves end where a variable is as large: a page cannot draw them."""
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without warnings of overflow, which a page shows as a curve that ends."""
+    import numpy as np
+
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
+
+
+def orbit(
+    method: Method, scene: Scene, y0: np.ndarray, h: float, steps: int, every: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states of a run, up to a failure or a state that is too far to be drawn.
+
+    Example:
+        >>> from integrators import method, scene
+        >>> t, y = orbit(method("explicit-euler"), scene("riccati"), [1.0], 0.5, 20)
+        >>> y.shape[1] < 20, bool(y.max() < FAR)
+        (True, True)
+    """
+    import numpy as np
+
+    from integrators import integrate
+    from integrators.steppers.states import StepError
+
+    with quiet():
+        try:
+            run = integrate(method, scene, h=h, steps=steps, y0=y0, save_every=every)
+        except StepError as error:
+            run = error.trajectory
+        near = np.logical_and.accumulate((abs(run.y) < FAR).all(axis=0))
+    return run.t[near], run.y[:, near].copy()
+
+
+def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, counts: Sequence[int]) -> np.ndarray:
+    """Points moved by steps of a method; not numbers after a failure.
+
+    Args:
+        method: The method.
+        scene: The scene.
+        points: The starts, (variables, points).
+        h: The step size.
+        counts: The steps between the times wanted.
+
+    Returns:
+        An array (times, variables, points), with the starts first.
+    """
+    import numpy as np
+
+    from integrators import stepper
+    from integrators.steppers.states import StepError
+
+    steps, moved = stepper(method, scene), np.full((len(counts) + 1, *points.shape), np.nan)
+    moved[0] = points
+    for k, point in enumerate(points.T):
+        state = steps.start(point, h=h)
+        try:
+            for j, count in enumerate(counts, 1):
+                steps.advance(state, count)
+                moved[j, :, k] = state.y
+        except StepError:
+            continue
+    return np.where(abs(moved) < FAR, moved, np.nan)
+
+
+def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, times: Any, longest: float) -> Any:
+    """Points moved by the flow of y' = field(y, h), with explicit steps of order 8 for all points at once.
+
+    Args:
+        field: A function of states (variables, points) and h.
+        h: The second argument of the field.
+        points: The starts, (variables, points).
+        times: The times wanted; the first is that of the starts.
+        longest: The longest step.
+
+    Returns:
+        An array (times, variables, points); not numbers after a failure.
+
+    Example:
+        >>> import numpy as np
+        >>> rotation = lambda y, h: np.array([-y[1], y[0]])
+        >>> moved = by_field(rotation, 0.0, np.array([[1.0], [0.0]]), np.array([0, np.pi]), 0.1)
+        >>> moved[1].round(9).ravel().tolist()
+        [-1.0, 0.0]
+    """
+    import numpy as np
+
+    (A, b), shape = _tableau(), points.shape
+    moved = np.full((len(times), *shape), np.nan)
+    moved[0] = points
+    y, slopes = points.ravel(), np.empty((len(b), points.size))
+    with quiet():
+        for j, length in enumerate(np.diff(times), 1):
+            parts = max(1, math.ceil(length / longest - 1e-9))
+            step = length / parts
+            for _ in range(parts):
+                for i in range(len(b)):
+                    stage = y + step * (A[i, :i] @ slopes[:i])
+                    slopes[i] = field(stage.reshape(shape), h).ravel()
+                y = y + step * (b @ slopes)
+            if not (abs(y) < FAR).any():
+                break
+            moved[j] = y.reshape(shape)
+    return np.where(abs(moved) < FAR, moved, np.nan)
+
+
+@cache
+def _tableau() -> tuple[Any, Any]:
+    import numpy as np
+
+    from integrators import method
+
+    tableau: Any = method(FLOW)
+    tableau = tableau.to_float()
+    return np.array(tableau.A, float), np.array(tableau.b, float)
+
+
+def crossings(states: np.ndarray, through: int) -> np.ndarray:
+    """The points where an orbit crosses the zero of a variable upwards, by linear interpolation, (variables, points).
+
+    Example:
+        >>> import numpy as np
+        >>> crossings(np.array([[-1.0, 3.0, -1.0], [0.0, 1.0, 2.0]]), 0).tolist()
+        [[0.0], [0.25]]
+    """
+    import numpy as np
+
+    before, after = states[through, :-1], states[through, 1:]
+    at = np.flatnonzero((before < 0) & (after >= 0))
+    part = before[at] / (before[at] - after[at])
+    return (1 - part) * states[:, at] + part * states[:, at + 1]
+
+
+def padded(values: np.ndarray, count: int) -> np.ndarray:
+    """The array with nan behind its last axis, up to a length."""
+    import numpy as np
+
+    return np.concatenate([values, np.full((*values.shape[:-1], count - values.shape[-1]), np.nan)], axis=-1)

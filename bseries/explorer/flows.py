@@ -1,0 +1,322 @@
+"""The flows that a page compares on a scene: numerical, exact and modified, with energies, areas and many orbits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit, padded, quiet
+from bseries.explorer.planes import angles, area_primitive, enclosed_area, largest_step, plane_of
+from bseries.fields.compiled_formulas import CompiledFormulas
+from bseries.fields.modified_fields import modified_field
+from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from integrators import stepper
+from integrators.core.errors import IntegratorError
+from integrators.core.immutable import cached_method
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from integrators import Scene
+    from integrators.methods.programs.program import Method
+
+View = dict[str, dict[str, Any]]
+"""Columns of `curve`, `patch` and `area`."""
+
+SAMPLES = 150
+"""States of a curve, after the start."""
+MOST_STEPS = 20_000
+SPAN, MOST_SPAN = 20.0, 1_000.0
+TERMS, FEW_VARIABLES, TERMS_OF_MANY = 6, 4, 4
+"""The most terms of the modified equation, in scenes with few variables and with many."""
+SCALES = (0.2, 1.6)
+"""Starts are the scene's, times a factor in between."""
+PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
+"""Times at which the patch is drawn after the start, points on its boundary, its radius relative to q and p."""
+ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
+NEAR = 4.0
+"""Points of orbits that escape are drawn up to this many times the start."""
+
+
+class SceneShape(NamedTuple):
+    """What a page says of a scene before it has curves, all of it plain text and numbers.
+
+    Attributes:
+        title: The method and the scene.
+        start: The start as text.
+        span: The length of time.
+        largest: The largest step size.
+        terms: The most terms of the modified equation.
+        energy_terms: The most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian.
+        axes: The names on the axes of curves.
+        patch_axes: Those of patches; None without patches.
+        orbit_axes: Those of many orbits.
+        section: The variable that is zero where many orbits are shown; None if they are shown everywhere.
+        area: What areas are; empty if they have no meaning.
+    """
+
+    title: str
+    start: str
+    span: float
+    largest: float
+    terms: int
+    energy_terms: int
+    axes: tuple[str, str]
+    patch_axes: tuple[str, str] | None
+    orbit_axes: tuple[str, str]
+    section: str | None
+    area: str
+
+
+class SceneFlows:
+    """A method on a scene, as curves for a page.
+
+    Args:
+        method: The method.
+        scene: The scene, with a start.
+        span: The length of time.
+
+    Attributes:
+        terms: The most terms of the modified equation.
+        largest: The largest step size.
+
+    Raises:
+        IntegratorError: The method does not fit the scene, or has symbols.
+        SeriesError: Likewise, or the field is not finite at the start.
+
+    Example:
+        >>> import bseries as bs
+        >>> flows = SceneFlows(bs.method("stormer-verlet"), bs.scene("pendulum"))
+        >>> curve = flows.modified(0.1, 1.0, 5)["curve"]
+        >>> flows.largest, bool(max(curve["error"][1:]) < 1e-4), bool(max(abs(curve["energy"])) < 1e-6)
+        (2.0, True, True)
+    """
+
+    def __init__(self, method: Method, scene: Scene, span: float = SPAN):
+        self.method, self.scene, self.span = method, scene, span
+        stepper(method, scene)  # refuses symbols, and methods that do not fit
+        self.plane = plane_of(scene)
+        self.terms = TERMS if scene.dimension <= FEW_VARIABLES else TERMS_OF_MANY
+        with quiet():
+            slope = self.field(1)(scene.y0, 0.0)
+        if not all(map(math.isfinite, slope)):
+            raise SeriesError("start must be where the field is finite, but was not")
+        self.largest = min(largest_step(self._jacobian()), span / 2)
+        self._last: tuple[Any, Any] = (), ()
+
+    def _jacobian(self) -> np.ndarray:
+        import numpy as np
+
+        width = 1e-6 * (1 + abs(self.scene.y0).max())
+        shifts, start, f = width * np.eye(self.scene.dimension), self.scene.y0[:, None], self.field(1)
+        with quiet():
+            return (f(start + shifts, 0.0) - f(start - shifts, 0.0)) / (2 * width)
+
+    @property
+    def section(self) -> tuple[int, int, int] | None:
+        """The section q1 = 0 and the variables (q2, p2) in it; None with one degree of freedom."""
+        return (self.plane.pairs[0][0], *self.plane.pairs[1]) if len(self.plane.pairs) > 1 else None
+
+    @property
+    def shape(self) -> SceneShape:
+        """What a page says of the scene."""
+        names, (x, y, conjugate, pairs) = self.scene.variables, self.plane
+        values = zip(names, self.scene.y0, strict=True)
+        axes, section = ("t" if x is None else names[x], names[y]), self.section
+        poisson = "∫ dp dq/B, B being the Poisson structure" if self.scene.poisson is not None else "Σ ∮ p dq"
+        return SceneShape(
+            title=f"{self.method.name} on {self.scene.name}",
+            start=", ".join(f"{name} = {value:.4g}" for name, value in values),
+            span=self.span,
+            largest=self.largest,
+            terms=self.terms,
+            energy_terms=self.energy_terms,
+            axes=axes,
+            patch_axes=None if conjugate is None else (names[conjugate[0]], names[conjugate[1]]),
+            orbit_axes=axes if section is None else (names[section[1]], names[section[2]]),
+            section=None if section is None else names[section[0]],
+            area=poisson if pairs else "",
+        )
+
+    def numerical(self, h: float, scale: float) -> View:
+        """The numerical solution; its column energy is H(y) − H(y0)."""
+        t, states = self._states(h, scale)
+        every, times = self._grid(h)[0], self._patch_times(h)
+        counts = [every * count for count in self._samples(h)]
+        view = self._patch(by_steps(self.method, self.scene, self._circle(scale), h, counts), times)
+        return {"curve": {**self._curve(t, states), "energy": self._energy_change(1, 0.0, states)}, **view}
+
+    def exact(self, h: float, scale: float) -> View:
+        """The exact solution; its column error is the distance of the numerical one."""
+        from integrators import reference_solution
+
+        t, states = self._states(h, scale)
+        last, start, longest = int((t == t).sum()), scale * self.scene.y0, self.span / SAMPLES
+        try:
+            with quiet():
+                exact = reference_solution(self.scene, t[:last], y0=start)
+        except IntegratorError:  # the solution ends before, or is known to fewer digits than doubles have
+            exact = by_field(self.field(1), 0.0, start[:, None], t[:last], longest)[:, :, 0].T
+        length = h * self._grid(h)[0]
+        parts = max(1, math.ceil(length / longest - 1e-9))
+        counts = [parts * count for count in self._samples(h)]
+        moved = by_steps(FLOW, self.scene, self._circle(scale), length / parts, counts)
+        return {"curve": self._compared(t, padded(exact, len(t)), states), **self._patch(moved, self._patch_times(h))}
+
+    def modified(self, h: float, scale: float, terms: int) -> View:
+        """The solution of the modified equation; its columns are error, and energy: H̃(y) − H̃(y0) of the numerical one.
+
+        Args:
+            h: The step size.
+            scale: The factor of the start.
+            terms: The number of terms of the modified equation.
+        """
+        import numpy as np
+
+        t, states = self._states(h, scale)
+        last, longest = int((t == t).sum()), self.span / SAMPLES
+        points = np.column_stack([scale * self.scene.y0, self._circle(scale)])
+        times = h * self._grid(h)[0] * np.arange(self._grid(h)[1] + 1)
+        moved = by_field(self.field(terms), h, points, times, longest)
+        curve = self._compared(t, padded(moved[:last, :, 0].T, len(t)), states)
+        curve["energy"] = self._energy_change(terms, h, states)
+        places = np.cumsum([0, *self._samples(h)])
+        return {"curve": curve, **self._patch(moved[places, :, 1:], self._patch_times(h))}
+
+    def orbits(self, h: float) -> dict[str, Any]:
+        """Columns x and y: states of many numerical orbits, or with two degrees of freedom their section q1 = 0."""
+        import numpy as np
+
+        section = self.section
+        steps, kept = (ORBIT_STEPS, ORBIT_STEPS + 1) if section is None else (SECTION_STEPS, MOST_CROSSINGS)
+        columns = np.full((2, ORBITS, kept), np.nan)
+        for k, scale in enumerate(np.linspace(*SCALES, ORBITS)):
+            t, states = orbit(self.method, self.scene, scale * self.scene.y0, h, steps)
+            points = states if section is None else crossings(states, section[0])
+            for i in self._angles:
+                points[i] = np.remainder(points[i] + np.pi, 2 * np.pi) - np.pi
+            shown = [t if self.plane.x is None else points[self.plane.x], points[self.plane.y]]
+            shown = shown if section is None else [points[section[1]], points[section[2]]]
+            count = min(points.shape[1], kept)
+            columns[:, k, :count] = np.array(shown)[:, :count]
+        columns[abs(columns) > NEAR * (abs(self.scene.y0).max() or 1.0)] = np.nan
+        return {"x": columns[0].ravel(), "y": columns[1].ravel()}
+
+    @cached_method
+    def field(self, terms: int) -> Callable[..., Any]:
+        """The modified equation with a number of terms."""
+        return modified_field(self.method, self.scene, terms)
+
+    @cached_property
+    def _angles(self) -> tuple[int, ...]:
+        return angles(self.scene)
+
+    @cached_property
+    def energy(self) -> Any:
+        """The modified Hamiltonian with as many terms as there are; None without a Hamiltonian."""
+        if not self.scene.is_hamiltonian:
+            return None
+        tries = [(self.method, terms) for terms in range(self.terms, 0, -1)]
+        for method, terms in [*tries, ("implicit-midpoint", 1)]:  # whose first term is H
+            try:
+                return modified_hamiltonian(method, self.scene, terms)
+            except (SeriesError, IntegratorError):
+                continue
+        return None
+
+    @cached_property
+    def energy_terms(self) -> int:
+        """The most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian."""
+        return 0 if self.energy is None else self.energy.order
+
+    def _energy_change(self, terms: int, h: float, states: np.ndarray) -> np.ndarray:
+        """The change of the truncated modified Hamiltonian; not numbers where it does not exist."""
+        import numpy as np
+
+        if terms > self.energy_terms:
+            return np.full(states.shape[1], np.nan)
+        with quiet():
+            values = h ** np.arange(terms) @ self.energy.terms(np.nan_to_num(states))[:terms]
+        return np.where(np.isnan(states[0]), np.nan, values - values[0])
+
+    def _curve(self, t: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
+        return {"t": t, "x": t if self.plane.x is None else states[self.plane.x], "y": states[self.plane.y]}
+
+    def _compared(self, t: np.ndarray, flow: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
+        """A flow, and its distance from the numerical solution; zero has no place in a logarithmic scale."""
+        import numpy as np
+
+        distance = np.sqrt(((states - flow) ** 2).sum(axis=0))
+        return {**self._curve(t, flow), "error": np.where(distance > 0, distance, np.nan)}
+
+    def _grid(self, h: float) -> tuple[int, int]:
+        """The steps between stored states, and the number of these after the start."""
+        if not 0 < h < math.inf:
+            raise SeriesError(f"h must be a number greater than 0, but was {h!r:.60}")
+        steps = max(1, math.floor(self.span / h + 1e-9))
+        if steps > MOST_STEPS:
+            least = self.span / MOST_STEPS
+            raise SeriesError(f"h must be at least {least:g} for a time of {self.span:g}, but was {h:g}")
+        every = -(-steps // SAMPLES)
+        return every, steps // every
+
+    def _states(self, h: float, scale: float) -> tuple[np.ndarray, np.ndarray]:
+        """Times and states of the numerical solution, filled up with nan; those asked for last are kept."""
+        if self._last[0] != (h, scale):
+            every, count = self._grid(h)
+            found = orbit(self.method, self.scene, scale * self.scene.y0, h, every * count, every)
+            self._last = (h, scale), tuple(padded(values, SAMPLES + 1) for values in found)
+        return self._last[1]
+
+    def _samples(self, h: float) -> list[int]:
+        """The stored states from one time of the patch to the next."""
+        import numpy as np
+
+        return np.diff(np.round(np.linspace(0, self._grid(h)[1], PATCHES + 1)).astype(int)).tolist()
+
+    def _patch_times(self, h: float) -> np.ndarray:
+        import numpy as np
+
+        return h * self._grid(h)[0] * np.cumsum([0, *self._samples(h)])
+
+    def _circle(self, scale: float) -> np.ndarray:
+        """Points around the start in the plane of conjugate variables, (variables, points)."""
+        import numpy as np
+
+        start, angle = scale * self.scene.y0, np.arange(CIRCLE) * (2 * np.pi / CIRCLE)
+        circle = np.tile(start[:, None], CIRCLE)
+        conjugate = list(self.plane.conjugate or ())
+        radius = RADIUS * (abs(start[conjugate]).max(initial=0.0) or 1.0)
+        for i, wave in zip(conjugate, (np.cos(angle), np.sin(angle)), strict=False):
+            circle[i] += radius * wave
+        return circle
+
+    def _patch(self, moved: np.ndarray, times: np.ndarray) -> View:
+        """Closed curves separated by nan, and their areas relative to the first."""
+        import numpy as np
+
+        nowhere = np.full((len(times), CIRCLE + 2), np.nan)
+        if self.plane.conjugate is None:
+            x = y = nowhere
+        else:
+            gap = nowhere[:, None, :1]
+            x, y = (np.hstack([z, z[:, :1], gap[:, 0]]) for z in (moved[:, i] for i in self.plane.conjugate))
+        areas = np.array([self._area(curve) for curve in moved])
+        return {"patch": {"x": x.ravel(), "y": y.ravel()}, "area": {"t": times, "area": areas / areas[0]}}
+
+    @cached_property
+    def _primitive(self) -> CompiledFormulas | None:
+        formula = area_primitive(self.scene)
+        return None if formula is None else CompiledFormulas(self.scene.symbols, [(formula,)])
+
+    def _area(self, curve: np.ndarray) -> float:
+        """The area that the flow of a Hamiltonian or Poisson system preserves."""
+        if not self.plane.pairs:
+            return math.nan
+        if self._primitive is not None:
+            form = self._primitive.values(curve.T.copy(), 0.0, 1)[:, 0]
+            return enclosed_area(form, curve[1])
+        return sum(enclosed_area(curve[p], curve[q]) for q, p in self.plane.pairs)

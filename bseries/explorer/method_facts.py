@@ -1,0 +1,138 @@
+"""What a page shows of a method: its tableau, order and structure, and the terms of its modified equation."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.algebra.modified import modified_equation
+from bseries.analysis.report import check
+from bseries.exceptions import SeriesError
+from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta, tableau_html
+from trees.counting import count_trees
+from trees.drawing import svg
+
+if TYPE_CHECKING:
+    from bseries.algebra.presentation import SeriesTerm
+    from integrators.methods.programs.program import Method
+
+MOST_TREES = 300
+"""Of a page: eight nodes without colours, five with two."""
+DEFAULT_TREES = 100
+
+
+class TermRow(NamedTuple):
+    """A tree of the modified equation as text; `size` and `value` are the coefficient and the weight as numbers."""
+
+    picture: str
+    tree: str
+    nodes: int
+    coefficient: str
+    weight: str
+    size: float
+    value: float
+    differential: str
+
+
+class MethodFacts(NamedTuple):
+    """A method as text for a page; `tableau` and `facts` are HTML."""
+
+    name: str
+    order: int
+    tableau: str
+    tableau_latex: str
+    facts: str
+    issues: tuple[str, ...]
+    nodes: int
+    terms: tuple[TermRow, ...]
+    latex: str
+    json: str
+    notes: tuple[str, ...]
+
+
+def most_nodes(method: Method, trees: int = MOST_TREES) -> int:
+    """The largest number of nodes for which there are at most so many trees.
+
+    Example:
+        >>> import bseries as bs
+        >>> most_nodes(bs.method("rk4")), most_nodes(bs.method("stormer-verlet"))
+        (8, 5)
+    """
+    colors, nodes = len(method.names), 1
+    while sum(count_trees(nodes + 1, colors)) <= trees:
+        nodes += 1
+    return nodes
+
+
+def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
+    """A method for a page.
+
+    Args:
+        method: The method.
+        nodes: The largest number of nodes of trees; by default as many as there are about a hundred trees of.
+
+    Raises:
+        SeriesError: There would be too many trees, or the method is inconsistent.
+
+    Example:
+        >>> import bseries as bs
+        >>> facts = method_facts(bs.method("explicit-euler"), 2)
+        >>> facts.order, facts.latex, [term.weight for term in facts.terms]
+        (1, "f - \\\\frac{1}{2} h\\\\, f'(f)", ['1', '-1/2'])
+    """
+    most = most_nodes(method)
+    nodes = most_nodes(method, DEFAULT_TREES) if nodes is None else nodes
+    if not 1 <= nodes <= most:
+        raise SeriesError(
+            f"order must be from 1 to {most} for {method.name}, as a page shows at most {MOST_TREES} trees, "
+            f"but was {nodes}"
+        )
+    report, series = check(method), modified_equation(method, nodes)
+    names = method.names if len(method.names) > 1 else None
+    table = series.to_table("modified")
+    return MethodFacts(
+        method.name,
+        report.order,
+        _tableau(method),
+        method.to_table().to_latex(),
+        report.to_table(nonzero=True).to_html(),
+        tuple(method.issues),
+        nodes,
+        tuple(_row(term, names) for term in series.terms()),
+        table.to_latex().strip(),
+        table.to_json(),
+        tuple(table.notes),
+    )
+
+
+def _row(term: SeriesTerm, names: tuple[str, ...] | None) -> TermRow:
+    tree = term.tree
+    size, value = (0.0 if term.is_zero else _number(x) for x in (term.coefficient, term.weight))
+    return TermRow(
+        svg(tree, names=names),
+        tree.text(names),
+        tree.order,
+        term.coefficient_text,
+        term.weight_text,
+        size,
+        value,
+        tree.differential(names=names),
+    )
+
+
+def _number(value: Any) -> float:
+    """The value as a double; not a number for a formula in the symbols of the tableau."""
+    try:
+        return float(value)
+    except TypeError:
+        return math.nan
+
+
+def _tableau(method: Method) -> str:
+    """The tableau, or the steps of a method that has none, as HTML."""
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        return method.to_table().to_html()
+    return "".join(
+        f"<p>{name}</p>{tableau_html(part)}" for name, part in zip(method.names, method.partitions, strict=True)
+    )

@@ -1,0 +1,192 @@
+"""The pictures of a page, with the sources of data that a move of a slider replaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from foundation.extras import optional_module
+from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
+
+if TYPE_CHECKING:
+    from bseries.explorer.flows import SceneShape
+    from bseries.explorer.stability_shapes import StabilityShapes
+
+HEIGHT = 300
+COLOURS = {"exact": BLACK, "modified": VERMILION, "numerical": BLUE}
+DASHES = {"exact": "solid", "modified": "dashed", "numerical": "dotted"}
+COLUMNS = {
+    "numerical_curve": ("t", "x", "y", "energy"),
+    "exact_curve": ("t", "x", "y", "error"),
+    "modified_curve": ("t", "x", "y", "error", "energy"),
+    **{f"{flow}_patch": ("x", "y") for flow in COLOURS},
+    **{f"{flow}_area": ("t", "area") for flow in COLOURS},
+    "orbits": ("x", "y"),
+}
+"""The columns of each source."""
+
+
+class ScenePlots(NamedTuple):
+    """The pictures of a scene.
+
+    Attributes:
+        sources: The source of data for each key of `COLUMNS`.
+        figures: The pictures, by the names under which a page has them.
+        h, scale, terms: The sliders.
+        sweep: The button that moves h through its range.
+        sentence: A line of text for what cannot be shown.
+    """
+
+    sources: dict[str, Any]
+    figures: dict[str, Any]
+    h: Any
+    scale: Any
+    terms: Any
+    sweep: Any
+    sentence: Any
+
+    @property
+    def roots(self) -> dict[str, Any]:
+        """Everything that a page has, by name."""
+        controls = {"h": self.h, "scale": self.scale, "terms": self.terms, "sweep": self.sweep}
+        return {**self.figures, **controls, "sentence": self.sentence}
+
+
+def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
+    """The stability region and the order star."""
+    models = optional_module("bokeh.models", "explore")
+    titles = {"region": "Stability region: |R(z)| ≤ 1", "star": "Order star: |R(z)| > |exp(z)|"}
+    below, above = [-100.0, 0.0], [0.0, 100.0]
+    found = {}
+    for name, values, levels in (("region", shapes.growth, below), ("star", shapes.star, above)):
+        found[name] = picture = _figure(titles[name], "Re z", "Im z")
+        radius = float(shapes.axis[-1])
+        picture.x_range.update(start=-radius, end=radius)
+        picture.y_range.update(start=-radius, end=radius)
+        picture.match_aspect = True
+        picture.contour(shapes.axis, shapes.axis, values, levels=levels, fill_color=[ORANGE], line_color=[BLACK] * 2)
+        for dimension in ("width", "height"):
+            picture.add_layout(models.Span(location=0, dimension=dimension, line_color=GREY))
+        if shapes.poles:
+            real, imaginary = [z.real for z in shapes.poles], [z.imag for z in shapes.poles]
+            picture.scatter(
+                real, imaginary, marker="x", size=9, line_width=2, color=VERMILION, legend_label="pole of R"
+            )
+            _legend_above(picture)
+    return found
+
+
+def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float]) -> ScenePlots:
+    """The pictures of a scene, still without data.
+
+    Args:
+        scene: The scene.
+        steps: The number of step sizes on the slider.
+        scales: The least and the largest factor of the start, and the distance between two.
+    """
+    models = optional_module("bokeh.models", "explore")
+    sources = {name: models.ColumnDataSource({key: [] for key in keys}) for name, keys in COLUMNS.items()}
+    least = scene.largest / steps
+    wide = {"sizing_mode": "stretch_width", "margin": (4, 16, 4, 16)}
+    h = models.Slider(
+        title="step size h", start=least, end=scene.largest, step=least, value=least * max(1, steps // 8),
+        format="0.0000", **wide,
+    )  # fmt: skip
+    scale = models.Slider(
+        title="factor of the start", start=scales[0], end=scales[1], step=scales[2], value=1.0, format="0.00", **wide
+    )
+    terms = models.Slider(
+        title="terms of the modified equation", start=1, end=scene.terms, step=1, value=min(3, scene.terms), **wide
+    )
+    sweep = models.Toggle(label="Sweep h", width=120, margin=(4, 16, 4, 16))
+    sweep.js_on_change("active", models.CustomJS(args={"h": h, "sweep": sweep}, code=SWEEP))
+    sentence = models.Div(text="", disable_math=True, sizing_mode="stretch_width")
+    figures = dict(_figures(scene, sources))
+    for picture in figures.values():
+        _legend_above(picture)
+    return ScenePlots(sources, figures, h, scale, terms, sweep, sentence)
+
+
+SWEEP = """
+if (!sweep.active) { clearInterval(window.bseriesSweep); return }
+window.bseriesSweep = setInterval(() => {
+    const next = h.value + Math.max(h.step, (h.end - h.start) / 60)
+    h.value = next > h.end * 1.000001 ? h.start : Math.min(next, h.end)
+}, 200)
+"""
+"""Moves the slider of h five times a second."""
+
+
+def view_columns(name: str, columns: dict[str, Any]) -> dict[str, Any]:
+    """The columns of a source in single precision; sizes of energies, which are drawn in logarithmic scale."""
+    import numpy as np
+
+    shown = {key: np.asarray(columns[key]) for key in COLUMNS[name]}
+    if "energy" in shown:
+        size = abs(shown["energy"])
+        shown["energy"] = np.where(size > 0, size, np.nan)
+    return {key: column.astype(np.float32) for key, column in shown.items()}
+
+
+def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    curves = {name: sources[f"{name}_curve"] for name in COLOURS}
+    x, y = scene.axes
+    orbit = _figure("Solutions", x, y)
+    for name, source in curves.items():
+        orbit.line("x", "y", source=source, legend_label=name, line_width=2, **_style(name))
+    orbit.scatter("x", "y", source=curves["numerical"], size=3, color=BLUE)
+    yield "orbit", orbit
+    error = _figure("Error of the numerical solution", "t", "distance", y_axis_type="log")
+    for name in ("exact", "modified"):
+        error.line("t", "error", source=curves[name], legend_label=f"from {name}", line_width=2, **_style(name))
+    yield "error", error
+    if scene.energy_terms:
+        energy = _figure("Energy error of the numerical solution", "t", "error", y_axis_type="log")
+        for name, label in (("numerical", "of H"), ("modified", "of H̃")):
+            energy.line("t", "energy", source=curves[name], legend_label=label, line_width=2, **_style(name))
+        yield "energy", energy
+    if scene.patch_axes is not None:
+        patch = _figure("A patch of initial values, carried along", *scene.patch_axes)
+        for name in COLOURS:
+            patch.patch(
+                "x", "y", source=sources[f"{name}_patch"], legend_label=name, fill_color=COLOURS[name], fill_alpha=0.15,
+                line_color=COLOURS[name], line_dash=DASHES[name], line_width=1.5,
+            )  # fmt: skip
+        yield "patch", patch
+    if scene.area:
+        area = _figure("Area of the patch, relative to its start", "t", "area")
+        for name in COLOURS:
+            source = sources[f"{name}_area"]
+            area.line("t", "area", source=source, legend_label=name, line_width=2, **_style(name))
+            area.scatter("t", "area", source=source, size=5, color=COLOURS[name])
+        yield "area", area
+    title = "Many orbits" if scene.section is None else f"Many orbits at {scene.section} = 0"
+    orbits = _figure(title, *scene.orbit_axes)
+    orbits.scatter("x", "y", source=sources["orbits"], size=2, color=BLUE)
+    yield "orbits", orbits
+
+
+def _style(name: str) -> dict[str, Any]:
+    return {"line_color": COLOURS[name], "line_dash": DASHES[name]}
+
+
+def _legend_above(picture: Any) -> None:
+    """Move the legend out of the way of the curves."""
+    for legend in list(picture.legend):
+        legend.update(
+            orientation="horizontal", border_line_color=None, label_text_font_size="12px", padding=0, margin=0
+        )
+        picture.center.remove(legend)
+        picture.add_layout(legend, "above")
+
+
+def _figure(title: str, x: str, y: str, **options: Any) -> Any:
+    """An empty picture that is as wide as its place on the page."""
+    plotting = optional_module("bokeh.plotting", "explore")
+    picture = plotting.figure(
+        title=title, x_axis_label=x, y_axis_label=y, height=HEIGHT, sizing_mode="stretch_width",
+        tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll=None, **options,
+    )  # fmt: skip
+    picture.toolbar.logo = None
+    picture.toolbar.autohide = True
+    return picture

@@ -1,0 +1,335 @@
+"""The explorer as a local server: a page for each request, and pictures that follow its sliders."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import cache, lru_cache, partial
+from html import escape
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows
+from bseries.explorer.flows import SCALES as FACTORS
+from bseries.explorer.method_facts import MOST_TREES, method_facts
+from bseries.explorer.page import method_variables, scene_variables, template
+from bseries.explorer.plots import scene_plots, stability_plots, view_columns
+from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
+from bseries.explorer.stability_shapes import region_of
+from bseries.explorer.workers import Workers
+from foundation.extras import optional_module
+
+if TYPE_CHECKING:
+    from bseries.explorer.flows import SceneShape
+    from bseries.explorer.method_facts import MethodFacts
+    from bseries.explorer.plots import ScenePlots
+    from bseries.explorer.stability_shapes import StabilityShapes
+
+ADDRESS = "127.0.0.1"
+"""Nobody else reaches the server."""
+PATIENCE = 0.7
+"""Seconds before a page says that it is computing."""
+KEPT, KEPT_SCENES = 32, 4
+"""Answers of the server, and scenes of a worker with their compiled functions."""
+MOST_PAGES = 32
+"""With pictures of a scene, open at the same time."""
+LIFETIME = 10_000
+"""Milliseconds until a page is forgotten that no browser is connected to."""
+MOST_BYTES = 2**20
+"""Of a message from a browser."""
+STEPS, SCALES = 200, (*FACTORS, 0.02)
+"""Of the sliders of h, and of the factor of the start."""
+FLOWS = ("numerical", "exact", "modified", "orbits")
+"""The quickest first."""
+
+
+class Frame(NamedTuple):
+    """Values of the sliders, and the flow of which the columns are wanted."""
+
+    flow: str
+    h: float
+    scale: float
+    terms: int
+
+
+def method_answer(request: Request) -> tuple[MethodFacts, StabilityShapes | str]:
+    """The method of a request, and its stability region.
+
+    Example:
+        >>> from bseries.explorer.reading import Request
+        >>> method_answer(Request(method="heun2", order="3"))[0].order
+        2
+    """
+    method = read_method(request.method)
+    nodes = read_integer(request.order, "order", 0, MOST_TREES)
+    return method_facts(method, nodes or None), region_of(method)
+
+
+def scene_answer(request: Request) -> SceneShape:
+    """The scene of a request."""
+    return _flows(request.method, request.scene, request.start, request.span).shape
+
+
+def frame_answer(request: Request, frame: Frame) -> dict[str, dict[str, Any]]:
+    """The columns of the sources of one flow.
+
+    Example:
+        >>> from bseries.explorer.reading import Request
+        >>> sorted(frame_answer(Request(method="heun2"), Frame("exact", 0.1, 1.0, 3)))
+        ['exact_area', 'exact_curve', 'exact_patch']
+    """
+    flows = _flows(request.method, request.scene, request.start, request.span)
+    flow, h, scale, terms = frame
+    if not (FACTORS[0] <= scale <= FACTORS[1] and 1 <= terms <= flows.terms):
+        raise SeriesError(
+            f"factor and terms must be {FACTORS[0]:g} to {FACTORS[1]:g} and 1 to {flows.terms}, but were {scale!r:.60} "
+            f"and {terms!r:.60}"
+        )
+    if flow == "orbits":
+        return {flow: view_columns(flow, flows.orbits(h))}
+    if flow == "modified":
+        view = flows.modified(h, scale, terms)
+    else:
+        view = flows.exact(h, scale) if flow == "exact" else flows.numerical(h, scale)
+    return {f"{flow}_{part}": view_columns(f"{flow}_{part}", columns) for part, columns in view.items()}
+
+
+@lru_cache(KEPT_SCENES)
+def _flows(method: str, scene: str, start: str, span: str) -> SceneFlows:
+    return SceneFlows(read_method(method), read_scene(scene, start), read_positive(span, "span", SPAN, MOST_SPAN))
+
+
+class Answer(NamedTuple):
+    """What is known for a request; None for what is not, with sentences that say why."""
+
+    method: tuple[MethodFacts, StabilityShapes | str] | None
+    scene: SceneShape | None
+    sentences: tuple[str, ...]
+
+
+class Explorer:
+    """Answers to requests, each computed once, and the pages that show them.
+
+    Args:
+        workers: What computes.
+    """
+
+    def __init__(self, workers: Workers):
+        self.workers = workers
+        self._answers: OrderedDict[Request, asyncio.Task[Answer]] = OrderedDict()
+        self._pages: dict[str, tuple[Request, asyncio.Task[Answer] | None]] = {}
+
+    async def prepare(self, context: Any) -> None:
+        """Compute what a new page needs, as far as it takes no longer than a moment."""
+        if len(self._pages) >= MOST_PAGES:
+            return
+        try:
+            request = read_arguments(context.request.arguments)
+        except SeriesError as error:
+            task = asyncio.ensure_future(_refused(error))
+            request = Request()
+        else:
+            task = self._answer(request)
+        await asyncio.wait([task], timeout=PATIENCE)
+        self._pages[context.id] = request, task
+
+    def forget(self, context: Any) -> None:
+        """Forget a page that was closed."""
+        self._pages.pop(context.id, None)
+
+    def _answer(self, request: Request) -> asyncio.Task[Answer]:
+        """The answer to a request, which may be under way; a page that comes again finds it."""
+        if request not in self._answers:
+            self._answers[request] = asyncio.ensure_future(self._compute(request))
+            while len(self._answers) > KEPT:
+                self._answers.popitem(last=False)
+        self._answers.move_to_end(request)
+        return self._answers[request]
+
+    async def _compute(self, request: Request) -> Answer:
+        try:
+            method = await self.workers.ask(request.method, method_answer, request)
+        except SeriesError as error:
+            return Answer(None, None, (f"{error}.",))
+        try:
+            return Answer(method, await self.workers.ask(request.method, scene_answer, request), ())
+        except SeriesError as error:
+            return Answer(method, None, (f"{error}.",))
+
+    def show(self, document: Any) -> None:
+        """Fill a page."""
+        request, task = self._pages.pop(document.session_context.id, (Request(), None))
+        variables: dict[str, Any] = {"title": "bseries explore", "request": request, **_choices()}
+        if task is None:
+            variables["sentences"] = [f"pages must be at most {MOST_PAGES} at a time, but that many are open."]
+        elif not task.done():
+            variables["waiting"] = True
+        else:
+            answer = task.result()
+            variables["sentences"] = answer.sentences
+            roots: dict[str, Any] = {}
+            if answer.method is not None:
+                variables |= method_variables(*answer.method)
+                if not isinstance(answer.method[1], str):
+                    roots |= stability_plots(answer.method[1])
+            if answer.scene is not None:
+                plots = scene_plots(answer.scene, STEPS, SCALES)
+                variables |= scene_variables(answer.scene, list(plots.figures))
+                roots |= plots.roots
+                LivePage(document, self.workers, request, plots)
+                self._pages[document.session_context.id] = request, task
+            for name, root in roots.items():
+                root.name = name
+                document.add_root(root)
+        document.template, document.title = template(), variables["title"]
+        document.template_variables.update(variables)
+
+
+class LivePage:
+    """Keeps the pictures of a page at the values of its sliders: whatever moves meanwhile is computed next."""
+
+    def __init__(self, document: Any, workers: Workers, request: Request, plots: ScenePlots):
+        self._document, self._workers, self._request, self._plots = document, workers, request, plots
+        self._is_wanted = self._is_running = False
+        for slider in (plots.h, plots.scale, plots.terms):
+            slider.on_change("value", lambda name, old, new: self._start())
+        self._start()
+
+    def _start(self) -> None:
+        self._is_wanted = True
+        if not self._is_running:
+            self._is_running = True
+            free = optional_module("bokeh.document", "explore").without_document_lock
+            self._document.add_next_tick_callback(free(self._follow))
+
+    async def _follow(self) -> None:
+        try:
+            while self._is_wanted and self._document.session_context is not None:
+                self._is_wanted = False
+                await self._update()
+        finally:
+            self._is_running = False
+
+    async def _update(self) -> None:
+        """Compute and show all flows; that of many orbits only when nothing newer is wanted."""
+        plots = self._plots
+        values = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
+        sentence = ""
+        for flow in FLOWS:
+            if flow == "orbits" and self._is_wanted:
+                return
+            try:
+                frame = Frame(flow, *values)
+                columns = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
+            except SeriesError as error:
+                sentence = f"{error}."
+                break
+            self._document.add_next_tick_callback(partial(self._show, columns))
+        self._document.add_next_tick_callback(partial(self._say, sentence))
+
+    def _show(self, columns: dict[str, dict[str, Any]]) -> None:
+        for name, data in columns.items():
+            self._plots.sources[name].data = data
+
+    def _say(self, sentence: str) -> None:
+        self._plots.sentence.text = escape(sentence)
+
+
+async def _refused(error: SeriesError) -> Answer:
+    return Answer(None, None, (f"{error}.",))
+
+
+def read_arguments(arguments: Any) -> Request:
+    """The request in the query of an address.
+
+    Raises:
+        SeriesError: A text is too long, not UTF-8, or given twice.
+
+    Example:
+        >>> read_arguments({"method": [b"heun2"]}).method
+        'heun2'
+    """
+    texts: dict[str, str] = {}
+    for name, values in arguments.items():
+        if name in Request._fields:
+            try:
+                (value,) = values
+                texts[name] = value if isinstance(value, str) else value.decode("utf-8")
+            except ValueError:
+                raise SeriesError(f"{name} must be given once, as UTF-8, but was not") from None
+    return Request(**texts).checked()
+
+
+@cache
+def _choices() -> dict[str, Any]:
+    """The names in the form."""
+    from integrators import catalogue, scene_catalogue
+
+    methods = [f"{entry.name}{entry.least_stages}" if entry.is_family else entry.name for entry in catalogue()]
+    return {"methods": methods, "scenes": [entry.name for entry in scene_catalogue()]}
+
+
+def serve(port: int, ready: Callable[[str], object]) -> None:
+    """Serve pages on this machine until interrupted.
+
+    Args:
+        port: The port; 0 for any that is free.
+        ready: Called with the address once pages are served.
+
+    Raises:
+        SeriesError: The port is taken.
+        MissingPackage: Bokeh is not installed.
+    """
+    server_class = optional_module("bokeh.server.server", "explore").Server
+    application = optional_module("bokeh.application", "explore").Application
+    chosen = _free_port(port)
+    workers = Workers()
+    try:
+        explorer = Explorer(workers)
+        server = server_class(
+            {"/": application(_handler(explorer))},
+            port=chosen,
+            address=ADDRESS,
+            allow_websocket_origin=[f"{ADDRESS}:{chosen}", f"localhost:{chosen}"],
+            websocket_max_message_size=MOST_BYTES,
+            check_unused_sessions_milliseconds=LIFETIME // 5,
+            unused_session_lifetime_milliseconds=LIFETIME,
+        )
+        server.start()
+        server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one
+        ready(f"http://{ADDRESS}:{chosen}/")
+        server.io_loop.start()
+    finally:
+        workers.stop()
+
+
+def _free_port(port: int) -> int:
+    """The port, or a free one for 0."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((ADDRESS, port))
+        except OSError as error:
+            raise SeriesError(f"port must be free, but {port} was not: {error.strerror}") from None
+        return probe.getsockname()[1]
+
+
+def _handler(explorer: Explorer) -> Any:
+    """What Bokeh asks for each page."""
+    base = optional_module("bokeh.application.handlers", "explore").Handler
+
+    class PageHandler(base):
+        """Prepares a page without blocking the others, fills it, and forgets it."""
+
+        async def on_session_created(self, session_context: Any) -> None:
+            await explorer.prepare(session_context)
+
+        def modify_document(self, doc: Any) -> None:
+            explorer.show(doc)
+
+        async def on_session_destroyed(self, session_context: Any) -> None:
+            explorer.forget(session_context)
+
+    return PageHandler()

@@ -1,0 +1,147 @@
+"""Processes that compute for the server, within bounds of time and memory: whoever exceeds them is replaced."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from bseries.exceptions import SeriesError
+
+SECONDS = 30.0
+"""For one request, including the time to start a worker; machine code is compiled on first use."""
+WAITING = 60.0
+"""Until a worker is free."""
+BYTES = 3 * 2**30
+"""Of a worker."""
+
+
+class Worker:
+    """A process that computes one thing after the other.
+
+    Example:
+        >>> from bseries.explorer.reading import read_integer
+        >>> worker = Worker()
+        >>> worker.ask(read_integer, "7", "order", 5, 8)
+        7
+        >>> worker.stop()
+    """
+
+    def __init__(self) -> None:
+        self.seen: set[Any] = set()
+        self._is_stopped = False
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs, BYTES), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.seen.clear()
+
+    def ask(self, function: Callable[..., Any], *arguments: Any, seconds: float = SECONDS) -> Any:
+        """The value of a function in the process.
+
+        Raises:
+            SeriesError: The function refused its arguments, took too long or needed too much memory.
+        """
+        try:
+            self._pipe.send((function, arguments))
+            if not self._pipe.poll(seconds):
+                self._restart()
+                raise SeriesError(
+                    f"request must take at most {seconds:g} s, but took longer: fewer nodes, a shorter time or a "
+                    "smaller method may do"
+                )
+            is_value, answer = self._pipe.recv()
+        except (EOFError, OSError):
+            self._restart()
+            raise SeriesError("request must need less memory, but ended its process") from None
+        if not is_value:
+            raise SeriesError(answer)
+        return answer
+
+    def _restart(self) -> None:
+        if not self._is_stopped:
+            self._end()
+            self._start()
+
+    def stop(self) -> None:
+        """End the process, also while it computes."""
+        self._is_stopped = True
+        self._end()
+
+    def _end(self) -> None:
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+
+def _work(pipe: Any, most_bytes: int) -> None:
+    """Answer requests until the other end is closed."""
+    import signal
+
+    from bseries import errors
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends its workers
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
+    while True:
+        try:
+            function, arguments = pipe.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            answer = True, function(*arguments)
+        except errors as error:
+            answer = False, str(error)
+        except MemoryError:
+            answer = False, "request must need less memory than there is"
+        except Exception as error:  # the page says so, and the server lives on
+            answer = False, f"request could not be computed ({type(error).__name__}: {error})"
+        pipe.send(answer)
+
+
+class Workers:
+    """Some workers, and a queue for them. Whoever has computed for a key before computes for it again, if free.
+
+    Args:
+        count: The number of workers.
+    """
+
+    def __init__(self, count: int = 2):
+        self._idle = [Worker() for _ in range(count)]
+        self._all = tuple(self._idle)
+        self._free = asyncio.Semaphore(count)
+
+    async def ask(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The value of a function in one of the processes.
+
+        Raises:
+            SeriesError: As `Worker.ask`; or no worker has become free in time.
+        """
+        try:
+            await asyncio.wait_for(self._free.acquire(), WAITING)
+        except TimeoutError:
+            raise SeriesError(f"server must be free within {WAITING:g} s, but was busy: try again") from None
+        worker = next((worker for worker in self._idle if key in worker.seen), self._idle[0])
+        self._idle.remove(worker)
+        answer = asyncio.get_running_loop().run_in_executor(None, lambda: worker.ask(function, *arguments))
+
+        def release(_: Any) -> None:
+            worker.seen.add(key)
+            self._idle.append(worker)
+            self._free.release()
+
+        answer.add_done_callback(release)
+        return await asyncio.shield(answer)  # whoever asked may go away; the worker is free only at the end
+
+    def stop(self) -> None:
+        """End all processes."""
+        for worker in self._all:
+            worker.stop()

@@ -1,0 +1,49 @@
+"""A server of its own for these tests, and a browser where there is one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+SERVE = "from bseries.cli import main; main()"
+
+
+@pytest.fixture(scope="session")
+def address() -> Iterator[str]:
+    """The address of a server, which must end when interrupted."""
+    pytest.importorskip("bokeh")
+    command = [sys.executable, "-c", SERVE, "explore", "--port", "0", "--no-open"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as server:
+        assert server.stdout is not None
+        assert server.stderr is not None
+        line = server.stdout.readline()
+        assert line.startswith("The explorer is at http://127.0.0.1:"), server.stderr.read()
+        yield line.split()[4].removesuffix(";")
+        server.send_signal(signal.SIGINT)
+        code, problems = server.wait(30), server.stderr.read()
+        assert (code, "Traceback" in problems) == (0, False), problems
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, driven by Playwright, which keeps an event loop running as long."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("there is no browser")
+    with playwright.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield started
+        started.close()
