@@ -90,7 +90,7 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
         )
     report, series = check(method), modified_equation(method, nodes)
     names = method.names if len(method.names) > 1 else None
-    table = series.to_table("modified")
+    table = series.to_table()
     return MethodFacts(
         method.name,
         report.order,

@@ -16,7 +16,7 @@ from bseries.explorer.stability_shapes import stability_shapes
 
 def test_terms_are_those_of_the_modified_equation():
     facts, b = method_facts(bs.method("rk4"), 6), bs.modified_equation("rk4", 6)
-    assert (facts.order, facts.nodes, facts.latex) == (4, 6, b.to_latex(nonzero=True))
+    assert (facts.order, facts.nodes, facts.latex) == (4, 6, b.to_latex())
     assert [term.tree for term in facts.terms] == [str(tree) for tree in b]
     assert [Fraction(term.coefficient) for term in facts.terms] == b.coefficients()
     assert [term.value for term in facts.terms] == [float(weight) for weight in b.weights()]
