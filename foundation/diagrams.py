@@ -39,19 +39,23 @@ def line_style(k: int) -> dict[str, Any]:
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def draw_curves(ax: Axes, x: Any, curves: Mapping[str, Any], *, points: bool = False, **style: Any) -> None:
-    """Curves over x, or their points; with a legend if there are several."""
-    for k, (name, y) in enumerate(curves.items()):
+def draw_curves(
+    ax: Axes, x: Any, curves: Mapping[str, Any], *, first: int = 0, points: bool = False, **style: Any
+) -> None:
+    """Curves over x, or their points, after `first` others; with a legend if there are several."""
+    for k, (name, y) in enumerate(curves.items(), first):
         own = line_style(k) | style
         if points:
             own |= {"linestyle": "none", "marker": MARKERS[k % len(MARKERS)], "markersize": 1.5}
         ax.plot(x, y, label=name, rasterized=len(y) > MANY, **own)
-    if len(curves) > 1:
+    if first + len(curves) > 1:
         draw_legend(ax)
 
 
 def write_title(ax: Axes, text: str) -> None:
-    """A title in lines that a narrow figure has room for; names from files are no formulas."""
+    """A title in lines that a narrow figure has room for, in place of any other; names from files are no formulas."""
+    for place in ("left", "center", "right"):
+        ax.set_title("", loc=place)
     ax.set_title(fill(text.removeprefix("the ").replace(" = ", "\xa0=\xa0"), TITLE), parse_math=False)
 
 

@@ -18,6 +18,7 @@ from bseries.exceptions import SeriesError
 from foundation.table import MOST_ROWS, LazyRows, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
 from trees.counting import check_order
+from trees.errors import TreeError
 from trees.notation import check_names, default_names
 from trees.table import TreeTable, tree_table
 from trees.tree import Tree
@@ -152,11 +153,17 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return self.names if self.table.colors > 1 else None
 
     def __contains__(self, tree: object) -> bool:
-        return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
+        if isinstance(tree, str) and tree.strip() == EMPTY:
+            return False
+        try:
+            return isinstance(tree, Tree | str) and self._tree(tree) in self.table
+        except TreeError:  # no text of a tree
+            return False
 
     def get(self, tree: Any, default: Any = None) -> Any:
         """The coefficient of a tree, or `default` for trees beyond the series."""
-        return self[tree] if tree == EMPTY or tree in self else default
+        is_empty = isinstance(tree, str) and tree.strip() == EMPTY
+        return self[tree] if is_empty or tree in self else default
 
     def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All coefficients in the order of the table; the same as `coefficients`."""
@@ -218,7 +225,13 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return self._replace(empty=number, label="", kind=_kind(number), uncertainty=None)
 
     def with_label(self, label: str, kind: str | None = None) -> BSeries:
-        """The same series under another name, and as another kind if one is given."""
+        """The same series under another name, and as another kind if one is given.
+
+        Raises:
+            SeriesError: The kind is none of series, field, modified and modifying.
+        """
+        if kind is not None and kind not in presentation.KINDS:
+            raise SeriesError(f"kind must be one of {', '.join(presentation.KINDS)}, but was {kind!r:.60}")
         return self._replace(label=label, kind=kind or self.kind)
 
     def to_float(self) -> BSeries:
@@ -299,11 +312,25 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return f"<BSeries{of}: {len(self)} trees to order {self.order}, {self.domain}>"
 
     def scale_step(self, factor: object) -> BSeries:
-        """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ)."""
+        """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ).
+
+        Raises:
+            SeriesError: The factor is no number, or a coefficient is beyond the range of floats.
+
+        Example:
+            >>> import bseries as bs
+            >>> from fractions import Fraction
+            >>> bs.exact_flow(3).scale_step(Fraction(1, 2)) == bs.exact_flow(3) ** Fraction(1, 2)
+            True
+        """
         number: Any = exact_number(factor, "factor")
-        powers = [number**n for n in range(self.order + 1)]
-        values = (x * powers[int(n)] for x, n in zip(self.coefficients(), self.table.columns.order, strict=True))
-        return BSeries(self.table, make_values(self.table, values), self.empty, names=self.names, digits=self.digits)
+        pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
+        try:
+            powers = [number**n for n in range(self.order + 1)]
+            values = make_values(self.table, (x * powers[int(n)] for x, n in pairs))
+        except OverflowError:
+            raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
+        return BSeries(self.table, values, self.empty, names=self.names, digits=self.digits)
 
     def log(self) -> BSeries:
         """The modified equation: the field whose exact flow is this series.

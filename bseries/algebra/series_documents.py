@@ -127,7 +127,7 @@ def _error(value: Any, tree: Tree) -> float:
     """An uncertainty."""
     try:
         error = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         error = -1.0
     if not 0 <= error < float("inf"):
         raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(value)}")

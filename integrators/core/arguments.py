@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from integrators.core.errors import IntegratorError, shown
 
 if TYPE_CHECKING:
+    from inspect import Parameter
+
     import numpy as np
 
 MOST_STEPS = 2**53
@@ -98,6 +100,25 @@ def check_partition_names(names: Iterable[Any]) -> None:
                 "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold "
                 f"τ, but one was {shown(name)}"
             )
+
+
+FAILURES = (TypeError, AttributeError, ValueError, LookupError, ArithmeticError)
+"""What functions of the user may raise when they are run on symbols."""
+
+
+def parameters_of(function: Callable[..., Any]) -> list[Parameter] | None:
+    """The parameters of a function; None if it does not tell, as some that are not written in Python."""
+    from inspect import signature
+
+    try:
+        return list(signature(function).parameters.values())
+    except (TypeError, ValueError):
+        return None
+
+
+def required(parameters: Iterable[Parameter]) -> int:
+    """The number of positional parameters without defaults."""
+    return sum(p.default is p.empty and p.kind <= p.POSITIONAL_OR_KEYWORD for p in parameters)
 
 
 def check_progress(progress: Any) -> None:

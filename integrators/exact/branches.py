@@ -148,11 +148,12 @@ def compare(left: Any, relation: str, right: Any, a: Any, b: Any) -> Any:
 
 
 def extreme(name: str, values: Sequence[Any]) -> Any:
-    """The least (``min``) or largest (``max``) of several values."""
-    found, *others = values
-    for value in others:
-        found = compare(found, ">" if name == "max" else "<", value, found, value)
-    return found
+    """The least (``min``) or largest (``max``) of n values, with n² parts: a comparison repeats what it compares."""
+    if len(values) == 1:
+        return values[0]
+    half = len(values) // 2
+    a, b = extreme(name, values[:half]), extreme(name, values[half:])
+    return compare(a, ">" if name == "max" else "<", b, a, b)
 
 
 def from_sympy(formula: Any) -> Any:

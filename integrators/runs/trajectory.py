@@ -130,7 +130,7 @@ class Trajectory(Tabular):
 
     def plot(
         self, ax: Axes | None = None, *, x: str = "t", y: str | Sequence[str] | None = None, change: bool = False,
-        points: bool = False,
+        points: bool = False, label: str | None = None,
     ) -> Axes:  # fmt: skip
         """Variables or observed quantities over time, or over another one: a phase portrait.
 
@@ -140,13 +140,14 @@ class Trajectory(Tabular):
             y: Variables or quantities, one or several; by default all variables.
             change: Whether changes since the start are drawn, such as the error of an energy.
             points: Whether states are drawn as points without lines between them.
+            label: The name of the run in the legend, for axes with several runs; by default method and scene.
 
         Returns:
             The axes.
 
         Raises:
-            IntegratorError: A name is unknown, quantities are observed at other times than those of the states, or `ax`
-                is no axes.
+            IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times than
+                those of the states, or `ax` is no axes.
             ImportError: matplotlib is not installed.
 
         Example:
@@ -158,18 +159,28 @@ class Trajectory(Tabular):
             >>> axes.get_xlabel(), axes.get_ylabel()
             ('time t', 'change of energy since the start')
             >>> axes = run.plot(x="q", y="p")
+            >>> other = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=200, observe="energy")
+            >>> axes = other.plot(run.plot(y="energy", label="rk4"), y="energy", label="Störmer–Verlet")
+            >>> [text.get_text() for text in axes.get_legend().get_texts()]
+            ['rk4', 'Störmer–Verlet']
         """
+        if not isinstance(change, bool):
+            raise IntegratorError(f"change must be True or False, but was {shown(change)}")
         names = ([y] if isinstance(y, str) else items(() if y is None else y, "y")) or self.variables
         across, *curves = self._columns([x, *names])
         with drawing(ax, IntegratorError) as axes:
             if change:
                 curves = [curve - curve[:1] for curve in curves]
             width = WIDTH if x == "t" else ORBIT_WIDTH
-            draw_curves(axes, across, dict(zip(names, curves, strict=True)), points=points, linewidth=width)
+            first = len(axes.lines)
+            run = label or (_names(self) if first else "")
+            labels = [f"{name}, {run}" if run and len(names) > 1 else run or name for name in names]
+            draw_curves(
+                axes, across, dict(zip(labels, curves, strict=True)), first=first, points=points, linewidth=width
+            )
             what = names[0] if len(names) == 1 else "value"
-            label = f"change of {what} since the start" if change else what
-            write_title(axes, f"{_names(self)}, h = {self.h:g}")
-            axes.set(xlabel="time t" if x == "t" else x, ylabel=label)
+            write_title(axes, "" if first else f"{_names(self)}, h = {self.h:g}")
+            axes.set(xlabel="time t" if x == "t" else x, ylabel=f"change of {what} since the start" if change else what)
             if len(names) == 1 and x.rstrip(DIGITS) == what.rstrip(DIGITS):
                 axes.set_aspect("equal", "datalim")  # coordinates of one place
         return axes

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from inspect import Parameter, signature
+from inspect import Parameter
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.arguments import items
+from integrators.core.arguments import FAILURES, items, parameters_of, required
 from integrators.core.errors import IntegratorError, shown
 from integrators.scenes.model.blocks import TIME, read_blocks
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from inspect import Parameter
+
     import sympy
 
 
@@ -71,13 +73,16 @@ def scene_from_function(
         raise IntegratorError(f"y0 must hold {len(names)} numbers, one for each variable, but held {len(start)}")
     symbols = np.array([Formula(sympy.Symbol(name)) for name in names], dtype=object).view(FormulaArray)
     if hamiltonian:
+        if required(_signature(function)) != 2:
+            raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
         arguments = [symbols[block.offset : block.end] for block in blocks if block.name != TIME]
     else:
         arguments = [symbols] if _required(function) == 1 else [Formula(sympy.Symbol(TIME)), symbols]
     parameters = _parameters(function, len(arguments))
     found = _called(function, arguments, {key: Formula(sympy.Symbol(key)) for key in parameters})
     if hamiltonian:
-        formulas: dict[str, Any] = {"hamiltonian": _formula(found, "function")}
+        value = found.item() if getattr(found, "size", 0) == 1 else found  # of p**2/2, where p is an array of one
+        formulas: dict[str, Any] = {"hamiltonian": _formula(value, "function")}
     else:
         values = np.ravel(np.array(found, dtype=object)) if found is not None else []
         if len(values) != len(names):
@@ -95,17 +100,17 @@ def scene_from_function(
 
 def _required(function: Callable[..., Any]) -> int:
     """The number of arguments without defaults."""
-    count = sum(p.default is p.empty and p.kind <= Parameter.POSITIONAL_OR_KEYWORD for p in _signature(function))
+    count = required(_signature(function))
     if count not in (1, 2):
         raise IntegratorError(f"function must take y, or t and y, but took {count} arguments without defaults")
     return count
 
 
 def _signature(function: Callable[..., Any]) -> list[Parameter]:
-    try:
-        return list(signature(function).parameters.values())
-    except (TypeError, ValueError):
-        raise IntegratorError("function must be one of Python, with named arguments, but was not") from None
+    found = parameters_of(function)
+    if found is None:
+        raise IntegratorError("function must be one of Python, with named arguments, but was not")
+    return found
 
 
 def _parameters(function: Callable[..., Any], used: int) -> dict[str, Any]:
@@ -120,7 +125,7 @@ def _called(function: Callable[..., Any], arguments: Sequence[Any], parameters: 
     """The function's result on symbols."""
     try:
         return function(*arguments, **parameters)
-    except (TypeError, AttributeError, ValueError) as error:
+    except FAILURES as error:
         if isinstance(error, IntegratorError):
             raise
         text = str(error)

@@ -115,7 +115,7 @@ def energy_drift(
         order = max(7, order_of_method + 3)
     r = Perturbation(method, scene, order, parts=parts)
     far = f"through h^{r.field.order - 1}"
-    report = DriftReport(r, size, BOUNDED, f"the modified field is Hamiltonian {far}, whatever H is")
+    report = DriftReport(r, size, BOUNDED, f"the modified field is Hamiltonian {far}, for all H of this form")
     least = order_of_method
     if scene.poisson is None:
         found = energy_trees(method, scene, r.field.order, parts).verdict

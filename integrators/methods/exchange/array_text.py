@@ -1,9 +1,9 @@
 """Arrays of numbers in source text of Python, Julia and C, which is read and never evaluated.
 
 Values assigned to given names are cut out of the text, arrays of Julia and C are rewritten as Python lists, and
-Python's `ast` parses these. Lists, tuples, ``array(…)``, numbers, + - * / **, ``Rational(a, b)``, ``Fraction(a, b)``
-and ``sqrt(x)`` are all that is read; everything else is refused. Entries become formulas for `read_entry`, so that
-decimals are exact.
+Python's `ast` parses these. Lists, tuples, ``array(…)``, numbers, + - * / **, ``Rational(a, b)``, ``Fraction(a, b)``,
+``sqrt(x)``, pi and cosines are all that is read; everything else is refused. Entries become formulas for `read_entry`,
+so that decimals are exact.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST_TOKENS = 200
 """Between two commas; the parser's stack is as deep as an entry."""
 ARRAYS = ("array", "asarray")
 QUOTIENTS = ("Rational", "Fraction")
-ROOTS = ("sqrt", "cos", "sin", "tan")
+CALLED = ("sqrt", "cos", "sin", "tan")
 """Functions that entries may have, of numbers and of multiples of pi."""
 ABSENT = ("NULL", "nullptr", "None", "nothing")
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.UAdd: "+", ast.USub: "-"}
@@ -134,7 +134,7 @@ class _Reader:
             parts = [self._formula(argument) for argument in node.args]
             if _called(node) in QUOTIENTS and 1 <= len(parts) <= 2:
                 return "/".join(f"({part})" for part in parts)
-            if _called(node) in ROOTS and len(parts) == 1:
+            if _called(node) in CALLED and len(parts) == 1:
                 return f"{_called(node)}({parts[0]})"
         if isinstance(node, ast.Name) and node.id == "pi":
             return node.id
@@ -159,15 +159,20 @@ def _called(node: ast.Call) -> str:
 def _c_lists(value: str) -> str:
     """Braces as brackets; macros for constants and suffixes of numbers are dropped."""
     value = re.sub(r"\b(?:RC|SUN_RCONST|PetscRealConstant)\s*\(", "(", value)
+    if quotient := re.search(r"(?<![\w.])\d+\s?/\s?\d+(?![\w.])", value):
+        raise IntegratorError(f"quotients must have decimal points in C, which rounds {quotient[0]}, but one has none")
     value = re.sub(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)[fFlL]\b", r"\1", value)
     return value.translate(str.maketrans("{}", "[]"))
 
 
 def _julia_lists(value: str) -> str:
     """Rows that end with ; or the line and entries between spaces, as nested lists."""
+    value = re.sub(r"[ \t]+", " ", value)
+    if re.search(r"(?<!/)/(?!/)[^][\s,;()+*/-]*//", re.sub(r" ?(//?) ?", r"\1", value)):
+        raise IntegratorError("a quotient a//b behind / must be in parentheses, as Julia computes it first, but is not")
     value = re.sub(r"^(?:@big\s*)?(?:[A-Za-z]\w*(?:\{\w+\})?(?=\[))?", "", value)
     value = re.sub(r"√\s*(\d+|(?=\())", lambda match: f"sqrt({match[1]})" if match[1] else "sqrt", value)
-    value = re.sub(r"[ \t]*(//|[/*^])[ \t]*", lambda match: {"//": "/", "^": "**"}.get(match[1], match[1]), value)
+    value = re.sub(r" ?(//|[/*^]) ?", lambda match: {"//": "/", "^": "**"}.get(match[1], match[1]), value)
     value = re.sub(r"(?<=[\w)])[ \t]+([-+])[ \t]+", r"\1", value)
     value = re.sub(r"\([^][()]*\)", lambda match: re.sub(r"\s", "", match[0]), value)
     return re.sub(r"\[([^][]*)\]", _julia_list, re.sub(r"\][\s;]*\[", "],[", value))
@@ -186,5 +191,5 @@ def _julia_list(match: re.Match[str]) -> str:
 
 QUOTED = r'"(?:\\.|[^"\\\n])*"'
 PYTHON = Language(rf"\"\"\".*?\"\"\"|'''.*?'''|{QUOTED}|'(?:\\.|[^'\\\n])*'|#[^\n]*", lambda value: value)
-JULIA = Language(rf"\"\"\".*?\"\"\"|{QUOTED}|#=.*?=#|#[^\n]*", _julia_lists)
-C = Language(rf"{QUOTED}|/\*.*?\*/|//[^\n]*", _c_lists)
+JULIA = Language(rf"\"\"\".*?\"\"\"|{QUOTED}|#=.*?(?:=#|\Z)|#[^\n]*", _julia_lists)
+C = Language(rf"{QUOTED}|/\*.*?(?:\*/|\Z)|//[^\n]*", _c_lists)

@@ -121,8 +121,8 @@ def orders(method: RungeKutta) -> tuple[int, int]:
     """The order of a method, at most `MAX_ORDER`, and that of its first row of embedded weights or 0."""
     import numpy as np
 
-    doubles = method.to_float()
-    A, b, *embedded = (np.array(rows) for rows in (doubles.A, doubles.b, *doubles.embedded[:1]))
+    shown, kind = (method, object) if method.domain == "QQ" else (method.to_float(), float)
+    A, b, *embedded = (np.array(rows, dtype=kind) for rows in (shown.A, shown.b, *shown.embedded[:1]))
     return order_of_weights(A, b), order_of_weights(A, embedded[0]) if embedded else 0
 
 

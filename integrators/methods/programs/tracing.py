@@ -12,10 +12,10 @@ import operator
 import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from inspect import currentframe, signature
+from inspect import currentframe
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from integrators.core.arguments import check_partition_names
+from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.evaluations import Derivative, Evaluation, Field, Flow, LinearForm
@@ -115,10 +115,8 @@ class Recorder:
 
     def run(self, step: Callable[..., Any]) -> LinearForm:
         """Call the step and return its end."""
-        try:
-            count = sum(p.default is p.empty for p in signature(step).parameters.values())
-        except (TypeError, ValueError):
-            count = 3
+        parameters = parameters_of(step)
+        count = 3 if parameters is None else required(parameters)
         if count not in (3, 4):
             raise IntegratorError(f"step must take f, y, h or f, t, y, h, but took {count} arguments")
         if count == 4 and self.parts:
@@ -127,7 +125,9 @@ class Recorder:
         arguments = (TracedField(self), y, h) if count == 3 else (TracedField(self), Time(Fraction(0), self), y, h)
         try:
             end = step(*arguments)
-        except (TypeError, AttributeError, IndexError, KeyError, ZeroDivisionError) as error:
+        except FAILURES as error:
+            if isinstance(error, IntegratorError):
+                raise
             raise IntegratorError(f"step must run on any state, but {self.place(error)} failed: {error}") from error
         end = end.item() if getattr(end, "shape", None) == () else end
         if not isinstance(end, Value) or end.recorder is not self or end.is_scalar:
@@ -373,6 +373,8 @@ class Time:
         self.recorder.refuse("uses t other than as an argument of f")
 
     __bool__ = __mul__ = __rmul__ = __truediv__ = __lt__ = __le__ = __gt__ = __ge__ = _look  # type: ignore[assignment]
+    __eq__ = __ne__ = _look  # type: ignore[assignment]
+    __hash__ = None  # type: ignore[assignment]
 
 
 class TracedField:
@@ -419,7 +421,8 @@ class TracedField:
     def solve(self, equation: Callable[..., Any], like: Any = None) -> Any:
         """The solution of Y = equation(Y), or of a system of several."""
         recorder = self._recorder
-        count = len(signature(equation).parameters)
+        parameters = parameters_of(equation)
+        count = 1 if parameters is None else len(parameters)
         model = Value(LinearForm(1), 0, recorder) if like is None else like
         if not isinstance(model, Value) or model.is_scalar:
             recorder.refuse("solves for something else than states")
