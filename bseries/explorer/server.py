@@ -18,7 +18,7 @@ from bseries.explorer.page import method_variables, scene_variables, template
 from bseries.explorer.plots import scene_plots, stability_plots, view_columns
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.stability_shapes import region_of
-from bseries.explorer.workers import Workers
+from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
 PATIENCE = 0.7
 """Seconds before a page says that it is computing."""
+SEEN = 60
+"""Seconds after which an answer is forgotten that may be another one next time."""
 KEPT, KEPT_SCENES = 32, 4
 """Answers of the server, and scenes of a worker with their compiled functions."""
 MOST_PAGES = 32
@@ -107,6 +109,7 @@ class Answer(NamedTuple):
     method: tuple[MethodFacts, StabilityShapes | str] | None
     scene: SceneShape | None
     sentences: tuple[str, ...]
+    lasts: bool = True
 
 
 class Explorer:
@@ -142,21 +145,31 @@ class Explorer:
     def _answer(self, request: Request) -> asyncio.Task[Answer]:
         """The answer to a request, which may be under way; a page that comes again finds it."""
         if request not in self._answers:
-            self._answers[request] = asyncio.ensure_future(self._compute(request))
+            task = self._answers[request] = asyncio.ensure_future(self._compute(request))
+            task.add_done_callback(lambda task: self._check(request, task))
             while len(self._answers) > KEPT:
                 self._answers.popitem(last=False)
         self._answers.move_to_end(request)
         return self._answers[request]
 
+    def _check(self, request: Request, task: asyncio.Task[Answer]) -> None:
+        """Forget an answer that may be another one when it is asked for again, once pages have seen it."""
+        if not task.cancelled() and not task.result().lasts:
+            asyncio.get_running_loop().call_later(SEEN, self._answers.pop, request, None)
+
     async def _compute(self, request: Request) -> Answer:
         try:
             method = await self.workers.ask(request.method, method_answer, request)
         except SeriesError as error:
-            return Answer(None, None, (f"{error}.",))
+            return Answer(None, None, (f"{error}.",), lasts=not isinstance(error, NotComputed))
+        except Exception as error:  # the page says so, and the server lives on
+            return Answer(None, None, (f"request could not be computed: {error}.",), lasts=False)
         try:
             return Answer(method, await self.workers.ask(request.method, scene_answer, request), ())
         except SeriesError as error:
-            return Answer(method, None, (f"{error}.",))
+            return Answer(method, None, (f"{error}.",), lasts=not isinstance(error, NotComputed))
+        except Exception as error:
+            return Answer(method, None, (f"request could not be computed: {error}.",), lasts=False)
 
     def show(self, document: Any) -> None:
         """Fill a page."""
@@ -301,6 +314,7 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
         server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one
         ready(f"http://{ADDRESS}:{chosen}/")
         server.io_loop.start()
+        server.stop()
     finally:
         workers.stop()
 

@@ -18,6 +18,10 @@ BYTES = 3 * 2**30
 """Of a worker."""
 
 
+class NotComputed(SeriesError):
+    """A request that took too long, ended its process, or found no free one: asked again, it may be answered."""
+
+
 class Worker:
     """A process that computes one thing after the other.
 
@@ -52,14 +56,16 @@ class Worker:
             self._pipe.send((function, arguments))
             if not self._pipe.poll(seconds):
                 self._restart()
-                raise SeriesError(
+                raise NotComputed(
                     f"request must take at most {seconds:g} s, but took longer: fewer nodes, a shorter time or a "
                     "smaller method may do"
                 )
             is_value, answer = self._pipe.recv()
         except (EOFError, OSError):
             self._restart()
-            raise SeriesError("request must need less memory, but ended its process") from None
+            raise NotComputed(
+                "request must not end its process, but did, perhaps for want of memory"
+            ) from None
         if not is_value:
             raise SeriesError(answer)
         return answer
@@ -104,7 +110,12 @@ def _work(pipe: Any, most_bytes: int) -> None:
             answer = False, "request must need less memory than there is"
         except Exception as error:  # the page says so, and the server lives on
             answer = False, f"request could not be computed ({type(error).__name__}: {error})"
-        pipe.send(answer)
+        try:
+            pipe.send(answer)
+        except OSError:
+            return
+        except Exception as error:
+            pipe.send((False, f"request could not be sent back ({type(error).__name__}: {error})"))
 
 
 class Workers:
@@ -128,7 +139,7 @@ class Workers:
         try:
             await asyncio.wait_for(self._free.acquire(), WAITING)
         except TimeoutError:
-            raise SeriesError(f"server must be free within {WAITING:g} s, but was busy: try again") from None
+            raise NotComputed(f"server must be free within {WAITING:g} s, but was busy: try again") from None
         worker = next((worker for worker in self._idle if key in worker.seen), self._idle[0])
         self._idle.remove(worker)
         answer = asyncio.get_running_loop().run_in_executor(None, lambda: worker.ask(function, *arguments))

@@ -146,8 +146,8 @@ class Trajectory(Tabular):
             The axes.
 
         Raises:
-            IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times than
-                those of the states, or `ax` is no axes.
+            IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times
+                than those of the states, or `ax` is no axes.
             ImportError: matplotlib is not installed.
 
         Example:

@@ -39,7 +39,7 @@ def _read_magnetic_field(magnetic: Any) -> list[sympy.Expr]:
     components = [read_formula(x, PLACE, f"magnetic[{i}]") for i, x in enumerate(given, 1)]
     sources = sympy.Add(*(b.diff(name) for b, name in zip(components, PLACE, strict=True)))
     if sources.equals(0) is not True:
-        raise IntegratorError(f"magnetic must have the divergence 0, but it was {sources}")
+        raise IntegratorError(f"magnetic must be divergence-free, but its divergence was {sources}")
     return components
 
 

@@ -132,7 +132,7 @@ def test_without_a_magnetic_field_it_is_verlet():
 @pytest.mark.parametrize(
     ("magnetic", "message"),
     [
-        (["x", 0, 0], "magnetic must have the divergence 0, but it was 1"),
+        (["x", 0, 0], "magnetic must be divergence-free, but its divergence was 1"),
         ([0, 1], "magnetic must be the three components of B, but had 2"),
         ([0, 0, "w"], r"magnetic\[3\] must be a formula in x, y, z, but has the unknown name 'w'"),
     ],
