@@ -40,9 +40,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     A series of a method published as decimals has `digits` and an `uncertainty`. Results of arithmetic on it have
     digits only: the arithmetic treats the printed decimals as exact, and the results are shown rounded.
 
-    Series are made by `series`, `exact_flow`, `modified_equation`, and `BSeries.from_rule`; they are immutable.
-    `stored` holds the coefficients in the form of the exact arithmetic (see `bseries.exact.domains`). `kind` is what
-    tables and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
+    Series are immutable. `stored` holds the coefficients in the form of `bseries.exact.domains`. `kind` is what tables
+    and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
 
     Example:
         >>> import bseries as bs
@@ -54,7 +53,6 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
     References:
         E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed., definition III.1.8.
-        The conventions are those of `docs/conventions.md`.
     """
 
     table: TreeTable
@@ -153,17 +151,14 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return self.names if self.table.colors > 1 else None
 
     def __contains__(self, tree: object) -> bool:
-        if isinstance(tree, str) and tree.strip() == EMPTY:
-            return False
         try:
-            return isinstance(tree, Tree | str) and self._tree(tree) in self.table
-        except TreeError:  # no text of a tree
+            return isinstance(tree, Tree | str) and tree != EMPTY and self._tree(tree) in self.table
+        except TreeError:  # no text of a tree, or the empty one
             return False
 
     def get(self, tree: Any, default: Any = None) -> Any:
         """The coefficient of a tree, or `default` for trees beyond the series."""
-        is_empty = isinstance(tree, str) and tree.strip() == EMPTY
-        return self[tree] if is_empty or tree in self else default
+        return self[tree] if tree in self or str(tree).strip() == EMPTY else default
 
     def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All coefficients in the order of the table; the same as `coefficients`."""
@@ -225,11 +220,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return self._replace(empty=number, label="", kind=_kind(number), uncertainty=None)
 
     def with_label(self, label: str, kind: str | None = None) -> BSeries:
-        """The same series under another name, and as another kind if one is given.
-
-        Raises:
-            SeriesError: The kind is none of series, field, modified and modifying.
-        """
+        """The same series under another name, and as another kind of those in `presentation.KINDS` if one is given."""
         if kind is not None and kind not in presentation.KINDS:
             raise SeriesError(f"kind must be one of {', '.join(presentation.KINDS)}, but was {kind!r:.60}")
         return self._replace(label=label, kind=kind or self.kind)
@@ -314,9 +305,6 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     def scale_step(self, factor: object) -> BSeries:
         """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ).
 
-        Raises:
-            SeriesError: The factor is no number, or a coefficient is beyond the range of floats.
-
         Example:
             >>> import bseries as bs
             >>> from fractions import Fraction
@@ -324,9 +312,9 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             True
         """
         number: Any = exact_number(factor, "factor")
-        pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
         try:
             powers = [number**n for n in range(self.order + 1)]
+            pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
             values = make_values(self.table, (x * powers[int(n)] for x, n in pairs))
         except OverflowError:
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
@@ -503,17 +491,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
         Example:
             >>> import bseries as bs
-            >>> print(bs.modified_equation("explicit-euler", 3).to_julia(), end="")
-            using BSeries, RootedTrees
-            <BLANKLINE>
-            # Modified equations have the coefficient 0 of the empty tree, methods 1.
-            coefficients = Dict{Any, Rational{Int}}(
-                rootedtree(Int[]) => 0,
-                rootedtree([1]) => 1,
-                rootedtree([1, 2]) => -1//2,
-                rootedtree([1, 2, 3]) => 1//3,
-                rootedtree([1, 2, 2]) => 1//6,
-            )
+            >>> print(bs.modified_equation("explicit-euler", 3).to_julia().splitlines()[-1])
             series = bseries((t, _) -> coefficients[t], 3)
         """
         if self.stored.kind == "ring":

@@ -63,9 +63,7 @@ class Worker:
             is_value, answer = self._pipe.recv()
         except (EOFError, OSError):
             self._restart()
-            raise NotComputed(
-                "request must not end its process, but did, perhaps for want of memory"
-            ) from None
+            raise NotComputed("request must not end its process, but did, perhaps for want of memory") from None
         if not is_value:
             raise SeriesError(answer)
         return answer

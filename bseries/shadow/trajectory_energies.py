@@ -18,6 +18,7 @@ from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, States, longest, posi
 from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
+from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,7 +58,8 @@ def shadow_energy(
             xarray; or the path of a file: one of this package, NPZ, NPY, or text with the names of columns in its first
             line. It has positions q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and
             optionally t, h and mass.
-        scene: A `Scene`, which supplies masses, potentials and forces. Trajectories of this package contain theirs.
+        scene: A `Scene` or the name of one, which supplies masses, potentials and forces. Trajectories of this package
+            contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
         h: The step size, if neither times nor the file contain it.
         mass: A mass, one for each particle, or one for each coordinate; by default that of the file, or 1.
@@ -94,10 +96,11 @@ def shadow_energy(
     if order is not None:
         check_order(order)
     check_progress(progress)
+    h = read_number(h, "h") if isinstance(h, str) else h
     least = 0.0 if tolerance is None else read_number(tolerance, "tolerance")
     if least < 0:
         raise SeriesError(f"tolerance must be 0 or more, but was {tolerance!r:.60}")
-    source = open_source(trajectory, columns, None if scene is None else SceneForces(scene))
+    source = open_source(trajectory, columns, None if scene is None else SceneForces(as_scene(scene)))
     allowed = max(TOLERANCE, source.precision) if tolerance is None else least
     blocks, step, start = _timed(source, h, allowed)
     if layout not in LAYOUTS:

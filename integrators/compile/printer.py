@@ -157,12 +157,12 @@ class _Printer:
             return self.quotient(Fraction(1), *self.product_parts(node))
         if kind == "call" and content[0] == "sign":
             x = within(self.term(content[1]), SUM)
-            return f"(1.0 if {x} > 0.0 else -1.0 if {x} < 0.0 else 0.0)", ATOM
+            return f"(1.0 if {x} > 0.0 else -1.0 if {x} < 0.0 else {x})", ATOM  # 0 or nan
         if kind == "call":
             return f"{content[0]}({self.term(content[1])[0]})", ATOM
         if kind == "where":
             x, a, b = (self.term(part)[0] for part in content)
-            return f"({a} if {x} > 0.0 else {b})", ATOM
+            return f"({a} if {x} > 0.0 else {b} if {x} <= 0.0 else {x})", ATOM  # nan where it is undecided
         base, exponent = map(self.term, content)
         return f"{within(base, ATOM)}**{within(exponent, ATOM)}", PRODUCT
 

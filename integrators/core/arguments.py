@@ -102,7 +102,7 @@ def check_partition_names(names: Iterable[Any]) -> None:
             )
 
 
-FAILURES = (TypeError, AttributeError, ValueError, LookupError, ArithmeticError)
+FAILURES = (TypeError, AttributeError, NameError, ValueError, LookupError, ArithmeticError, RecursionError)
 """What functions of the user may raise when they are run on symbols."""
 
 

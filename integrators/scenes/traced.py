@@ -130,13 +130,29 @@ def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, An
     if ufunc.__name__ in ELEMENTWISE:
         if method == "__call__" and not options:
             return _elementwise(ELEMENTWISE[ufunc.__name__], values)
-        if method == "reduce" and ufunc.__name__ in REDUCED:
-            ufunc = np.frompyfunc(ELEMENTWISE[ufunc.__name__], 2, 1)
+        if method == "reduce" and ufunc.__name__ in REDUCED and all(map(_is_default, options.items())):
+            return _extremes("max" if "max" in ufunc.__name__ else "min", values[0], options.get("axis", 0))
     plain = [np.asarray(value, dtype=object) if isinstance(value, Formula) else np.asarray(value) for value in values]
     if "out" in options:
         options = options | {"out": tuple(map(np.asarray, options["out"]))}
     found = getattr(ufunc, method)(*plain, **options)
     return found.view(FormulaArray) if isinstance(found, np.ndarray) and found.dtype == object else found
+
+
+def _is_default(option: tuple[str, Any]) -> bool:
+    """Whether an option of a reduction, other than its axis, is as if it had not been given."""
+    name, value = option
+    return name == "axis" or value in (None, (None,)) or value is (name == "where") or value is np._NoValue
+
+
+def _extremes(name: str, values: Any, axis: Any) -> Any:
+    """The least or the largest entries along an axis, or of all for None."""
+    array = np.asarray(values, dtype=object)
+    rows = array.reshape(-1) if axis is None else np.moveaxis(array, axis, -1)
+    found = np.empty(rows.shape[:-1], dtype=object)
+    for place in np.ndindex(found.shape):
+        found[place] = traced(lambda *row: extreme(name, row))(*rows[place])
+    return found.view(FormulaArray) if found.ndim else found.item()
 
 
 class FormulaArray(np.ndarray):

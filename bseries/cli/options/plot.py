@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
+
+from bseries.cli.application import Refusal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +40,8 @@ def takes_plot(verb: Callable[..., Any]) -> Callable[..., Any]:
             from bseries.picture_files import check_picture
 
             check_picture(path_of_plot)
+            if options.get("path") is not None and os.path.realpath(options["path"]) == os.path.realpath(path_of_plot):
+                raise Refusal(f"plot must be another file than that of -o, but both were {path_of_plot!r:.60}")
         return verb(plot=PlotFile(path_of_plot), **options)
 
     return call

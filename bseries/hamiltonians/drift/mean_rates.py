@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.generators import check_smooth
 from bseries.hamiltonians.drift.forms import Violation, angle_periods, violations
 from bseries.hamiltonians.drift.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.drift.perturbations import Perturbation
@@ -102,6 +103,8 @@ def energy_drift(
     """
     method = as_method(method)
     scene = as_scene(scene)
+    for summand in scene.summands:
+        check_smooth(summand.formula)
     if isinstance(method, BSeries):
         beyond = (tree.order - 1 for tree, value in method.items() if tree.order > 1 and value)
         order_of_method = next(beyond, method.order)

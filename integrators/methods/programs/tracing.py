@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 UNKNOWN = 1_000_000
 """The number of the first unknown; unknowns are terms of forms until they are replaced by their equations."""
+MOST_POWER = 100
+"""The largest power of h in a step."""
 LARGEST_DENOMINATOR = 1000
 """Floats are read as fractions with denominators up to this one, if they are their nearest doubles."""
 USED = ("derivative", "flow", "solve")
@@ -90,6 +92,8 @@ def trace(
     if isinstance(parts, str) or not isinstance(parts, Sequence):
         raise IntegratorError(f"parts must be a sequence of names, but was {shown(parts)}")
     check_partition_names(parts)
+    if len(set(parts)) < len(parts):
+        raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
     for part in parts:
         if part in USED:
             raise IntegratorError(f"parts must have other names than {', '.join(USED)}, but one was {part}")
@@ -98,6 +102,8 @@ def trace(
     label = getattr(step, "__name__", "").strip("<>")
     chosen = name if name is not None or not label.isidentifier() or label == "lambda" else label
     evaluations, result = recorder.resolved(end)
+    if not evaluations:
+        raise IntegratorError("step must call f, but did not")
     return Program(
         evaluations, result, parts=tuple(parts) or ("",), name=chosen, reference=reference, max_children=max_children
     )
@@ -324,6 +330,8 @@ class Value:
             self.recorder.refuse(
                 "takes a power of a state" if not self.is_scalar else f"takes the power {exponent!r} of h"
             )
+        if exponent > MOST_POWER:
+            self.recorder.refuse(f"takes the power {exponent} of h, beyond {MOST_POWER}")
         total: Any = Value(Fraction(1), 0, self.recorder)
         for _ in range(exponent):
             total = total * self
@@ -338,6 +346,8 @@ class Value:
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or ufunc.__name__ not in UFUNCS or options:
             self.recorder.refuse(f"calls np.{ufunc.__name__} on a value")
+        if any(getattr(x, "shape", ()) for x in inputs):
+            self.recorder.refuse("combines an array with a value, which stands for a whole state")
         left, right = (x.item() if getattr(x, "shape", None) == () else x for x in inputs)
         return UFUNCS[ufunc.__name__](left, right)
 

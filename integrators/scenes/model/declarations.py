@@ -165,7 +165,11 @@ def _read_term(term: Term, namespace: Namespace, place: str) -> Iterator[tuple[K
     roles = KINDS[term.over] if isinstance(term.over, str) else len(term.over[0])
     names = namespace.local(roles) if roles else namespace.flat
     if not term.field:
+        from integrators.exact.branches import Sign
+
         formula = read_formula(term.hamiltonian, names, place + "hamiltonian")
+        if jumps := min(map(str, formula.atoms(Sign)), default=""):
+            raise IntegratorError(f"{place}hamiltonian must be continuous, but has {shorten(jumps)}, which jumps")
         yield (None, _sites(term, formula, None, namespace, place + "hamiltonian"), term.part), formula
     targets = namespace.targets(roles) if term.field else ()
     for target, written in term.field:
@@ -184,6 +188,7 @@ def _sites(term: Term, formula: sympy.Expr, target: str | None, namespace: Names
 
 def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
     """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too."""
+
     if not isinstance(values, Mapping):
         raise IntegratorError(f"{argument} must map blocks to lists of numbers, but was {shown(values)}")
     sizes = {TIME: 1} | {block.name: block.dimension for block in blocks}

@@ -147,3 +147,24 @@ def test_error_functions_are_smooth():
     run = bs.integrate("gauss6", scene, h=0.02, steps=50).y[:, -1]
     reference = bs.reference_solution(scene, 1)
     assert run == pytest.approx(np.asarray(reference, dtype=float).reshape(2, -1)[:, -1], rel=1e-14)
+
+
+def test_what_is_undecided_is_no_number():
+    for formula in ("sign(log(y))", "heaviside(log(y))", "max(log(y), -5)", "where(log(y) > 0, 1, 2)"):
+        scene = bs.parse_scene(f"y' = -1; z' = {formula}", start="y=1/20; z=1")
+        with pytest.raises(bs.integrators.StepError, match="did not end in finite numbers"):
+            bs.integrate("rk4", scene, h=0.1, steps=3)
+
+
+def test_hamiltonians_that_jump_are_refused():
+    with pytest.raises(bs.IntegratorError, match=r"hamiltonian must be continuous, but has sign\(q\), which jumps"):
+        bs.parse_hamiltonian("p^2/2 + heaviside(q)")
+    kink = bs.parse_hamiltonian("p^2/2 + abs(q)", start="p=1; q=-1/2")
+    with pytest.raises(bs.SeriesError, match="field must be smooth"):
+        bs.energy_drift("stormer-verlet", kink, h=0.1)
+
+
+def test_the_largest_of_many_values_has_a_size_of_their_square():
+    scene = bs.scene_from_function(lambda y: [np.max(y)] * 9, range(9))
+    assert len(str(scene.field[0])) < 2000
+    assert bs.integrate("explicit-euler", scene, h=1, steps=1).y[:, 1].tolist() == [k + 8.0 for k in range(9)]

@@ -219,3 +219,21 @@ def test_messages_quote_the_line():
 def test_arguments(arguments, message):
     with pytest.raises(bs.IntegratorError, match=message):
         bs.trace(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (lambda f, t, y, h: y + h * f(t, y) if t == 0 else y, "uses t other than as an argument of f"),
+        (lambda f, y, h: y + h ** (10**9) * f(y), "takes the power 1000000000 of h, beyond 100"),
+        (lambda f, y, h: np.zeros(3) + y + h * f(y), "combines an array with a value"),
+        (lambda f, y, h: y, "step must call f, but did not"),
+    ],
+)
+def test_steps_that_would_be_misread_are_refused(step, message):
+    with pytest.raises(bs.IntegratorError, match=message):
+        bs.trace(step)
+
+
+def test_arguments_with_any_names_are_not_counted():
+    assert bs.trace(lambda f, y, h, **options: y + h * f(y)) == bs.trace(lambda f, y, h: y + h * f(y))
