@@ -12,6 +12,7 @@ Decimals are read exactly, as fractions. Rational formulas give `Fraction`s with
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable
 from fractions import Fraction
@@ -44,6 +45,8 @@ ROOTS = ("sqrt", "cbrt", "root")
 NOT_FINITE = ("nan", "inf", "infinity", "oo", "zoo")
 MAX_LENGTH = 10_000
 MAX_DEPTH = 100
+MOST_TERMS = 100_000
+"""Of a power of a sum, when it is multiplied out."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[<>]=?|[-+*/^(),]))"
@@ -260,6 +263,12 @@ class _Parser:
             return base
         self.place += 1
         sign, exponent = self.nested(lambda: self.unary(Fraction(1)))
+        summands = len(getattr(base, "args", ())) if getattr(base, "is_Add", False) and base.free_symbols else 1
+        if (
+            isinstance(exponent, Fraction)
+            and math.comb(max(int(exponent), 0) + summands - 1, summands - 1) > MOST_TERMS
+        ):
+            self.refuse(f"has a power of a sum with more than {MOST_TERMS:,} terms", position)
         if self.functions and not isinstance(exponent, Fraction):
             return self.compute(position, exact.transcendental_power, base, exact.multiply([sign, exponent]))
         return self.compute(position, exact.power, base, exact.multiply([sign, exponent]))
