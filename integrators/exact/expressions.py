@@ -263,11 +263,9 @@ class _Parser:
             return base
         self.place += 1
         sign, exponent = self.nested(lambda: self.unary(Fraction(1)))
-        summands = len(getattr(base, "args", ())) if getattr(base, "is_Add", False) and base.free_symbols else 1
-        if (
-            isinstance(exponent, Fraction)
-            and math.comb(max(int(exponent), 0) + summands - 1, summands - 1) > MOST_TERMS
-        ):
+        form: Any = base
+        others = len(form.args) - 1 if getattr(form, "is_Add", False) and form.free_symbols else 0
+        if isinstance(exponent, Fraction) and math.comb(abs(int(exponent)) + others, others) > MOST_TERMS:
             self.refuse(f"has a power of a sum with more than {MOST_TERMS:,} terms", position)
         if self.functions and not isinstance(exponent, Fraction):
             return self.compute(position, exact.transcendental_power, base, exact.multiply([sign, exponent]))
