@@ -54,9 +54,10 @@ clean:
 	rm -rf .venv .pytest_cache .ruff_cache build docs/notebooks docs/figures docs/reference/generated *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Modules are compiled as they are imported: most of SymPy's and numba's never are.
 $(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e .
 	touch $(INSTALLED)
 
 # What developing needs beside the package, three times as much, is installed only where it is used.
