@@ -17,7 +17,7 @@ def test_every_verb_has_help_with_examples(answer, verb):
 
 
 def examples() -> list[str]:
-    """The lines of all help texts that start with `bseries`, but those that need a file, write one, or serve for ever."""
+    """The lines of help texts that start with `bseries`, but those that need or write a file, or serve for ever."""
     texts = [command.help or "" for command in (application, *(application.get_command(None, v) for v in VERBS))]  # type: ignore[arg-type]
     lines = [line.strip() for text in texts for line in text.splitlines() if line.strip().startswith("bseries ")]
     return [line for line in lines if not re.search(r"tableau\.toml|shadow \w+\.|[>|]|order 15|bseries explore", line)]
