@@ -142,7 +142,12 @@ def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, An
 def _is_default(option: tuple[str, Any]) -> bool:
     """Whether an option of a reduction, other than its axis, is as if it had not been given."""
     name, value = option
-    return name == "axis" or value in (None, (None,)) or value is (name == "where") or type(value).__name__ == "_NoValueType"
+    return (
+        name == "axis"
+        or value in (None, (None,))
+        or value is (name == "where")
+        or type(value).__name__ == "_NoValueType"
+    )
 
 
 def _extremes(name: str, values: Any, axis: Any) -> Any:
