@@ -75,7 +75,7 @@ def test_formulas_are_those_of_the_trees(kind, order, colors):
     assert [c.tree for c in conditions] == list(bs.TreeTable(order, colors))
     for c in conditions:
         assert str(c) == c.tree.condition(names=names)
-        assert c.latex == c.tree.condition("latex", names)
+        assert c.to_latex() == c.tree.condition("latex", names)
         assert c.right == F(1, c.tree.density)
 
 
@@ -95,7 +95,7 @@ def test_formulas_are_those_of_the_trees(kind, order, colors):
 def test_formulas_of_other_kinds(kind, tree, text, latex):
     found = bs.order_conditions(kind, 4)[tree]
     assert str(found) == text
-    assert latex is None or found.latex == latex
+    assert latex is None or found.to_latex() == latex
 
 
 def test_a_sweep_takes_the_fields_in_their_order():
