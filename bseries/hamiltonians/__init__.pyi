@@ -17,8 +17,8 @@ from .generating_functions import GeneratingFunction as GeneratingFunction
 from .generating_functions import exact_generating_function as exact_generating_function
 from .generating_functions import generating_function as generating_function
 from .generating_functions import generating_hamiltonian as generating_hamiltonian
-from .hamiltonian_verdict import HamiltonianVerdict as HamiltonianVerdict
-from .hamiltonian_verdict import hamiltonian_verdict as hamiltonian_verdict
 from .modified_hamiltonian import ModifiedHamiltonian as ModifiedHamiltonian
 from .modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
 from .variational import variational_generating_function as variational_generating_function
+from .verdicts import HamiltonianVerdict as HamiltonianVerdict
+from .verdicts import hamiltonian_verdict as hamiltonian_verdict

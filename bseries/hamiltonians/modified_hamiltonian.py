@@ -17,7 +17,7 @@ from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from bseries.hamiltonians.from_trees import EnergyFormulas, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
-from bseries.hamiltonians.hamiltonian_verdict import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
+from bseries.hamiltonians.verdicts import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
 from bseries.scene_text import (
     first_powers,
     formula_notes,

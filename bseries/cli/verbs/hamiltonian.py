@@ -94,7 +94,7 @@ def hamiltonian(
     if verdict:
         if power is not None:
             raise Refusal(f"power must be left out with --verdict, but was {power}")
-        from bseries.hamiltonians.hamiltonian_verdict import hamiltonian_verdict
+        from bseries.hamiltonians.verdicts import hamiltonian_verdict
 
         return hamiltonian_verdict(method, scene, order, parts=chosen).to_table(effects)
     from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian

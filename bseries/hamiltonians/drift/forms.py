@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.integration import antiderivative
 from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
-from bseries.hamiltonians.hamiltonian_verdict import hamiltonian_order
+from bseries.hamiltonians.verdicts import hamiltonian_order
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:

@@ -23,16 +23,22 @@ def address() -> Iterator[str]:
     pytest.importorskip("bokeh")
     command = [sys.executable, "-c", SERVE, "explore", "--port", "0", "--no-open"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    ) as server:
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment}
+    if os.name == "posix":  # where these tests run in the background, interrupts are ignored
+        options["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, **options) as server:
         assert server.stdout is not None
         assert server.stderr is not None
         line = server.stdout.readline()
         assert line.startswith("The explorer is at http://127.0.0.1:"), server.stderr.read()
         yield line.split()[4].removesuffix(";")
         server.send_signal(signal.SIGINT)
-        code, problems = server.wait(30), server.stderr.read()
+        try:
+            code = server.wait(30)
+        except subprocess.TimeoutExpired:
+            server.kill()
+            code = server.wait()
+        problems = server.stderr.read()
         assert (code, "Traceback" in problems) == (0, False), problems
 
 
