@@ -26,7 +26,6 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -119,12 +118,6 @@ def cache_directory() -> Path | None:
 def has_numba() -> bool:
     """Whether numba is installed; browsers do not have it."""
     return find_spec("numba") is not None
-
-
-def load_numba() -> None:
-    """Load numba, if it is installed, so that compiled kernels do all work from now on."""
-    if has_numba():
-        import_module("numba")
 
 
 def has_machine_code(module: ModuleType) -> bool:

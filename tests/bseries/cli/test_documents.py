@@ -14,6 +14,7 @@ import pytest
 
 import bseries as bs
 import integrators
+from bseries.algebra.presentation import KINDS
 from bseries.document_schemas import FILE, SHARED
 from bseries.scene_text import head
 
@@ -77,6 +78,7 @@ def rotor():
 
 OBJECTS = {
     "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff"),
+    "field": lambda: bs.series("rk4", 3).log(),
     "error-coefficients": lambda: bs.analysis.error_coefficients("rk4"),
     "generating-function": lambda: bs.hamiltonians.generating_function("implicit-midpoint", "pendulum", 3),
     "invariant": lambda: bs.modified_invariant(bs.modified_field("symplectic-euler-p", "lotka-volterra", 3)),
@@ -122,7 +124,7 @@ def test_all_kinds_in_the_code_have_a_schema():
                for path in (ROOT / room).rglob("*.py"))  # fmt: skip
     written = {one or other for source in sources for one, other in re.findall(pattern, source)}
     assert head("x", "rk4", bs.scene("pendulum"))["kind"] == "x"
-    assert kinds() == written | {"series", "modified", "modifying"} | WITHOUT_KIND
+    assert kinds() == written | set(KINDS) | WITHOUT_KIND
     assert kinds() == set(COMMANDS.values()) | set(OBJECTS)
 
 
