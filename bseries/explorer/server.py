@@ -155,20 +155,21 @@ class Explorer:
     def _check(self, request: Request, task: asyncio.Task[Answer]) -> None:
         """Forget an answer that may be another one when it is asked for again, once pages have seen it."""
         if not task.cancelled() and not task.result().lasts:
-            asyncio.get_running_loop().call_later(SEEN, self._answers.pop, request, None)
+            asyncio.get_running_loop().call_later(SEEN, self._drop, request, task)
+
+    def _drop(self, request: Request, task: asyncio.Task[Answer]) -> None:
+        """Forget an answer, unless the request was asked again in the meantime."""
+        if self._answers.get(request) is task:
+            del self._answers[request]
 
     async def _compute(self, request: Request) -> Answer:
+        method = None
         try:
             method = await self.workers.ask(request.method, method_answer, request)
-        except SeriesError as error:
-            return Answer(None, None, (f"{error}.",), lasts=not isinstance(error, NotComputed))
-        except Exception as error:  # the page says so, and the server lives on
-            return Answer(None, None, (f"request could not be computed: {error}.",), lasts=False)
-        try:
             return Answer(method, await self.workers.ask(request.method, scene_answer, request), ())
         except SeriesError as error:
             return Answer(method, None, (f"{error}.",), lasts=not isinstance(error, NotComputed))
-        except Exception as error:
+        except Exception as error:  # the page says so, and the server lives on
             return Answer(method, None, (f"request could not be computed: {error}.",), lasts=False)
 
     def show(self, document: Any) -> None:

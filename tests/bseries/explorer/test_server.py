@@ -15,9 +15,10 @@ from urllib.parse import urlencode, urlsplit
 import pytest
 
 import bseries as bs
+from bseries.explorer import server
 from bseries.explorer.reading import Request
 from bseries.explorer.server import Frame, frame_answer, read_arguments
-from bseries.explorer.workers import Worker, Workers
+from bseries.explorer.workers import NotComputed, Worker, Workers
 
 pytest.importorskip("bokeh")
 
@@ -141,3 +142,28 @@ def test_values_that_no_slider_has(frame, sentence):
 
 def test_unknown_arguments_are_ignored():
     assert read_arguments({"method": [b"rk4"], "other": [b"x", b"\xff"]}) == Request()
+
+
+def test_failures_that_may_pass_are_asked_again(monkeypatch):
+    asked = []
+
+    class Failing:
+        async def ask(self, key, function, request):
+            asked.append(function)
+            if len(asked) == 1:
+                raise NotComputed("server must be free, but was busy")
+            raise OSError("no process") if len(asked) == 2 else bs.SeriesError("method must be one")
+
+    async def sentences():
+        explorer, request = server.Explorer(Failing()), Request()
+        found = []
+        for _ in range(4):
+            found.append((await explorer._answer(request)).sentences[0])
+            await asyncio.sleep(0.01)
+        return found
+
+    monkeypatch.setattr(server, "SEEN", 0)
+    busy, broken, *last = asyncio.run(sentences())
+    assert (busy, broken) == ("server must be free, but was busy.", "request could not be computed: no process.")
+    assert last == ["method must be one."] * 2
+    assert len(asked) == 3  # the last answer was kept
