@@ -7,6 +7,8 @@ import warnings
 from typing import TYPE_CHECKING, NamedTuple
 
 from bseries.exceptions import SeriesError
+from integrators.core.arguments import split_row
+from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -103,7 +105,7 @@ def _method_of_rows(rows: list[list[str]]) -> Method:
 def _entries(line: str) -> list[str]:
     """The entries of a row; a bar may stand after the node."""
     pieces = line.replace("|", "," if "," in line else " ").strip()
-    return [entry.strip() for entry in pieces.strip(",").split(",")] if "," in pieces else pieces.split()
+    return [entry.strip() for entry in split_row(pieces.strip(","))] if "," in pieces else pieces.split()
 
 
 def read_scene(text: str, start: str = "") -> Scene:
@@ -122,6 +124,7 @@ def read_scene(text: str, start: str = "") -> Scene:
         array([0., 1.])
     """
     from integrators import parse_hamiltonian, parse_scene, scene
+    from integrators.scenes.text import read_values
 
     if "'" in text:
         found = parse_scene(text)
@@ -130,10 +133,11 @@ def read_scene(text: str, start: str = "") -> Scene:
     else:
         found = parse_hamiltonian(text)
     if start:
-        pairs = [piece.partition("=") for piece in start.split(";") if piece.strip()]
-        if not all(name.strip() and value.strip() for name, _, value in pairs):
-            raise SeriesError(f'start must be values by block, as in "p=0; q=-3/2", but was {start!r:.60}')
-        found = found.with_start(**{name.strip(): value.split(",") for name, _, value in pairs})
+        try:
+            values = read_values(start, "start")
+        except IntegratorError:
+            raise SeriesError(f'start must be values by block, as in "p=0; q=-3/2", but was {start!r:.60}') from None
+        found = found.with_start(**values)
     return checked_scene(found)
 
 

@@ -93,13 +93,16 @@ def read_labels(name: str | None, reference: str | None) -> dict[str, str | None
 
 
 def check_partition_names(names: Iterable[Any]) -> None:
-    """Refuse names of parts that would be ambiguous in formulas or trees."""
-    for name in names:
+    """Refuse names of parts that are equal, or would be ambiguous in formulas or trees."""
+    given = list(names)
+    for name in given:
         if not isinstance(name, str) or not name.isidentifier() or name[0] == "_" or name == "t" or "τ" in name:
             raise IntegratorError(
                 "names of partitions must start with a letter, hold letters, digits and _ only, and not be t or hold "
                 f"τ, but one was {shown(name)}"
             )
+    if len(set(given)) < len(given):
+        raise IntegratorError(f"parts must have different names, but were {', '.join(given)}")
 
 
 FAILURES = (TypeError, AttributeError, NameError, ValueError, LookupError, ArithmeticError, RecursionError)
@@ -119,6 +122,18 @@ def parameters_of(function: Callable[..., Any]) -> list[Parameter] | None:
 def required(parameters: Iterable[Parameter]) -> int:
     """The number of positional parameters without defaults."""
     return sum(p.default is p.empty and p.kind <= p.POSITIONAL_OR_KEYWORD for p in parameters)
+
+
+def split_row(text: str) -> list[str]:
+    """The entries of a row, split at the commas outside parentheses."""
+    entries, depth = [""], 0
+    for character in text:
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            entries.append("")
+        else:
+            entries[-1] += character
+    return entries if text.strip() else []
 
 
 def check_progress(progress: Any) -> None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names
+from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, split_row
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import NOT_FINITE
 from integrators.scenes.model.blocks import TIME, read_blocks
@@ -18,8 +18,6 @@ _CANONICAL = re.compile(
     rf"(?P<block>{'|'.join(sorted(MOMENTA | POSITIONS))})(?P<ending>(?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)"
 )
 """A momentum or position in a Hamiltonian: p, p1, px, px1, p_a, v, v1, …"""
-_COMMA = re.compile(r",(?![^()]*\))")
-"""A comma outside parentheses."""
 
 
 def parse_scene(
@@ -53,7 +51,7 @@ def parse_scene(
         (1/2 - x**2,)
     """
     field = _read_equations(text)
-    values = _read_values(parameters, "parameters")
+    values = read_values(parameters, "parameters")
     _check_known(" ".join(field.values()), [*field, *_value_names(values)], "an equation")
     variables = _find_blocks(list(field)) if blocks is None else _read_blocks(blocks)
     for variable in field:
@@ -94,7 +92,7 @@ def parse_hamiltonian(
     """
     if not isinstance(text, str):
         raise IntegratorError(f"hamiltonian must be text, but was {shown(text)}")
-    values = _read_values(parameters, "parameters")
+    values = read_values(parameters, "parameters")
     used = [word for word in _symbols(text) if word not in _value_names(values)]
     variables = _find_canonical(used) if blocks is None else _read_blocks(blocks)
     names = [variable for block in variables.values() for variable in block]
@@ -180,13 +178,13 @@ def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
 
 def _read_blocks(blocks: Any) -> dict[str, list[str]]:
     """The names of variables by block."""
-    values = _read_values(blocks, "blocks")
+    values = read_values(blocks, "blocks")
     if isinstance(blocks, str):
         values = {name: value if isinstance(value, list) else [value] for name, value in values.items()}
     return {block.name: list(block.variables) for block in read_blocks(values, "blocks")}
 
 
-def _read_values(values: Any, argument: str) -> dict[str, Any]:
+def read_values(values: Any, argument: str) -> dict[str, Any]:
     """A mapping, or the mapping written as text ``name=value; name=value,value``."""
     if values is None or isinstance(values, Mapping):
         return dict(values or {})
@@ -197,14 +195,14 @@ def _read_values(values: Any, argument: str) -> dict[str, Any]:
         name, sign, value = (part.strip() for part in item.partition("="))
         if not (sign and name and value) or name in read:
             raise IntegratorError(f'{argument} must be as in "a=1; b=2", but had {shorten(item.strip())!r}')
-        entries = [entry.strip() for entry in _COMMA.split(value)]
+        entries = [entry.strip() for entry in split_row(value)]
         read[name] = entries if len(entries) > 1 else value
     return read
 
 
 def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Start values by block, collected from blocks and single variables."""
-    values, found = _read_values(start, "start"), {}
+    values, found = read_values(start, "start"), {}
     for block, variables in blocks.items():
         if all(variable in values for variable in variables):
             found[block] = [values.pop(variable) for variable in variables]

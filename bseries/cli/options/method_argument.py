@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from bseries.cli.application import Refusal, say, standard_input
+from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -125,18 +126,6 @@ def _inline_method(A: str = "", b: str = "", c: str | None = None, symbols: str 
     names = [name.strip() for name in symbols.split(",") if name.strip()]
     rows = [split_row(row) for row in A.split(";")] if A.strip() else []
     return RungeKutta(rows, split_row(b), None if c is None else split_row(c), parameters=names)
-
-
-def split_row(text: str) -> list[str]:
-    """The entries of a row, split at the commas outside parentheses."""
-    entries, depth = [""], 0
-    for character in text:
-        depth += {"(": 1, ")": -1}.get(character, 0)
-        if character == "," and depth == 0:
-            entries.append("")
-        else:
-            entries[-1] += character
-    return entries if text.strip() else []
 
 
 def _read_settings(settings: Iterable[str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.options.method_argument import split_row
+from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem

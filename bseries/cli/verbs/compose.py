@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.method_argument import complete_method, read_method, split_row
+from bseries.cli.options.method_argument import complete_method, read_method
 from bseries.cli.verbs.series import answer, count_rows, takes_series_options
+from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries

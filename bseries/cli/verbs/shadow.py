@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.options.method_argument import split_row
 from bseries.cli.options.numbers import read_float
 from bseries.cli.options.plot import takes_plot
 from bseries.cli.options.scene_argument import read_assignments, takes_scene
 from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
+from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from bseries.cli.options.plot import PlotFile

@@ -57,8 +57,6 @@ class ProgramBuilder:
             if isinstance(names, str) or not isinstance(names, Iterable):
                 raise IntegratorError(f"{argument} must be a sequence of names, but was {shown(names)}")
         check_partition_names(parts)
-        if len(set(parts)) < len(parts):
-            raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
         for name in auxiliary:
             if name not in parts:
                 raise IntegratorError(f"auxiliary must name parts, but {shown(name)} is none")

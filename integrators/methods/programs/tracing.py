@@ -92,8 +92,6 @@ def trace(
     if isinstance(parts, str) or not isinstance(parts, Sequence):
         raise IntegratorError(f"parts must be a sequence of names, but was {shown(parts)}")
     check_partition_names(parts)
-    if len(set(parts)) < len(parts):
-        raise IntegratorError(f"parts must have different names, but were {', '.join(parts)}")
     for part in parts:
         if part in USED:
             raise IntegratorError(f"parts must have other names than {', '.join(USED)}, but one was {part}")

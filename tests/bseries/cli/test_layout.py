@@ -4,8 +4,8 @@ import io
 
 import pytest
 
-from bseries.cli.options.method_argument import split_row
 from bseries.cli.progress import Progress
+from integrators.core.arguments import split_row
 
 
 @pytest.mark.parametrize(

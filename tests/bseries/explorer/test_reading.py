@@ -95,3 +95,9 @@ def test_numbers_and_lengths_are_bounded():
     with pytest.raises(bs.SeriesError, match="method must have at most 4,000 characters, but had 4,001"):
         Request(method="0" * (MOST_CHARACTERS + 1)).checked()
     assert Request(method=" rk4 \n").checked().method == "rk4"
+
+
+def test_a_start_is_read_as_everywhere():
+    assert read_scene("pendulum", "p=0; q=root(8,3)").y0.tolist() == [0, 2]
+    with pytest.raises(bs.SeriesError, match="start must be values by block"):
+        read_scene("pendulum", "p=0; p=1; q=1")
