@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
+if TYPE_CHECKING:
     from integrators import Scene
     from integrators.methods.programs.program import Method
 
@@ -24,8 +24,6 @@ FAR = 1e6
 @contextmanager
 def quiet() -> Iterator[None]:
     """Without warnings of overflow, which a page shows as a curve that ends."""
-    import numpy as np
-
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
@@ -42,8 +40,6 @@ def orbit(
         >>> y.shape[1] < 20, bool(y.max() < FAR)
         (True, True)
     """
-    import numpy as np
-
     from integrators import integrate
     from integrators.steppers.states import StepError
 
@@ -69,8 +65,6 @@ def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, c
     Returns:
         An array (times, variables, points), with the starts first.
     """
-    import numpy as np
-
     from integrators import stepper
     from integrators.steppers.states import StepError
 
@@ -107,8 +101,6 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
         >>> moved[1].round(9).ravel().tolist()
         [-1.0, 0.0]
     """
-    import numpy as np
-
     (A, b), shape = _tableau(), points.shape
     moved = np.full((len(times), *shape), np.nan)
     moved[0] = points
@@ -130,8 +122,6 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
 
 @cache
 def _tableau() -> tuple[Any, Any]:
-    import numpy as np
-
     from integrators import method
 
     tableau: Any = method(FLOW)
@@ -147,8 +137,6 @@ def crossings(states: np.ndarray, through: int) -> np.ndarray:
         >>> crossings(np.array([[-1.0, 3.0, -1.0], [0.0, 1.0, 2.0]]), 0).tolist()
         [[0.0], [0.25]]
     """
-    import numpy as np
-
     before, after = states[through, :-1], states[through, 1:]
     at = np.flatnonzero((before < 0) & (after >= 0))
     part = before[at] / (before[at] - after[at])
@@ -157,6 +145,4 @@ def crossings(states: np.ndarray, through: int) -> np.ndarray:
 
 def padded(values: np.ndarray, count: int) -> np.ndarray:
     """The array with nan behind its last axis, up to a length."""
-    import numpy as np
-
     return np.concatenate([values, np.full((*values.shape[:-1], count - values.shape[-1]), np.nan)], axis=-1)

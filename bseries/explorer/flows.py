@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
 from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit, padded, quiet
 from bseries.explorer.planes import angles, area_primitive, enclosed_area, largest_step, plane_of
@@ -18,8 +20,6 @@ from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators import Scene
     from integrators.methods.programs.program import Method
 
@@ -108,8 +108,6 @@ class SceneFlows:
         self._last: tuple[Any, Any] = (), ()
 
     def _jacobian(self) -> np.ndarray:
-        import numpy as np
-
         width = 1e-6 * (1 + abs(self.scene.y0).max())
         shifts, start, f = width * np.eye(self.scene.dimension), self.scene.y0[:, None], self.field(1)
         with quiet():
@@ -174,8 +172,6 @@ class SceneFlows:
             scale: The factor of the start.
             terms: The number of terms of the modified equation.
         """
-        import numpy as np
-
         t, states = self._states(h, scale)
         last, longest = int((t == t).sum()), self.span / SAMPLES
         points = np.column_stack([scale * self.scene.y0, self._circle(scale)])
@@ -188,8 +184,6 @@ class SceneFlows:
 
     def orbits(self, h: float) -> dict[str, Any]:
         """Columns x and y: states of many numerical orbits, or with two degrees of freedom their section q1 = 0."""
-        import numpy as np
-
         section = self.section
         steps, kept = (ORBIT_STEPS, ORBIT_STEPS + 1) if section is None else (SECTION_STEPS, MOST_CROSSINGS)
         columns = np.full((2, ORBITS, kept), np.nan)
@@ -234,8 +228,6 @@ class SceneFlows:
 
     def _energy_change(self, terms: int, h: float, states: np.ndarray) -> np.ndarray:
         """The change of the truncated modified Hamiltonian; not numbers where it does not exist."""
-        import numpy as np
-
         if terms > self.energy_terms:
             return np.full(states.shape[1], np.nan)
         with quiet():
@@ -247,8 +239,6 @@ class SceneFlows:
 
     def _compared(self, t: np.ndarray, flow: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
         """A flow, and its distance from the numerical solution; zero has no place in a logarithmic scale."""
-        import numpy as np
-
         distance = np.sqrt(((states - flow) ** 2).sum(axis=0))
         return {**self._curve(t, flow), "error": np.where(distance > 0, distance, np.nan)}
 
@@ -273,19 +263,13 @@ class SceneFlows:
 
     def _samples(self, h: float) -> list[int]:
         """The stored states from one time of the patch to the next."""
-        import numpy as np
-
         return np.diff(np.round(np.linspace(0, self._grid(h)[1], PATCHES + 1)).astype(int)).tolist()
 
     def _patch_times(self, h: float) -> np.ndarray:
-        import numpy as np
-
         return h * self._grid(h)[0] * np.cumsum([0, *self._samples(h)])
 
     def _circle(self, scale: float) -> np.ndarray:
         """Points around the start in the plane of conjugate variables, (variables, points)."""
-        import numpy as np
-
         start, angle = scale * self.scene.y0, np.arange(CIRCLE) * (2 * np.pi / CIRCLE)
         circle = np.tile(start[:, None], CIRCLE)
         conjugate = list(self.plane.conjugate or ())
@@ -296,8 +280,6 @@ class SceneFlows:
 
     def _patch(self, moved: np.ndarray, times: np.ndarray) -> View:
         """Closed curves separated by nan, and their areas relative to the first."""
-        import numpy as np
-
         nowhere = np.full((len(times), CIRCLE + 2), np.nan)
         if self.plane.conjugate is None:
             x = y = nowhere

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
+import sympy
 
+if TYPE_CHECKING:
     from integrators import Scene
 
 OSCILLATION = 2.0
@@ -57,8 +58,6 @@ def angles(scene: Scene) -> tuple[int, ...]:
         >>> angles(bs.scene("pendulum")), angles(bs.scene("kepler"))
         ((1,), ())
     """
-    import sympy
-
     field = sympy.Tuple(*scene.field)
     found = [i for i, symbol in enumerate(scene.symbols) if symbol in field.free_symbols]
     return tuple(i for i in found if field.xreplace({scene.symbols[i]: scene.symbols[i] + 2 * sympy.pi}) == field)
@@ -74,8 +73,6 @@ def area_primitive(scene: Scene) -> Any:
         >>> area_primitive(bs.scene("lotka-volterra"))
         log(p)/q
     """
-    import sympy
-
     if scene.poisson is None or scene.dimension != 2:
         return None
     return sympy.integrate(1 / scene.poisson[1][0], scene.symbols[0])
@@ -94,8 +91,6 @@ def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
         >>> round(enclosed_area(3 * np.sin(angle), np.cos(angle)) / np.pi, 12)
         -3.0
     """
-    import numpy as np
-
     waves = np.fft.rfft([form, q])
     sizes = abs(waves[:, 1:])
     if not (sizes[:, 2 * sizes.shape[1] // 3 :].max() <= RESOLVED * sizes.max()):
@@ -106,7 +101,5 @@ def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
 
 def largest_step(jacobian: np.ndarray) -> float:
     """The largest step size of a page, of one digit, from the Jacobian of the field at the start."""
-    import numpy as np
-
     size = max(abs(np.linalg.eigvals(jacobian))) if np.isfinite(jacobian).all() else 1.0
     return float(f"{min(OSCILLATION / max(size, 1e-3), 2.0):.1g}")

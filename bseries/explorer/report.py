@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bseries.explorer.flows import SPAN, SceneFlows
 from bseries.explorer.method_facts import method_facts
 from bseries.explorer.page import method_variables, scene_variables, template
@@ -88,8 +90,6 @@ def report_html(
 
 def _add_frames(plots: ScenePlots, flows: SceneFlows, progress: Callable[[int, int], object] | None) -> None:
     """Compute all frames, and let the sliders choose among them."""
-    import numpy as np
-
     models = optional_module("bokeh.models", "report")
     scales = np.arange(SCALES[0], SCALES[1] + SCALES[2] / 2, SCALES[2])
     grids: dict[str, list[Any]] = {name: [] for name in COLUMNS}
@@ -137,7 +137,5 @@ def _views(flows: SceneFlows, h: float, scale: float) -> Iterator[tuple[str, Any
 
 def _joined(name: str, frames: list[Any]) -> dict[str, Any]:
     """The columns of all frames, one after the other."""
-    import numpy as np
-
     shown = [view_columns(name, columns) for columns in frames]
     return {key: np.concatenate([columns[key] for columns in shown]) for key in COLUMNS[name]}

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.analysis.stability import linear_stability
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.methods.programs.program import Method
 
 POINTS = 161
@@ -59,8 +59,6 @@ def stability_shapes(method: Any) -> StabilityShapes:
         G. Wanner, E. Hairer, S. P. Nørsett, Order stars and stability theorems, BIT 18 (1978) 475–489,
         doi:10.1007/BF01932026.
     """
-    import numpy as np
-
     R = linear_stability.stability_function(method)
     if R.parameters:
         raise SeriesError(f"method must have numbers for {', '.join(R.parameters)} to have a stability region")

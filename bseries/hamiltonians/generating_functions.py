@@ -18,6 +18,8 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import sympy
+
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import power_sum
@@ -39,8 +41,6 @@ from integrators.scenes.catalogue.registry import as_scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    import sympy
-
     from bseries.fields.symbolic.polynomials import Element
     from integrators.methods.programs.evaluations import LinearForm
     from integrators.methods.programs.program import Method
@@ -76,8 +76,6 @@ class GeneratingFunction(NamedTuple):
 
     def hamiltonian(self) -> tuple[sympy.Expr, ...]:
         """The terms H_1, H_2, … of the modified Hamiltonian."""
-        import sympy
-
         h = sympy.Dummy("h")
         return generating_hamiltonian(self.expression(h), self.momenta, self.positions, len(self.terms), h=h)
 
@@ -258,8 +256,6 @@ def _expanded_formula(
     h: sympy.Symbol | None,
 ) -> tuple[DifferentialRing, PowerSeries, HamiltonJacobi]:
     """A formula in momenta, positions and h in powers of h, with its ring and the recursion in these variables."""
-    import sympy
-
     check_order(order)
     step = sympy.Symbol("h") if h is None else h
     symbols = check_symbols(momenta, positions, step)
@@ -280,16 +276,12 @@ def _expanded_formula(
 
 def check_formula(formula: Any, name: str) -> None:
     """Check that an argument is an exact formula."""
-    import sympy
-
     if not isinstance(formula, sympy.Expr) or formula.has(sympy.Float):
         raise SeriesError(f"{name} must be a SymPy expression without floats, but was {formula!r:.60}")
 
 
 def check_symbols(momenta: Any, positions: Any, *others: Any) -> tuple[sympy.Symbol, ...]:
     """Check that momenta and positions are different symbols, in equal numbers."""
-    import sympy
-
     for name, given in (("momenta", momenta), ("positions", positions)):
         if not isinstance(given, Sequence) or isinstance(given, str) or not given:
             raise SeriesError(f"{name} must be a list of SymPy symbols, but was {given!r:.60}")

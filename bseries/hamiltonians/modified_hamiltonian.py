@@ -8,6 +8,9 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
+import numpy as np
+import sympy
+
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
@@ -40,8 +43,6 @@ from integrators.scenes.catalogue.registry import as_scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    import numpy as np
-    import sympy
     from matplotlib.axes import Axes
 
     from bseries.fields.modified_fields import SceneSeries
@@ -238,8 +239,6 @@ class ModifiedHamiltonian:
         Returns:
             An array of the shape of `y`.
         """
-        import numpy as np
-
         if isinstance(self._energy, EnergyFormulas):
             states, shape = read_states(y, self.scene.dimension)
             return self._energy.gradient(states, read_step(h), workers).T.reshape(shape)
@@ -281,8 +280,6 @@ class ModifiedHamiltonian:
             >>> axes.get_xlabel(), axes.get_ylabel()
             ('q', 'p')
         """
-        import numpy as np
-
         i, j = self._plane(x, y)
         if run is not None and getattr(run, "variables", None) != tuple(self.variables):
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
@@ -323,8 +320,6 @@ class ModifiedHamiltonian:
 
     def to_latex(self) -> str:
         """The formula as LaTeX, without zero terms, with a note on where the modified Hamiltonian ends."""
-        import sympy
-
         terms = [(k, sympy.latex(self.symbolic(k))) for k in range(self.order) if self.symbolic(k) != 0]
         powers = {0: "", 1: "h ", **{k: f"h^{{{k}}} " for k, _ in terms if k > 1}}
         formula = " + ".join(f"{powers[k]}\\left({text}\\right)" if k else text for k, text in terms) or "0"

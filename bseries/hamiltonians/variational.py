@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import sympy
+
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
@@ -13,8 +15,6 @@ from bseries.hamiltonians.generating_functions import GeneratingFunction, check_
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    import sympy
-
     from bseries.fields.symbolic.polynomials import Element
 
 
@@ -64,8 +64,6 @@ def variational_generating_function(
         HLW, sections VI.5.3 and VI.6.2; J. E. Marsden, M. West, Acta Numerica 10 (2001) 357–514,
         doi:10.1017/S096249290100006X.
     """
-    import sympy
-
     check_order(order)
     step = sympy.Symbol("h") if h is None else h
     check_symbols(start, end, *momenta, step)
@@ -85,8 +83,6 @@ class _Legendre:
     """Legendre transformation Pᵀv − ℓ(q, v, h) in powers of h."""
 
     def __init__(self, lagrangian: Any, start: Sequence[Any], end: Sequence[Any], h: sympy.Symbol):
-        import sympy
-
         self._q = tuple(start)
         self._v = tuple(sympy.Dummy(f"v{i}") for i in range(1, len(start) + 1))
         self._h = h
@@ -102,8 +98,6 @@ class _Legendre:
 
     def terms(self, momenta: Sequence[Any], velocity: Any, order: int) -> tuple[sympy.Expr, ...]:
         """The terms S_1, S_2, …; since S is stationary in v, v to h^m gives S to h^(2m+2)."""
-        import sympy
-
         mass: Any = sympy.hessian(self._L, self._v)
         if mass.det().equals(0):
             raise SeriesError("lagrangian must have an invertible matrix ∂²L/∂v², but its determinant is 0")
@@ -129,15 +123,11 @@ class _Legendre:
 
     def _expansion(self, velocity: Sequence[Any], variables: Sequence[Any], *others: Any) -> Expansion:
         """ℓ as a power series, for a velocity at h = 0."""
-        import sympy
-
         start = {**{q: q for q in self._q}, **dict(zip(self._v, velocity, strict=True)), self._h: sympy.Integer(0)}
         return Expansion([self._mean], start, variables, [*velocity, *others])
 
     def _solved(self, mass: Any, momenta: Sequence[Any]) -> tuple[Any, ...]:
         """The velocities as functions of momenta and positions, from P = ∂L/∂v linear in v."""
-        import sympy
-
         if mass.free_symbols & set(self._v):
             raise SeriesError("velocity must be given where L is not quadratic in velocities, but was None")
         at_rest = [self._L.diff(x).xreplace({x: sympy.Integer(0) for x in self._v}) for x in self._v]

@@ -16,6 +16,9 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import mpmath
+import sympy
+
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
@@ -261,8 +264,6 @@ def hamiltonian_order(f: SceneSeries) -> int:
 
 def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
     """The power of h of the first term with a defect at a random point; the order if there is none."""
-    import mpmath
-
     with mpmath.workdps(DIGITS):
         samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
         residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
@@ -271,9 +272,6 @@ def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
     """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
-    import mpmath
-    import sympy
-
     terms, entries = f.at_digits(DIGITS).terms, sympy.lambdify(f.scene.symbols, structure, "mpmath", dummify=True)
     random, step = Random(1), mpmath.mpf(STEP)
     centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
 from integrators import Scene
 from integrators.compile.modules import load_module
@@ -13,8 +15,6 @@ from integrators.compile.scene_source import energy_lines, field_lines
 from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.scenes.model.blocks import Block
 
 FORMULAS = '''\
@@ -52,8 +52,6 @@ class SceneForces:
     """
 
     def __init__(self, scene: Scene):
-        import numpy as np
-
         self._p, self._q = _blocks(scene)
         self.names = self._p.variables, self._q.variables
         self._module = _module(scene)
@@ -73,8 +71,6 @@ class SceneForces:
 
     def __call__(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The gradients (steps, coordinates) and the potentials (steps,) at positions (steps, coordinates)."""
-        import numpy as np
-
         gradients, potentials = np.empty(positions.shape), np.empty(len(positions))
         places = self._q.offset, self._p.offset
         self._module.sweep(positions, self._state, self._out, *places, gradients, potentials)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from bseries.shadow import kernels
-
-if TYPE_CHECKING:
-    import numpy as np
 
 BLOCKS = 2048
 LEAST_BLOCKS = 16
@@ -43,8 +42,6 @@ class Statistics:
     """Statistics of the shadow energies of several orders after any number of steps, in constant memory."""
 
     def __init__(self, orders: tuple[int, ...]):
-        import numpy as np
-
         self.orders, self.count, self.size = orders, 0, 1
         self.first = np.zeros(len(orders))
         self._moments = np.zeros((len(orders), 7))
@@ -66,8 +63,6 @@ class Statistics:
 
     def _merge(self) -> None:
         """Merge blocks in pairs."""
-        import numpy as np
-
         pairs, merged = self._blocks, _empty(len(self.orders), BLOCKS)
         one, other, half = pairs[:, ::2], pairs[:, 1::2], BLOCKS // 2
         merged[:, :half, 0] = one[..., 0] + other[..., 0]
@@ -123,8 +118,6 @@ def slope_error(means: np.ndarray) -> float:
 
 def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
     """The residuals of the least-squares line through values, and the sum of squares of their places."""
-    import numpy as np
-
     places = np.arange(len(means)) - 0.5 * (len(means) - 1)
     spread = float(places @ places)
     return means - np.mean(means) - places * (float(places @ means) / spread), spread
@@ -132,16 +125,12 @@ def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _diffusion(rest: np.ndarray) -> float:
     """The variance that a random walk gains per block; zero if differences do not grow with distance."""
-    import numpy as np
-
     far = len(rest) // 4
     near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
     return (distant - near) / (far - 1) if distant > WANDERS * near else 0.0
 
 
 def _empty(orders: int, blocks: int) -> np.ndarray:
-    import numpy as np
-
     table = np.zeros((orders, blocks, 3))
     table[..., 1], table[..., 2] = np.inf, -np.inf
     return table

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
 from bseries.shadow import kernels
 from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
@@ -21,8 +23,6 @@ from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from bseries.shadow.sources import Columns, Source
 
 CHUNK_NUMBERS = 2**17
@@ -91,8 +91,6 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
-    import numpy as np
-
     if order is not None:
         check_order(order)
     check_progress(progress)
@@ -122,8 +120,6 @@ def shadow_energy(
 
 def _masses(source: Source, mass: Any) -> Masses:
     """The masses of a scene, or those given or stored with the columns."""
-    import numpy as np
-
     dimension = source.dimension
     if source.forces is None:
         given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
@@ -142,8 +138,6 @@ def _masses(source: Source, mass: Any) -> Masses:
 
 def _edges(period: Any, dimension: int) -> np.ndarray | None:
     """The edge of the box for each coordinate; None if positions are not wrapped."""
-    import numpy as np
-
     if period is None:
         return None
     edges = positive_numbers(period, "period", dimension)
@@ -192,8 +186,6 @@ def _measure(
     progress: Callable[[int, int], object] | None,
 ) -> ShadowReport:
     """The report on states, in one pass; `check` refuses wrong ones and returns the energy's rounding error."""
-    import numpy as np
-
     head = next(pieces)
     orders = _orders(order, head.u.size, source)
     statistics, offset, kept = Statistics(orders), float(head.u[0]), list[np.ndarray]()
@@ -229,8 +221,6 @@ def _measure(
 
 def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The arrays `weights`, `works` and `products` of `kernels.shadow_values` for several orders."""
-    import numpy as np
-
     reach = max(1, *(formula.reach for formula in formulas))  # at least 1, so that neighbouring pieces overlap
     shifts = max(len(formula.works) for formula in formulas) + 1
     lags = max((j - i for formula in formulas for i, j in formula.products), default=0) + 1

@@ -7,6 +7,8 @@ from dataclasses import asdict
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.advice.effects.costs import variant_costs
 from bseries.advice.effects.variants import effect_variants
 from bseries.advice.measures import (
@@ -31,7 +33,6 @@ from integrators.runs.observers import observers
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
     from bseries.advice.effects.variants import EffectVariants, Names
@@ -366,8 +367,6 @@ class EffectRuns:
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
         """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
-        import numpy as np
-
         base = self.variants.build(less).with_effects()
         if first is None or second is None:
             return Influence(inf, inf if base.is_hamiltonian else None)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import items
 from integrators.scenes.catalogue.registry import SceneEntry, find_entry, scene_catalogue
@@ -14,8 +16,6 @@ from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
-
     Names = tuple[str, ...]
 
 
@@ -48,8 +48,6 @@ class EffectVariants(NamedTuple):
 
     def shared(self, more: Names, less: Names) -> tuple[np.ndarray, np.ndarray]:
         """The places of the variables, except the time, that exist with both sets of effects."""
-        import numpy as np
-
         places = {label: k for k, label in enumerate(self._labels(more))}
         pairs = [(places[label], k) for k, label in enumerate(self._labels(less)) if label != TIME]
         first, second = np.array(pairs, dtype=np.intp).T

@@ -6,14 +6,15 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import sympy
+
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import modified_field
 from integrators.methods.programs.evaluations import Flow
 from integrators.methods.programs.program import Program, mapped
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from bseries.fields.modified_fields import SceneSeries
     from integrators import Scene
     from integrators.methods.programs.program import Method
@@ -56,8 +57,6 @@ class ModifiedTerms(NamedTuple):
             False
             True
         """
-        import numpy as np
-
         inverse = inverse_structure(self.field.scene)
         if inverse is None:
             return False
@@ -78,8 +77,6 @@ class ModifiedTerms(NamedTuple):
 
         An angle may be as large as the number of its rotations, which is unrelated to the scale of f.
         """
-        import numpy as np
-
         sizes, speeds = np.abs(y).max(axis=1), np.abs(self.field.terms(y)[0]).max(axis=1)
         on, moves = (speeds > 0) & (sizes > 0), sizes.copy()
         if on.any():
@@ -152,8 +149,6 @@ def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None
         >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
         [0.5, 0.333333333333]
     """
-    import numpy as np
-
     if not scene.is_hamiltonian:
         return None
     if scene.canonical_pair is not None:
@@ -162,8 +157,6 @@ def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None
         fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
         fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
         return lambda y: fixed
-    import sympy
-
     if scene.poisson is None:
         return None
     matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
@@ -182,8 +175,6 @@ def gradient(scene: Scene) -> Any:
         >>> gradient(bs.scene("pendulum"))(np.array([[1.0], [0.0]])).ravel().tolist()
         [1.0, 0.0]
     """
-    import numpy as np
-
     if not scene.is_hamiltonian:
         return None
     from integrators import method
@@ -192,8 +183,6 @@ def gradient(scene: Scene) -> Any:
     if inverse is not None:
         field, matrix = modified_field(method("explicit-euler"), scene, 1), inverse(np.zeros(scene.dimension))
         return lambda y: matrix @ field.terms(y)[0]
-    import sympy
-
     formula: Any = scene.hamiltonian
     values: Any = list(scene.parameter_values.items())
     gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]

@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+
 from bseries.advice.predictions.calibration import seconds_per_step as calibrated
 from bseries.advice.predictions.expected_errors import (
     NO_ENERGY,
@@ -28,8 +30,6 @@ from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators import Scene
     from integrators.methods.programs.program import Method
 
@@ -105,8 +105,6 @@ def predict_run(
     scene = as_scene(scene)
     from inspect import signature
 
-    import numpy as np
-
     from integrators import integrate
 
     run = {"h": h, "y0": y0, "t0": t0, "parts": parts, **options}
@@ -132,7 +130,6 @@ def _expected_errors(
     scene: Scene, method: Method, h: float, steps: int, y0: np.ndarray, t0: float, parts: Any, control: Any
 ) -> Errors:
     """The errors of energy and solution, the powers of h, and the part of the time covered by the perturbation run."""
-    import numpy as np
 
     def unknown(reason: str) -> Errors:
         return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bseries.advice.measures import largest_size, without_time
 from integrators.core.errors import IntegratorError
 from integrators.reference.solution import reference_solution
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.scenes.scene import Scene
 
 DEGREE = 16
@@ -55,8 +55,6 @@ class DenseReference:
 
         The solution is computed at the nodes and, for the error, at a point between the middle two of them.
         """
-        import numpy as np
-
         nodes = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
         between = (nodes[DEGREE // 2] + nodes[DEGREE // 2 + 1]) / 2
         places = np.insert(nodes[1:], DEGREE // 2, between)
@@ -77,8 +75,6 @@ class DenseReference:
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         """The solution at times from 0 to the span, (variables, times)."""
-        import numpy as np
-
         intervals = self._coefficients.shape[1]
         scaled = np.asarray(times, dtype=float) * (intervals / self._span)
         at = np.clip(scaled.astype(int), 0, intervals - 1)

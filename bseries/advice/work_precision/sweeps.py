@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from time import thread_time
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
+import numpy as np
+
 from bseries.advice.measures import (
     ENERGY,
     MEASURES,
@@ -109,8 +111,6 @@ class Judge:
 
     def run(self, candidate: Candidate, steps: int) -> RunErrors:
         """Run a method with a number of steps and measure its errors."""
-        import numpy as np
-
         began = thread_time()
         try:
             with warnings.catch_warnings():
@@ -226,8 +226,6 @@ def time_scale(scene: Scene) -> float:
         >>> time_scale(bs.scene("linear")), round(time_scale(bs.scene("pendulum").with_start(p=[0], q=["pi"])), 3)
         (1.0, 10.0)
     """
-    import numpy as np
-
     f, y = right_hand_side(scene), scene.y0
     here, size = f(0.0, y), float(np.linalg.norm(y)) or 1.0
     speed = float(np.linalg.norm(here))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import sympy
+from sympy.solvers.solveset import NonlinearError
+
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.action_angle.coordinate_change import (
     CoordinateChange,
@@ -96,8 +99,6 @@ def point_transformation(
     References:
         E. Hairer, lecture on long-time behaviour, exercise 3 and (26); HLW, section VI.5.
     """
-    import sympy
-
     before, after = read_pair(old, "old"), read_pair(new, "new")
     check_mapping(positions, before[1].variables, "positions")
     parameters = tuple(parameters)
@@ -148,9 +149,6 @@ def generating_transformation(
     References:
         HLW, section VI.5.1; E. Hairer, lecture on long-time behaviour, section 5 and exercise 3.
     """
-    import sympy
-    from sympy.solvers.solveset import NonlinearError
-
     before, after = read_pair(old, "old"), read_pair(new, "new")
     shared = sorted(set(names_of(before)) & set(names_of(after)))
     if shared:
@@ -209,8 +207,6 @@ def harmonic_action_angle(
         p = 2*sqrt(a)*cos(theta)
         q = sqrt(a)*sin(theta)
     """
-    import sympy
-
     before, after, parameters = read_pair(old, "old"), read_pair(new, "new"), tuple(parameters)
     size = before[0].dimension
     if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != size:

@@ -7,6 +7,9 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import sympy
+
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
@@ -22,9 +25,6 @@ from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
     from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
     from integrators.scenes.model.blocks import Block
 
@@ -175,8 +175,6 @@ class NormalForm:
         return NormalFormMaps(self._elimination)
 
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
-        import numpy as np
-
         states, shape = read_states(y, self.scene.dimension)
         value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self._maps
         actions, angles = (slice(block.offset, block.end) for block in self._blocks)
@@ -198,8 +196,6 @@ class NormalForm:
     @cached_property
     def normal_scene(self) -> Scene:
         """The system with the truncated new Hamiltonian, as a scene with the parameter as a symbol."""
-        import sympy
-
         blocks = {block.name: block.size for block in self.scene.blocks}
         energy = self.expression(sympy.Symbol(self.parameter))
         symbols = {str(symbol) for symbol in energy.free_symbols} - set(self.variables)
@@ -307,8 +303,6 @@ def lindstedt_poincare(
 
 def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
     """The Taylor coefficients H_0 = K, H_1, … of the Hamiltonian in the parameter."""
-    import sympy
-
     known = isinstance(parameter, str) and parameter in scene.parameters
     if not known and perturbations is None:
         names = ", ".join(scene.parameters) or "none"

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import mpmath
+import sympy
+
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.integration import antiderivative
 from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
@@ -14,8 +17,6 @@ from bseries.hamiltonians.verdicts import hamiltonian_order
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
-    import sympy
-
     from bseries.hamiltonians.drift.perturbations import Perturbation
     from integrators.scenes.scene import Scene
 
@@ -92,8 +93,6 @@ def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None
         >>> common_period([y * sympy.sin(2 * x / 3), sympy.cos(x / 2 + y)], x), common_period([x + sympy.sin(x)], x)
         (12*pi, None)
     """
-    import sympy
-
     slopes: set[Any] = set()
     waiting: list[Any] = [formula for formula in formulas if formula.has(x)]
     while waiting:
@@ -127,8 +126,6 @@ def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
         >>> rise(x * sympy.sin(1) + sympy.cos(k * x + x), x, 2 * sympy.pi / (k + 1))
         2*pi*sin(1)/(k + 1)
     """
-    import sympy
-
     held = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
     found: Any = sympy.factor(held.subs(x, period) - held.subs(x, 0))
     return sympy.Integer(0) if found.equals(0) else found
@@ -150,9 +147,6 @@ def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
 
 def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Expr:
     """−∫ω dx over a period, with the other variables at the start of the scene."""
-    import mpmath
-    import sympy
-
     start = scene.start or (0,) * scene.dimension
     others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
     function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
@@ -31,8 +33,6 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
@@ -209,8 +209,6 @@ def _rates(
     r: Perturbation, powers: Sequence[int], method: Method, state: Any, h: float, steps: int, parts: Any
 ) -> np.ndarray:
     """The rates by power at every step of a trajectory, computed piece by piece."""
-    import numpy as np
-
     from integrators import integrate
 
     pieces = []

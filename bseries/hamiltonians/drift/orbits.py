@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import mpmath
+import numpy as np
+import sympy
+
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
 from integrators.reference.solution import first_step, reference_solution
 
 if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
     from integrators.scenes.scene import Scene
 
 
@@ -36,8 +37,6 @@ def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
         >>> print(mpmath.nstr(mean * mpmath.sqrt(3), 15))
         1.0
     """
-    import mpmath
-
     with mpmath.workdps(WORKING_DIGITS):
         points, before = LEAST_POINTS, None
         while points <= MOST_POINTS:
@@ -79,9 +78,6 @@ class Orbit(NamedTuple):
 
     def mean(self, formula: sympy.Expr) -> Any:
         """The time average of a function; 0 if it is below 10^−15 of the average of absolute values."""
-        import mpmath
-        import sympy
-
         symbols = self.scene.symbols
         if others := formula.free_symbols - set(symbols):
             raise SeriesError(f"method must have numbers for its parameters, but has {min(map(str, others))}")
@@ -116,9 +112,6 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
     References:
         J. A. Yorke, Proc. Amer. Math. Soc. 22 (1969) 509–512, doi:10.1090/S0002-9939-1969-0245916-7.
     """
-    import mpmath
-    import numpy as np
-
     start = np.array(y0)
     field, window = _first_window(scene, start)
     searched = 0.0
@@ -145,9 +138,6 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
 
 def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     """The field at the start (0 if it is rounding only), and the first window for a return."""
-    import numpy as np
-    import sympy
-
     at_start = dict(zip(scene.symbols, start.tolist(), strict=True))
     formulas = sympy.Matrix(scene.field)
     field, slopes = (np.array(m.subs(at_start).tolist()) for m in (formulas, formulas.jacobian(scene.symbols)))
@@ -164,8 +154,6 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, lengths: Mapping[int, Any]) -> Iterator[float]:
     """Times at which the section through the start is crossed in the direction of the field."""
-    import numpy as np
-
     reduced = away.copy()
     for i, length in lengths.items():
         reduced[i] -= float(length) * np.rint(away[i] / float(length))
@@ -182,8 +170,6 @@ def _refined(
     Near a saddle rounding errors decide when a solution leaves it: solutions with different rounding do not return
     together.
     """
-    import mpmath
-
     period = mpmath.mpf(guess)
     away, revolutions, error = _displacement(scene, start, period, lengths)
     for _ in range(CORRECTIONS):
@@ -203,8 +189,6 @@ def _displacement(
     scene: Scene, start: np.ndarray, time: Any, lengths: Mapping[int, Any]
 ) -> tuple[list[Any], dict[int, int], np.ndarray]:
     """The displacement from the start after a time, modulo periods of angles; their numbers; and the error."""
-    import mpmath
-
     solution, revolutions = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
     away = list(solution.numbers()[:, 0] - start)
     for i, length in lengths.items():

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
-
-if TYPE_CHECKING:
-    import numpy as np
 
 BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
 BLOCKS = 32
@@ -66,8 +65,6 @@ def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
     References:
         H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
     """
-    import numpy as np
-
     least = BLOCKS * 2**HALVINGS
     if len(rates) < least:
         raise SeriesError(f"rates must be {least} or more to tell drifts apart, but were {len(rates)}")
