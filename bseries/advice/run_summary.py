@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from bseries.advice.measures import energy_size
 from bseries.scene_text import head, place
 from foundation.table import Table, number_column
-from integrators.runs.trajectory import START_AND_END
+from integrators.runs.trajectory import START_AND_END, Trajectory
 
 if TYPE_CHECKING:
-    from integrators import Scene, Trajectory
+    from integrators import Scene
 
 MOST_ROWS = 60
 """The most rows of printed tables; JSON has all."""

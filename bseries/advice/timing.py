@@ -15,15 +15,14 @@ from statistics import median, quantiles
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.steppers.states import StepError
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
 
 PACKAGES = ("bseries-engine", "numpy", "numba", "sympy")
 

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
     RingValues,
+    Values,
     alike,
     as_floats,
     as_ring,
@@ -40,14 +41,12 @@ from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
-from integrators.methods.programs.program import Average, Derivative, Field, Flow, Method, Program
+from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
 from trees.counting import check_order
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
-    from bseries.exact.domains import Values
     from integrators import StageAlgebra
-    from integrators.methods.programs.program import Evaluation
-    from trees.table import TreeTable
 
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 

@@ -24,12 +24,12 @@ from bseries.exact.rationals import RationalValues, twos
 from bseries.exact.recursions import solved_denominators, substituted_denominators
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
     from bseries.algebra.stages import MethodStages
-    from integrators.methods.programs.program import Method
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:

@@ -12,15 +12,13 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR
+from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
 from bseries.conditions.exact_values import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
 from trees.compiled import kernel
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from bseries.conditions.condition_program import ConditionProgram
 
     Tables = tuple[np.ndarray, ...]
 

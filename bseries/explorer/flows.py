@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from integrators import stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
-
-if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 View = dict[str, dict[str, Any]]
 """Columns of `curve`, `patch` and `area`."""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.algebra.modified import modified_equation
+from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
 from bseries.exceptions import SeriesError
+from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, tableau_html
 from trees.counting import count_trees
 from trees.drawing import svg
-
-if TYPE_CHECKING:
-    from bseries.algebra.presentation import SeriesTerm
-    from integrators.methods.programs.program import Method
 
 MOST_TREES = 300
 """Of a page: eight nodes without colours, five with two."""

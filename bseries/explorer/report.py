@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bseries.explorer.flows import SPAN, SceneFlows
 from bseries.explorer.method_facts import method_facts
 from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import COLUMNS, scene_plots, stability_plots, view_columns
+from bseries.explorer.plots import COLUMNS, ScenePlots, scene_plots, stability_plots, view_columns
 from bseries.explorer.reading import checked_method, checked_scene
 from bseries.explorer.stability_shapes import region_of
 from foundation.extras import optional_module
-
-if TYPE_CHECKING:
-    from bseries.explorer.plots import ScenePlots
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 STEPS, SCALES = 12, (0.5, 1.5, 0.5)
 """Step sizes and starts of the frames; their product with the numbers of terms decides the size of the file."""

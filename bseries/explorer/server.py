@@ -8,24 +8,18 @@ from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache, lru_cache, partial
 from html import escape
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows
+from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows, SceneShape
 from bseries.explorer.flows import SCALES as FACTORS
-from bseries.explorer.method_facts import MOST_TREES, method_facts
+from bseries.explorer.method_facts import MOST_TREES, MethodFacts, method_facts
 from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import scene_plots, stability_plots, view_columns
+from bseries.explorer.plots import ScenePlots, scene_plots, stability_plots, view_columns
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
-from bseries.explorer.stability_shapes import region_of
+from bseries.explorer.stability_shapes import StabilityShapes, region_of
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
-
-if TYPE_CHECKING:
-    from bseries.explorer.flows import SceneShape
-    from bseries.explorer.method_facts import MethodFacts
-    from bseries.explorer.plots import ScenePlots
-    from bseries.explorer.stability_shapes import StabilityShapes
 
 ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from bseries.analysis.stability import linear_stability
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.errors import IntegratorError
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method
 
 POINTS = 161
 """On each side of the grid."""

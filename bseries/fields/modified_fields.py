@@ -27,6 +27,7 @@ from bseries.scene_text import field_equations, first_powers, formula_notes, hea
 from foundation.table import PRINT_WIDTH, Column, Table, listed
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.catalogue.registry import as_scene
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.fields.evaluation import CompiledSeries, PreciseSeries
-    from integrators.methods.programs.program import Method
 
 
 ROUTES = ("auto", "towers", "symbolic")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import sympy
 from sympy.polys.matrices import DomainMatrix
@@ -11,19 +11,15 @@ from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import check_power, power_sum
-from bseries.fields.modified_fields import check_field
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.fields.modified_fields import SceneSeries, check_field
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.integration import potential
+from bseries.fields.symbolic.polynomials import Element
 from bseries.scene_text import power_table
 from foundation.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
-
-if TYPE_CHECKING:
-    from bseries.fields.modified_fields import SceneSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 
 class ModifiedInvariant(NamedTuple):

@@ -15,6 +15,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import SymbolicSeries
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
 from trees.counting import count_trees
@@ -24,7 +25,6 @@ from trees.table import TreeTable, tree_table
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 

@@ -23,12 +23,11 @@ from bseries.fields.modified_fields import SceneSeries, check_field, modified_fi
 from foundation.diagrams import draw_legend, write_title
 from foundation.plotting import BLUE, VERMILION, drawing
 from integrators.core.errors import shown
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from integrators import RungeKutta
 
 
 CANCELLATION = 1e-6

@@ -18,7 +18,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -34,13 +34,10 @@ from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entr
 from integrators import RungeKutta
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
-
+from integrators.scenes.scene import Scene
 
 DIGITS = 60
 """Digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import mpmath
 import numpy as np
@@ -25,6 +25,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.analysis.order import trusted
 from bseries.analysis.structure import hamiltonian_field
+from bseries.analysis.structure_conditions import Verdict
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas
@@ -32,24 +33,19 @@ from bseries.fields.elementary_differentials import SymbolicSeries
 from bseries.fields.modified_fields import SceneSeries
 from bseries.fields.scene_trees import SceneTrees, flat_fields, mapped_uncertainty, trees_of_method, trees_of_series
 from integrators import IntegratorError
-from integrators.methods.programs.program import common_bounds
+from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.system import VALUE, Output, Place, System
+from integrators.scenes.model.system import VALUE, LocalTerm, Output, Place, System
 from integrators.scenes.particles.local_form import constant_terms
 from integrators.scenes.particles.parts import Piece, degrees
+from integrators.scenes.scene import Scene
 from trees.counting import count_trees
 from trees.free_trees import grafting
 from trees.kernels import OUTSIDE
 from trees.table import TreeTable, tree_table
 
-if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Verdict
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.model.system import LocalTerm
-
-    Bounds = list[list[int | None]]
+Bounds = list[list[int | None]]
 
 
 class EnergyScene(System):

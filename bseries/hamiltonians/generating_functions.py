@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -24,6 +24,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import power_sum
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
 from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries, combination
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
@@ -37,14 +38,11 @@ from foundation.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from trees.counting import check_order
-
-if TYPE_CHECKING:
-    from bseries.fields.symbolic.polynomials import Element
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 
 class GeneratingFunction(NamedTuple):

@@ -14,11 +14,11 @@ import sympy
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
-from bseries.fields.modified_fields import modified_field, read_order
+from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
-from bseries.hamiltonians.from_trees import EnergyFormulas, energy_series, energy_trees
+from bseries.hamiltonians.from_trees import EnergyFormulas, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.verdicts import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
 from bseries.scene_text import (
@@ -38,18 +38,16 @@ from integrators.core.errors import IntegratorError, shown
 from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bseries.fields.modified_fields import SceneSeries
-    from bseries.hamiltonians.from_trees import EnergySeries
-    from integrators.methods.programs.program import Method
     from integrators.runs.trajectory import Trajectory
-    from integrators.scenes.scene import Scene
 
 POINTS, LEVELS = 200, 15
 """Of a plot: points in each direction, and level curves."""

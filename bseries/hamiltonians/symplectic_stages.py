@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -20,14 +20,11 @@ from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import cancels, multiply_entries, sum_entries
-from integrators.methods.programs.evaluations import Field, Flow
+from integrators.methods.programs.evaluations import Evaluation, Field, Flow, LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian
 from integrators.scenes.particles.parts import Piece, pieces_of
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.evaluations import Evaluation, LinearForm
-    from integrators.methods.programs.program import Method
 
 Multiples = Mapping[int, Any]
 """The factors of h H_q or h H_p at a stage in the evaluations k_e of a program."""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.fields.symbolic.polynomials import Element
 from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries
 from bseries.hamiltonians.generating_functions import GeneratingFunction, check_formula, check_symbols
 from trees.counting import check_order
-
-if TYPE_CHECKING:
-    from bseries.fields.symbolic.polynomials import Element
 
 
 def variational_generating_function(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from random import Random
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath
 import sympy
@@ -24,7 +24,7 @@ from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
 from bseries.analysis.order import order_of, samples_of, trusted
 from bseries.analysis.structure import hamiltonian_field
-from bseries.analysis.structure_conditions import SEPARABLE, failing
+from bseries.analysis.structure_conditions import SEPARABLE, Verdict, failing
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
@@ -34,15 +34,11 @@ from bseries.scene_text import with_effects
 from foundation.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import common_bounds
+from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import degrees
+from integrators.scenes.scene import Scene
 from trees.table import tree_table
-
-if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Verdict
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
 
 DIGITS = 100
 STEP = "1e-33"

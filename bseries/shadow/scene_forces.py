@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,8 @@ from integrators import Scene
 from integrators.compile.modules import load_module
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, field_lines
+from integrators.scenes.model.blocks import Block
 from integrators.scenes.particles.parts import Piece, degrees
-
-if TYPE_CHECKING:
-    from integrators.scenes.model.blocks import Block
 
 FORMULAS = '''\
 """Potentials and their gradients.

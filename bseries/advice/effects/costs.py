@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.effects.variants import effect_variants
+from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
@@ -16,13 +16,12 @@ from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bseries.advice.effects.variants import EffectVariants, Names
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 NANO, WIDTH = 1e9, 12.0
 """Nanoseconds of a second; centimetres of a plot."""

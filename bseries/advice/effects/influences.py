@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries.advice.effects.costs import variant_costs
-from bseries.advice.effects.variants import effect_variants
+from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
 from bseries.advice.measures import (
     ENERGY,
     SOLUTION,
@@ -20,6 +20,7 @@ from bseries.advice.measures import (
     relative_distance,
     whole_steps,
 )
+from bseries.advice.timing import Timing
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
@@ -28,17 +29,15 @@ from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bseries.advice.effects.variants import EffectVariants, Names
-    from bseries.advice.timing import Timing
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 COMPARISONS = 1000
 """Most times at which two runs are compared: tens in each of the periods of a run of usual length."""

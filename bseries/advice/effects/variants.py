@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from integrators.scenes.catalogue.registry import scene as built_in
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    Names = tuple[str, ...]
+Names = tuple[str, ...]
 
 
 class EffectVariants(NamedTuple):

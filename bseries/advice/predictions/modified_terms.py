@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import modified_field
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from integrators.methods.programs.evaluations import Flow
-from integrators.methods.programs.program import Program, mapped
-
-if TYPE_CHECKING:
-    from bseries.fields.modified_fields import SceneSeries
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method, Program, mapped
+from integrators.scenes.scene import Scene
 
 ORDERS = 4, 7, 9, 11, 13
 """Orders tried for the first nonzero term: one beyond 3, 6, 8, 10 and 12, so that few methods need two trials."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -25,15 +25,13 @@ from integrators.core.arguments import check_end
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive, step_count
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
-if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
-
-    Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
+Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
 
 LEFT_OUT = "to", "checkpoint", "progress"
 """Options of `integrate` that a prediction refuses, since it must not change the files of the run."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bseries.advice.measures import largest_size, without_time
 from integrators.core.errors import IntegratorError
 from integrators.reference.solution import reference_solution
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 DEGREE = 16
 """Degree of the interpolation: about as many points as doubles have digits."""

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.predictions.calibration import duration
 from bseries.advice.timing import machine
-from bseries.advice.work_precision.candidates import candidates
+from bseries.advice.work_precision.candidates import Methods, candidates
 from bseries.advice.work_precision.diagram import HEIGHT, WIDTH, draw_panel
 from bseries.advice.work_precision.recommendation import Recommendation, choose
-from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
+from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Curve, Judge, Row, sweep, time_scale, timed_curves
 from foundation.diagrams import write_title
 from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
@@ -31,8 +31,6 @@ from integrators.steppers.stepping import stepper
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bseries.advice.work_precision.candidates import Methods
-    from bseries.advice.work_precision.sweeps import Curve, Row
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method: a dozen methods take five seconds, since all runs of a method take about

@@ -28,11 +28,11 @@ from bseries.advice.work_precision.dense_reference import DenseReference, TooLon
 from integrators.bindings.scipy_bridge import right_hand_side
 from integrators.core.errors import IntegratorError
 from integrators.runs.integration import integrate
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.candidates import Candidate
-    from integrators.scenes.scene import Scene
 
     Swept = list[tuple[int, "RunErrors"]]
 

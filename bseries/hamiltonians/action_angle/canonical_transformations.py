@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 from sympy.solvers.solveset import NonlinearError
@@ -17,9 +17,7 @@ from bseries.hamiltonians.action_angle.coordinate_change import (
     simplified,
 )
 from integrators.scenes.model.formulas import read_formula
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 
 def canonical_transformation(

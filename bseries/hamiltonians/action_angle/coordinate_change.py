@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import sympy
@@ -21,9 +21,8 @@ from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    Equations: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-    """Functions from rows x, and their numbers among all points, to f(x) and the matrices f'(x)."""
+Equations: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Functions from rows x, and their numbers among all points, to f(x) and the matrices f'(x)."""
 
 
 class CoordinateChange(ImmutableValue):

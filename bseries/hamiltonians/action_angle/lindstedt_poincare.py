@@ -19,14 +19,13 @@ from bseries.hamiltonians.action_angle.elimination import Elimination
 from bseries.hamiltonians.action_angle.fourier import FourierRing
 from integrators.core.arguments import items
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.model.blocks import check_symbols
+from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
-    from integrators.scenes.model.blocks import Block
 
 
 class SmallDenominator(NamedTuple):

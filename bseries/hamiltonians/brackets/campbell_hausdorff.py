@@ -12,7 +12,7 @@ Nyström systems. Their modified equation is tested for being a sum of brackets.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
@@ -27,13 +27,10 @@ from bseries.hamiltonians.brackets.lyndon_basis import MOST_LETTERS, bch_terms
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.kinds.splitting import Splitting
 from integrators.methods.programs.builder import read_parts
+from integrators.methods.programs.program import Method
 from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
-from trees.table import tree_table
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from trees.table import TreeTable
+from trees.table import TreeTable, tree_table
 
 
 def bracket_hamiltonian(

@@ -18,14 +18,14 @@ from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
+from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
 from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
 
 if TYPE_CHECKING:
-    from bseries.fields.symbolic.polynomials import Element
-    from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
-    from integrators.methods.programs.program import Method
     from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000

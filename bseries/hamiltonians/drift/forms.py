@@ -15,10 +15,10 @@ from bseries.fields.symbolic.integration import antiderivative
 from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
 from bseries.hamiltonians.verdicts import hamiltonian_order
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from bseries.hamiltonians.drift.perturbations import Perturbation
-    from integrators.scenes.scene import Scene
 
 
 class PeriodGain(NamedTuple):

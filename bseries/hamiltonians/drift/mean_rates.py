@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +30,9 @@ from bseries.hamiltonians.from_trees import energy_trees
 from integrators.core.arguments import read_steps
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 STEPS = 100_000
 CHUNK = 8192

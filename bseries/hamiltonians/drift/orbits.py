@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -12,10 +12,7 @@ import sympy
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
 from integrators.reference.solution import first_step, reference_solution
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
-
+from integrators.scenes.scene import Scene
 
 DIGITS = 15
 """Digits of accuracy of means."""

@@ -5,24 +5,21 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
+from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
+from integrators.methods.programs.program import Method
 from integrators.scenes.model.blocks import canonical_blocks
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
-
-    from bseries.algebra.bseries import BSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
-    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 
 MOST_VARIABLES = 6
