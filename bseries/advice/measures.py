@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 SOLUTION, ENERGY = MEASURES = ("solution", "energy")
 ROUNDING = 1e-9

@@ -6,16 +6,14 @@ import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
+from bseries.conditions.kinds import Sums
 from foundation.numbers import latex_number
 from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
-
-if TYPE_CHECKING:
-    from bseries.conditions.kinds import Sums
-    from trees.tree import Tree
+from trees.tree import Tree
 
 
 class OrderCondition(ImmutableValue):

@@ -37,11 +37,10 @@ from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.number_text import nearest_double
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import sympy
-
-    from trees.table import TreeTable
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
 
-if TYPE_CHECKING:
-    from integrators import Scene
+from integrators.scenes.scene import Scene
 
 OSCILLATION = 2.0
 """The largest h is this over the size of the Jacobian at the start: where Störmer–Verlet becomes unstable."""

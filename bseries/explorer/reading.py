@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import split_row
 from integrators.core.errors import IntegratorError
-
-if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 MOST_CHARACTERS = 4_000
 """Of a text in a form."""

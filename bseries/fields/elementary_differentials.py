@@ -6,25 +6,24 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import sympy
 
+from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.polynomials import Element, TooLarge
 from trees.counting import check_order
 from trees.tree import Tree
 
-if TYPE_CHECKING:
-    Key: TypeAlias = tuple[int, tuple[int, ...]]
-    Tensor: TypeAlias = dict[Key, Element]
-    """{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
+Key: TypeAlias = tuple[int, tuple[int, ...]]
+Tensor: TypeAlias = dict[Key, Element]
+"""{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
 
-    from bseries.algebra.bseries import BSeries
 
-    Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
-    Formulas: TypeAlias = tuple[sympy.Expr, ...]
+Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
+Formulas: TypeAlias = tuple[sympy.Expr, ...]
 
 
 class DerivativeTowers:

@@ -18,14 +18,13 @@ from bseries.fields.elementary_differentials import SymbolicSeries
 from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
+from integrators.scenes.scene import Scene
 from trees.counting import count_trees
 from trees.free_trees import grafting
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
     import sympy
-
-    from integrators.scenes.scene import Scene
 
 
 class SceneTrees(NamedTuple):

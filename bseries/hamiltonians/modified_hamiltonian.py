@@ -40,6 +40,7 @@ from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 from trees.counting import check_order
@@ -47,7 +48,6 @@ from trees.counting import check_order
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from integrators.runs.trajectory import Trajectory
 
 POINTS, LEVELS = 200, 15
 """Of a plot: points in each direction, and level curves."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
+from bseries.shadow.sources import Columns, Source
 from bseries.shadow.states import AHEAD, BEHIND, FULL, MIDDLE, States, longest
-
-if TYPE_CHECKING:
-    from bseries.shadow.sources import Columns, Source
 
 CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
 """Largest unexplained part of a step for a valid diagnosis: for ratios, for long steps, and for exact definitions."""

@@ -13,20 +13,18 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import chain, islice
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import IO, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.scene_forces import SceneForces
 from integrators.core.text_files import read_lines
+from integrators.runs.trajectory import Trajectory
 from integrators.scenes.files import scene_from_table
 
-if TYPE_CHECKING:
-    from integrators import Trajectory
-
-    Columns: TypeAlias = Mapping[str, np.ndarray]
-    """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
+Columns: TypeAlias = Mapping[str, np.ndarray]
+"""Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
 
 MEANINGS = {"q": "positions", "p": "momenta", "v": "velocities", "U": "the potential", "F": "forces"}
 MEANINGS |= {"gradU": "the potential's gradient"}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
-
-if TYPE_CHECKING:
-    from bseries.shadow.sources import Columns, Source
+from bseries.shadow.sources import Columns, Source
 
 FULL, BEHIND, AHEAD, MIDDLE = "full", "half-behind", "half-ahead", "drift-kick-drift"
 LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)

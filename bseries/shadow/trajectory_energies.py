@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,15 +15,12 @@ from bseries.shadow.checks import check_columns, check_finite, check_potential, 
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
 from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import Source, open_source
+from bseries.shadow.sources import Columns, Source, open_source
 from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, States, longest, positive_numbers, read_states
 from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    from bseries.shadow.sources import Columns
 
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""

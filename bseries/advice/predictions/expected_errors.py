@@ -15,16 +15,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from bseries.advice.measures import energy_size, largest_size, norms, without_time
+from bseries.advice.predictions.perturbation_run import PerturbationRun
 from bseries.advice.predictions.prediction import ExpectedError
-
-if TYPE_CHECKING:
-    from bseries.advice.predictions.perturbation_run import PerturbationRun
-    from integrators import Scene
+from integrators.scenes.scene import Scene
 
 PARTS = 1.0, 0.75, 0.5
 """Parts of the observed time that must lead to the same error at the end."""

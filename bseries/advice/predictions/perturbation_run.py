@@ -13,20 +13,18 @@ from __future__ import annotations
 import math
 from functools import cache
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bseries.advice.measures import largest_size, norms, without_time
+from bseries.advice.predictions.modified_terms import ModifiedTerms
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.truncation import Reach
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import Stepper, stepper
-
-if TYPE_CHECKING:
-    from bseries.advice.predictions.modified_terms import ModifiedTerms
 
 RESOLUTION = 6
 """Impulses per time scale τ, τ² = |f|/|f'f'f + f"(f, f)/4|: for an oscillator τ = 1/ω, with 38 impulses per period."""

@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Iterable, Sequence
 from time import thread_time
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from bseries.advice.measures import (
     without_time,
 )
 from bseries.advice.timing import Timing, Work, step_costs
+from bseries.advice.work_precision.candidates import Candidate
 from bseries.advice.work_precision.dense_reference import DenseReference, TooLong
 from integrators.bindings.scipy_bridge import right_hand_side
 from integrators.core.errors import IntegratorError
@@ -31,10 +32,7 @@ from integrators.runs.integration import integrate
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
-if TYPE_CHECKING:
-    from bseries.advice.work_precision.candidates import Candidate
-
-    Swept = list[tuple[int, "RunErrors"]]
+Swept = list[tuple[int, "RunErrors"]]
 
 UNSOLVED = "did not converge"
 OBSERVATIONS = 400

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 
 from bseries.exceptions import SeriesError
-
-if TYPE_CHECKING:
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
 
 MOST_POWERS = 60
 """Higher powers of sines or of polynomials are not expanded."""

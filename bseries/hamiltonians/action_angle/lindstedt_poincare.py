@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
@@ -17,15 +17,13 @@ from bseries.fields.symbolic.polynomials import TooLarge
 from bseries.hamiltonians.action_angle.coordinate_change import read_pair
 from bseries.hamiltonians.action_angle.elimination import Elimination
 from bseries.hamiltonians.action_angle.fourier import FourierRing
+from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
 from integrators.core.arguments import items
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
 
 
 class SmallDenominator(NamedTuple):

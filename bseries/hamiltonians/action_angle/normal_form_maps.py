@@ -7,16 +7,13 @@ S and its derivatives in the actions are Fourier sums. Their coefficients are su
 from __future__ import annotations
 
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.action_angle.coordinate_change import continued
+from bseries.hamiltonians.action_angle.elimination import Elimination
 from trees.compiled import float_kernel
-
-if TYPE_CHECKING:
-    from bseries.hamiltonians.action_angle.elimination import Elimination
 
 LARGEST_ARRAY = 2**18
 """The number of coefficients that are computed at a time: arrays of two megabytes."""

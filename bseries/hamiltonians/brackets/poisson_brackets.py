@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import chain
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import sympy
 
@@ -24,9 +24,7 @@ from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_cha
 from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000
 """Formulas with more monomials are not simplified, which would take longer than their computation."""
