@@ -8,11 +8,18 @@ from typing import Any
 import numpy as np
 
 from bseries.explorer.flows import SPAN, SceneFlows
-from bseries.explorer.method_facts import method_facts
-from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import COLUMNS, ScenePlots, scene_plots, stability_plots, view_columns
+from bseries.explorer.method_facts import method_facts, region_of
+from bseries.explorer.plots import (
+    COLUMNS,
+    ScenePlots,
+    method_variables,
+    scene_plots,
+    scene_variables,
+    stability_plots,
+    template,
+    view_columns,
+)
 from bseries.explorer.reading import checked_method, checked_scene
-from bseries.explorer.stability_shapes import region_of
 from foundation.extras import optional_module
 from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene

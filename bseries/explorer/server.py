@@ -13,11 +13,17 @@ from typing import Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows, SceneShape
 from bseries.explorer.flows import SCALES as FACTORS
-from bseries.explorer.method_facts import MOST_TREES, MethodFacts, method_facts
-from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import ScenePlots, scene_plots, stability_plots, view_columns
+from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
+from bseries.explorer.plots import (
+    ScenePlots,
+    method_variables,
+    scene_plots,
+    scene_variables,
+    stability_plots,
+    template,
+    view_columns,
+)
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
-from bseries.explorer.stability_shapes import StabilityShapes, region_of
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
 

@@ -16,7 +16,10 @@ LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
 
 
 class States(NamedTuple):
-    """Consecutive states, mass-weighted as in `kernels`: arrays (coordinates, steps), and (steps,) for u."""
+    """Consecutive states: arrays (coordinates, steps), and (steps,) for u.
+
+    They are mass-weighted, q̂ = M^(1/2) q, p̂ = M^(−1/2) p, ĝ = M^(−1/2) ∇U, so that masses do not appear.
+    """
 
     q: np.ndarray
     p: np.ndarray

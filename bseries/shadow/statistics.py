@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bseries.shadow import kernels
+from trees.compiled import float_kernel
 
 BLOCKS = 2048
 LEAST_BLOCKS = 16
@@ -38,6 +38,36 @@ class OrderStatistics(NamedTuple):
     drift_error: float
 
 
+@float_kernel
+def add_values(values, first, moments, blocks, position, size):
+    """Add values (orders, steps) to the statistics.
+
+    Args:
+        values: Values at consecutive steps.
+        first: The value of step 0 for each order, which is subtracted.
+        moments: For each order the sums of v, n v and v², the extremes of v, and those of its difference to the order
+            before.
+        blocks: For each order and block the sum and the extremes of v.
+        position: The number of the first step.
+        size: The number of steps in a block.
+    """
+    orders, steps = values.shape
+    for order in range(orders):
+        total, sums, before = moments[order], blocks[order], max(order - 1, 0)
+        for k in range(steps):
+            n = position + k
+            v = values[order, k] - first[order]
+            lower = values[before, k] - first[before]
+            total[0] += v
+            total[1] += n * v
+            total[2] += v * v
+            total[3], total[4] = min(total[3], v), max(total[4], v)
+            total[5], total[6] = min(total[5], v - lower), max(total[6], v - lower)
+            block = sums[n // size]
+            block[0] += v
+            block[1], block[2] = min(block[1], v), max(block[2], v)
+
+
 class Statistics:
     """Statistics of the shadow energies of several orders after any number of steps, in constant memory."""
 
@@ -57,7 +87,7 @@ class Statistics:
             if self.count == BLOCKS * self.size:
                 self._merge()
             taken = values[:, done : done + BLOCKS * self.size - self.count]
-            kernels.add_values.compiled(taken, self.first, self._moments, self._blocks, self.count, self.size)
+            add_values.compiled(taken, self.first, self._moments, self._blocks, self.count, self.size)
             self.count += taken.shape[1]
             done += taken.shape[1]
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from bseries.shadow import kernels
 from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
@@ -21,6 +20,7 @@ from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
+from trees.compiled import float_kernel
 
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""
@@ -202,7 +202,7 @@ def _measure(
         if steps > halo:
             work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
             out = np.empty((len(orders), steps - halo))
-            kernels.shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
+            shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
             middle = done - steps + halo // 2
             check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
             statistics.add(out)
@@ -216,8 +216,52 @@ def _measure(
     return ShadowReport(source.label, h, start, done, statistics, offset, most_rounding, values)
 
 
+@float_kernel
+def shadow_values(h, p, g, u, weights, works, products, power, product, out):
+    """Write the shadow energies at all steps but the first and last few to out, (orders, steps − 2 reach).
+
+    The formulas are rows: weights of potentials and `works` from the middle outwards, and for each lag the factors of
+    g_i·g_(i + lag) from i = −reach to reach. Scalar products are computed once for all orders, in `power` (shifts,
+    steps) and `product` (lags, steps).
+    """
+    coordinates, steps = p.shape
+    orders, reach = weights.shape[0], weights.shape[1] - 1
+    power[:, :] = 0.0
+    product[:, :] = 0.0
+    for d in range(coordinates):
+        for n in range(steps):
+            power[0, n] += 0.5 * p[d, n] * p[d, n]
+        for i in range(1, power.shape[0]):
+            for n in range(i, steps - i):
+                power[i, n] += p[d, n] * (g[d, n + i] - g[d, n - i])
+        for lag in range(product.shape[0]):
+            for n in range(steps - lag):
+                product[lag, n] += g[d, n] * g[d, n + lag]
+    width = steps - 2 * reach
+    for order in range(orders):
+        row = out[order]
+        for n in range(width):
+            row[n] = power[0, n + reach] + weights[order, 0] * u[n + reach]
+        for i in range(1, reach + 1):
+            weight = weights[order, i]
+            if weight != 0.0:
+                for n in range(width):
+                    row[n] += weight * (u[n + reach + i] + u[n + reach - i])
+        for i in range(1, power.shape[0]):
+            factor = h * works[order, i]
+            if factor != 0.0:
+                for n in range(width):
+                    row[n] += factor * power[i, n + reach]
+        for lag in range(product.shape[0]):
+            for i in range(2 * reach + 1):
+                factor = h * h * products[order, lag, i]
+                if factor != 0.0:
+                    for n in range(width):
+                        row[n] += factor * product[lag, n + i]
+
+
 def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The arrays `weights`, `works` and `products` of `kernels.shadow_values` for several orders."""
+    """The arrays `weights`, `works` and `products` of `shadow_values` for several orders."""
     reach = max(1, *(formula.reach for formula in formulas))  # at least 1, so that neighbouring pieces overlap
     shifts = max(len(formula.works) for formula in formulas) + 1
     lags = max((j - i for formula in formulas for i, j in formula.products), default=0) + 1

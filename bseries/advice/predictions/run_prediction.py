@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from bseries.advice.predictions.calibration import seconds_per_step as calibrated
 from bseries.advice.predictions.expected_errors import (
     NO_ENERGY,
     NOT_SMALL,
@@ -19,6 +18,7 @@ from bseries.advice.predictions.expected_errors import (
 from bseries.advice.predictions.modified_terms import gradient, in_floats, modified_terms
 from bseries.advice.predictions.perturbation_run import perturbation_run
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
+from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import check_end

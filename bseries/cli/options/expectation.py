@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.predictions.calibration import SECONDS, Stopwatch
+from bseries.advice.predictions.prediction import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
@@ -92,7 +92,7 @@ class Expectation:
 
     def notes(self, energy_error: float | None) -> Iterator[str]:
         """Sentences that compare the outcome with the prediction."""
-        from bseries.advice.predictions.calibration import duration
+        from bseries.advice.predictions.prediction import duration
 
         found = self.outcome(energy_error)
         if found is None or self.prediction is None:

@@ -72,8 +72,7 @@ def cost(
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
-    from bseries.advice.work_precision.diagram import draw
-    from bseries.advice.work_precision.precision_curves import BUDGET, work_precision
+    from bseries.advice.work_precision.precision_curves import BUDGET, draw, work_precision
 
     if start is not None:
         scene = read_start(start, scene)

@@ -12,20 +12,20 @@ from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.generators import check_smooth
-from bseries.hamiltonians.drift.forms import Violation, angle_periods, violations
-from bseries.hamiltonians.drift.orbits import Orbit, closed_orbit
-from bseries.hamiltonians.drift.perturbations import Perturbation
-from bseries.hamiltonians.drift.report import DriftReport
-from bseries.hamiltonians.drift.statistics import (
+from bseries.hamiltonians.drift.orbits import (
     BLOCKS,
     BOUNDED,
     HALVINGS,
     LINEAR,
     SQUARE_ROOT,
     UNDECIDED,
+    Orbit,
     RateStatistics,
+    closed_orbit,
     rate_statistics,
 )
+from bseries.hamiltonians.drift.perturbations import Perturbation, Violation, angle_periods, violations
+from bseries.hamiltonians.drift.report import DriftReport
 from bseries.hamiltonians.from_trees import energy_trees
 from integrators.core.arguments import read_steps
 from integrators.exact.arguments import read_number, read_vector

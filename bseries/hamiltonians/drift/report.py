@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED, RateStatistics
+from bseries.hamiltonians.drift.orbits import LINEAR, SQUARE_ROOT, UNDECIDED, RateStatistics
 from bseries.scene_text import place
 from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.plotting import BLACK, SKY, drawing
@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     import sympy
     from matplotlib.axes import Axes
 
-    from bseries.hamiltonians.drift.forms import PeriodGain, Violation
     from bseries.hamiltonians.drift.orbits import Orbit
-    from bseries.hamiltonians.drift.perturbations import Perturbation
+    from bseries.hamiltonians.drift.perturbations import PeriodGain, Perturbation, Violation
     from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from integrators.runs.trajectory import Trajectory
     from trees.tree import Tree
