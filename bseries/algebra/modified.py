@@ -128,9 +128,6 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
         max_children: Which trees to include, as for `trees.TreeTable`.
         names: Names of the colours.
 
-    Returns:
-        The flow series with coefficients 1/γ(τ).
-
     Raises:
         TreeError: An argument is out of its range.
 

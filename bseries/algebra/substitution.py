@@ -171,9 +171,6 @@ def substitution_inverse(b: BSeries) -> BSeries:
     Args:
         b: A field with b(•) ≠ 0, on all trees of a table.
 
-    Returns:
-        The inverse.
-
     Raises:
         SeriesError: b is no field, vanishes at a single node, or its table is restricted.
 

@@ -58,9 +58,6 @@ def order_conditions(
         symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
         max_children: Which trees to include, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
 
-    Returns:
-        The conditions.
-
     Raises:
         SeriesError: The kind is unknown, an argument does not apply to it, or there are too many conditions.
         TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.

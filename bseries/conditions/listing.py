@@ -331,9 +331,6 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             stages: The number of stages; not needed if it was given to `order_conditions`, or with arrays.
             nodes: Write the row sums of A as symbols c_i, and append the equations c_i = Σ a_ij.
 
-        Returns:
-            A list of ``sympy.Eq``.
-
         Raises:
             SeriesError: The arrays do not fit, or the number of stages is not known.
 
@@ -359,9 +356,6 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             stages: The number of stages; ``"numpy"`` does not need it.
             jacobian: Whether to write the Jacobian: a row for each condition, a column for each free coefficient,
                 argument by argument, row by row.
-
-        Returns:
-            The source.
 
         Raises:
             SeriesError: The language is unknown, the number of stages is missing or too large to write scalar code, or

@@ -83,9 +83,6 @@ def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
     Args:
         f: A field such as a `modified_field`, of an exact method.
 
-    Returns:
-        The integral.
-
     Raises:
         SeriesError: `f` is not an exact field, its scene has no invertible structure matrix, a term is not Hamiltonian
             (the message names the first such power of h), or a term is beyond the integration rules of `potential`.

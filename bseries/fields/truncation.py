@@ -218,10 +218,7 @@ class Reach(NamedTuple):
         """The sizes of the nonzero terms against the power of h, with the optimal truncation.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.

@@ -255,15 +255,12 @@ class ModifiedHamiltonian:
         Other variables are those of the run's first state, or of the scene's start.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             h: The step size.
             run: A run of the method, whose states are drawn as points.
             x: The variable across; by default the first position.
             y: The variable upwards; by default the first momentum.
             window: The ends (left, right, bottom, top) of the axes; by default those of the run with some space.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: A variable is unknown, there is neither a run nor a window, or `ax` is no axes.

@@ -170,9 +170,6 @@ def hamiltonian_verdict(
         order: The largest number of nodes; by default the order of a series, or three more than the order of a method.
         parts: As for `modified_field`.
 
-    Returns:
-        A `HamiltonianVerdict`.
-
     Raises:
         SeriesError: The scene has no structure matrix, or an argument is out of range.
 

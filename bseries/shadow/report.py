@@ -305,11 +305,8 @@ class ShadowReport:
         """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             orders: The orders; by default 2, which is the energy, to the best one, six at most.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: An order is not in the report, or `ax` is no axes.

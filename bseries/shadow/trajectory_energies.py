@@ -70,9 +70,6 @@ def shadow_energy(
         keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
-    Returns:
-        The report.
-
     Raises:
         SeriesError: Data are missing, or not consecutive steps of this method; the message contains a diagnosis.
         IntegratorError: A file, a scene, a number or `progress` cannot be used.

@@ -114,10 +114,7 @@ class EffectCosts(Sequence[CostRow]):
         """The time of a step as effects are added; whiskers are the quartiles.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.

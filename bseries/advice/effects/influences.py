@@ -219,10 +219,7 @@ class EffectReport(NamedTuple):
         Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.

@@ -81,9 +81,6 @@ def predict_run(
         timed: Whether to predict the time.
         **options: Further options of `integrate`, such as `observe` and `save_every`, except files and `progress`.
 
-    Returns:
-        The prediction.
-
     Raises:
         IntegratorError: An argument is invalid; a StepError if one of the first steps fails.
         TypeError: `integrate` has no option of this name.

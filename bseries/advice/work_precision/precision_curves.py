@@ -145,11 +145,8 @@ class WorkPrecision:
         """The work–precision diagram: CPU time against error, strong curves for methods that are cheapest somewhere.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             measure: The name of the error; by default the first of `measures`.
-
-        Returns:
-            The axes.
 
         Raises:
             IntegratorError: The measure is none of `measures`, or `ax` is no axes.

@@ -346,9 +346,6 @@ def lindstedt_poincare(
             resonant combinations of angles. Otherwise they raise an error.
         limit: Largest number of monomials in an intermediate result.
 
-    Returns:
-        The series, as a `NormalForm`.
-
     Raises:
         SeriesError: The scene is not Hamiltonian in all its variables, H has infinitely many Fourier modes, K depends
             on angles, a resonance occurs, or the formulas are too large.

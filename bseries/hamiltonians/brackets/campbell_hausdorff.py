@@ -50,9 +50,6 @@ def bracket_hamiltonian(
             of T and U, or the first of two other parts, as in `modified_field`. By default it is true for methods made
             for such systems.
 
-    Returns:
-        The sum, in a basis of brackets.
-
     Raises:
         SeriesError: The method has no parts, its modified equation is not a sum of brackets (the message names the
             first violating tree), or an argument is invalid.
@@ -95,9 +92,6 @@ def bch(
         symmetric: Whether to compute log(exp(A/2) exp B exp(A/2)), or log(exp(A/2) exp(B/2) exp C …) for more letters.
         basis: ``nested`` for right-nested commutators; ``lyndon`` for the brackets of Lyndon words in two letters: the
             word uv with its longest proper Lyndon suffix v stands for [P_u, P_v].
-
-    Returns:
-        The sum, in a basis of commutators.
 
     Raises:
         SeriesError: The order is too large, or the basis is unknown or not available for so many letters.

@@ -79,9 +79,6 @@ def energy_drift(
         steps: The length of the trajectory with several degrees of freedom.
         parts: As for `modified_field`.
 
-    Returns:
-        The report.
-
     Raises:
         SeriesError: The scene has no Hamiltonian, or `h` is 0.
         IntegratorError: A step failed, or `y0`, `h` or `steps` does not fit.

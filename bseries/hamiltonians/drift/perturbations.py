@@ -280,9 +280,6 @@ def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
     Args:
         scene: The scene; parameters may be symbols (for a period 2π/k with k taken as positive).
 
-    Returns:
-        The integral, exact.
-
     Raises:
         SeriesError: The scene is not of this kind, or the formula cannot be integrated.
 

@@ -133,11 +133,8 @@ class DriftReport(NamedTuple):
         The energy also oscillates, by an amount that does not grow and that the prediction leaves out.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             run: A run of the method on the scene, which observes the energy.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: The run does not observe the energy, there is no prediction for this orbit, or `ax` is no axes.
