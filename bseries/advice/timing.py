@@ -63,18 +63,11 @@ MOST_STEPS = 2**20
 
 @dataclass(frozen=True)
 class Timing:
-    """A measured time.
+    """A measured time."""
 
-    Attributes:
-        seconds: The median of all rounds.
-        low: The lower quartile.
-        high: The upper quartile.
-        rounds: The number of rounds.
-    """
-
-    seconds: float
-    low: float
-    high: float
+    seconds: float  # the median of all rounds
+    low: float  # the lower quartile
+    high: float  # the upper quartile
     rounds: int
 
     @property

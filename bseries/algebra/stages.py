@@ -391,19 +391,12 @@ def _add(row: Row, other: Row, factor: Any) -> None:
 
 
 class FlowSteps(NamedTuple):
-    """The flows of a splitting method, in order, with their times in one domain.
+    """The flows of a splitting method, in order, with their times in one domain."""
 
-    Attributes:
-        parts: The part of each flow; None: all.
-        times: The times.
-        kind: The domain of the times: rational, ring or float.
-        ring: For the kind ring, the field of the times.
-    """
-
-    parts: Sequence[int | None]
+    parts: Sequence[int | None]  # the part of each flow; None: all
     times: Sequence[Any]
-    kind: str
-    ring: Any = None
+    kind: str  # the domain of the times: rational, ring or float
+    ring: Any = None  # for the kind ring, the field of the times
 
 
 @lru_cache(maxsize=64)

@@ -46,14 +46,9 @@ if TYPE_CHECKING:
 
 
 class Values(Protocol):
-    """The coefficients of all trees of a table, in one domain.
+    """The coefficients of all trees of a table, in one domain."""
 
-    Attributes:
-        kind: The domain: ``rational``, ``ring`` or ``float``.
-        table: The trees.
-    """
-
-    kind: str
+    kind: str  # the domain: ``rational``, ``ring`` or ``float``
     table: TreeTable
 
     @property

@@ -52,17 +52,9 @@ def orbit(
 
 
 def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, counts: Sequence[int]) -> np.ndarray:
-    """Points moved by steps of a method; not numbers after a failure.
+    """Points (variables, points) moved by steps of a method: (times, variables, points), not numbers after a failure.
 
-    Args:
-        method: The method.
-        scene: The scene.
-        points: The starts, (variables, points).
-        h: The step size.
-        counts: The steps between the times wanted.
-
-    Returns:
-        An array (times, variables, points), with the starts first.
+    The first of the times is that of the starts; `counts` are the steps between them.
     """
     from integrators import stepper
     from integrators.steppers.states import StepError
@@ -83,15 +75,8 @@ def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, c
 def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, times: Any, longest: float) -> Any:
     """Points moved by the flow of y' = field(y, h), with explicit steps of order 8 for all points at once.
 
-    Args:
-        field: A function of states (variables, points) and h.
-        h: The second argument of the field.
-        points: The starts, (variables, points).
-        times: The times wanted; the first is that of the starts.
-        longest: The longest step.
-
-    Returns:
-        An array (times, variables, points); not numbers after a failure.
+    The result has the shape (times, variables, points), with the starts (variables, points) first; it is not numbers
+    after a failure. `longest` is the longest step.
 
     Example:
         >>> import numpy as np

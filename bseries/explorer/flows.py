@@ -28,18 +28,12 @@ RESOLVED = 1e-3
 
 
 class Plane(NamedTuple):
-    """Two variables of a scene, by their indices: `x` is None for the time.
+    """Variables of a scene, by their indices."""
 
-    Attributes:
-        x, y: The variables on the axes of orbits.
-        conjugate: The pair (q, p) in whose plane a patch of initial values lies; None in scenes of one variable.
-        pairs: All pairs (q, p), over which areas are summed; none where areas have no meaning.
-    """
-
-    x: int | None
-    y: int
-    conjugate: tuple[int, int] | None
-    pairs: tuple[tuple[int, int], ...]
+    x: int | None  # the variable across in pictures of orbits; None for the time
+    y: int  # the variable upwards
+    conjugate: tuple[int, int] | None  # (q, p), around which a patch of initial values lies; None for one variable
+    pairs: tuple[tuple[int, int], ...]  # all (q, p), over which areas are summed; none where areas have no meaning
 
 
 def plane_of(scene: Scene) -> Plane:
@@ -91,9 +85,7 @@ def area_primitive(scene: Scene) -> Any:
 def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
     """The integral ∮ form dq along a smooth closed curve; not a number if the curve is not resolved.
 
-    Args:
-        form: Values at points with equal differences of the curve's parameter.
-        q: Values of the variable there.
+    Values are those at points with equal differences of the curve's parameter.
 
     Example:
         >>> import numpy as np
@@ -134,33 +126,19 @@ NEAR = 4.0
 
 
 class SceneShape(NamedTuple):
-    """What a page says of a scene before it has curves, all of it plain text and numbers.
+    """What a page says of a scene before it has curves, all of it plain text and numbers."""
 
-    Attributes:
-        title: The method and the scene.
-        start: The start as text.
-        span: The length of time.
-        largest: The largest step size.
-        terms: The most terms of the modified equation.
-        energy_terms: The most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian.
-        axes: The names on the axes of curves.
-        patch_axes: Those of patches; None without patches.
-        orbit_axes: Those of many orbits.
-        section: The variable that is zero where many orbits are shown; None if they are shown everywhere.
-        area: What areas are; empty if they have no meaning.
-    """
-
-    title: str
-    start: str
-    span: float
-    largest: float
-    terms: int
-    energy_terms: int
-    axes: tuple[str, str]
-    patch_axes: tuple[str, str] | None
-    orbit_axes: tuple[str, str]
-    section: str | None
-    area: str
+    title: str  # the method and the scene
+    start: str  # the start as text
+    span: float  # the length of time
+    largest: float  # the largest step size
+    terms: int  # the most terms of the modified equation
+    energy_terms: int  # the most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian
+    axes: tuple[str, str]  # the names on the axes of curves
+    patch_axes: tuple[str, str] | None  # those of patches; None without patches
+    orbit_axes: tuple[str, str]  # those of many orbits
+    section: str | None  # the variable that is zero where many orbits are shown; None if they are shown everywhere
+    area: str  # what areas are; empty if they have no meaning
 
 
 class SceneFlows:
@@ -257,13 +235,7 @@ class SceneFlows:
         return {"curve": self._compared(t, padded(exact, len(t)), states), **self._patch(moved, self._patch_times(h))}
 
     def modified(self, h: float, scale: float, terms: int) -> View:
-        """The solution of the modified equation; its columns are error, and energy: H̃(y) − H̃(y0) of the numerical one.
-
-        Args:
-            h: The step size.
-            scale: The factor of the start.
-            terms: The number of terms of the modified equation.
-        """
+        """The modified equation's solution; its columns are error, and energy: H̃(y) − H̃(y0) of the numerical one."""
         t, states = self._states(h, scale)
         last, longest = int((t == t).sum()), self.span / SAMPLES
         points = np.column_stack([scale * self.scene.y0, self._circle(scale)])

@@ -147,21 +147,13 @@ LEAST, MOST = 4.0, 60.0
 
 
 class StabilityShapes(NamedTuple):
-    """Where a method is stable.
+    """Where a method is stable."""
 
-    Attributes:
-        formula: The stability function R as text.
-        axis: Real parts, and imaginary parts, of the grid.
-        growth: log |R(z)| at x + iy, (imaginary parts, real parts); not positive in the stability region.
-        star: log |R(z) e^(−z)|; positive in the order star.
-        poles: The poles of R in the window.
-    """
-
-    formula: str
-    axis: np.ndarray
-    growth: np.ndarray
-    star: np.ndarray
-    poles: tuple[complex, ...]
+    formula: str  # the stability function R as text
+    axis: np.ndarray  # real parts, and imaginary parts, of the grid
+    growth: np.ndarray  # log |R(z)| at x + iy, (imaginary parts, real parts); not positive in the stability region
+    star: np.ndarray  # log |R(z) e^(−z)|; positive in the order star
+    poles: tuple[complex, ...]  # the poles of R in the window
 
 
 def stability_shapes(method: Any) -> StabilityShapes:

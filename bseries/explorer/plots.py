@@ -29,23 +29,15 @@ COLUMNS = {
 
 
 class ScenePlots(NamedTuple):
-    """The pictures of a scene.
+    """Pictures of a scene, the sliders h, scale and terms, and the button `sweep` that moves h through its range."""
 
-    Attributes:
-        sources: The source of data for each key of `COLUMNS`.
-        figures: The pictures, by the names under which a page has them.
-        h, scale, terms: The sliders.
-        sweep: The button that moves h through its range.
-        sentence: A line of text for what cannot be shown.
-    """
-
-    sources: dict[str, Any]
-    figures: dict[str, Any]
+    sources: dict[str, Any]  # the source of data for each key of `COLUMNS`
+    figures: dict[str, Any]  # the pictures, by the names under which a page has them
     h: Any
     scale: Any
     terms: Any
     sweep: Any
-    sentence: Any
+    sentence: Any  # a line of text for what cannot be shown
 
     @property
     def roots(self) -> dict[str, Any]:
@@ -79,12 +71,9 @@ def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
 
 
 def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float]) -> ScenePlots:
-    """The pictures of a scene, still without data.
+    """The pictures of a scene, still without data, and sliders for the number `steps` of step sizes.
 
-    Args:
-        scene: The scene.
-        steps: The number of step sizes on the slider.
-        scales: The least and the largest factor of the start, and the distance between two.
+    `scales` are the least and the largest factor of the start, and the distance between two.
     """
     models = optional_module("bokeh.models", "explore")
     sources = {name: models.ColumnDataSource({key: [] for key in keys}) for name, keys in COLUMNS.items()}

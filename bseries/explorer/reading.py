@@ -20,21 +20,13 @@ NAME = re.compile(r"[\w. ()+-]+")
 
 
 class Request(NamedTuple):
-    """What a page is asked for, as text; empty for the default.
+    """What a page is asked for, as text; empty for the default."""
 
-    Attributes:
-        method: A name of the catalogue, JSON or TOML of a tableau file, or the rows of a tableau.
-        scene: A name of the catalogue, equations such as ``p' = -sin(q); q' = p``, or a Hamiltonian.
-        start: Start values by block, such as ``p=0; q=-3/2``.
-        order: The largest number of nodes of trees.
-        span: The length of time.
-    """
-
-    method: str = "rk4"
-    scene: str = "pendulum"
-    start: str = ""
-    order: str = ""
-    span: str = ""
+    method: str = "rk4"  # a name of the catalogue, JSON or TOML of a tableau file, or the rows of a tableau
+    scene: str = "pendulum"  # a name of the catalogue, equations such as ``p' = -sin(q); q' = p``, or a Hamiltonian
+    start: str = ""  # start values by block, such as ``p=0; q=-3/2``
+    order: str = ""  # the largest number of nodes of trees
+    span: str = ""  # the length of time
 
     def checked(self) -> Request:
         """The request without spaces around, unless a text is too long."""

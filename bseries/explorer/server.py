@@ -113,11 +113,7 @@ class Answer(NamedTuple):
 
 
 class Explorer:
-    """Answers to requests, each computed once, and the pages that show them.
-
-    Args:
-        workers: What computes.
-    """
+    """Answers to requests, each computed once, and the pages that show them."""
 
     def __init__(self, workers: Workers):
         self.workers = workers

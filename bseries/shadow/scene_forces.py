@@ -36,17 +36,9 @@ for k in range(positions.shape[0]):
 
 
 class SceneForces:
-    """Potentials and their gradients of a scene with H = pᵀM⁻¹p/2 + U(q).
+    """Potentials and their gradients of a scene with H = pᵀM⁻¹p/2 + U(q); others are refused.
 
-    Args:
-        scene: The scene.
-
-    Attributes:
-        names: The names of momenta and of positions.
-        inverse_masses: The matrix M⁻¹.
-
-    Raises:
-        SeriesError: The scene has no such Hamiltonian.
+    `names` are those of momenta and of positions, and `inverse_masses` is the matrix M⁻¹.
     """
 
     def __init__(self, scene: Scene):

@@ -17,25 +17,15 @@ WANDERS = 2.5
 
 
 class OrderStatistics(NamedTuple):
-    """Statistics of the shadow energy of one order along a trajectory.
+    """Statistics of the shadow energy of one order along a trajectory."""
 
-    Attributes:
-        order: The order; 2 is the energy itself.
-        mean: Its mean.
-        deviation: Half its range.
-        scatter: Its standard deviation about a straight line in time.
-        gap: Half the range of its difference to the order before; None for order 2.
-        drift: The slope of the line by least squares, in energy per time.
-        drift_error: The standard error of the slope, with correlations in time taken into account.
-    """
-
-    order: int
-    mean: float
-    deviation: float
-    scatter: float
-    gap: float | None
-    drift: float
-    drift_error: float
+    order: int  # the order; 2 is the energy itself
+    mean: float  # its mean
+    deviation: float  # half its range
+    scatter: float  # its standard deviation about a straight line in time
+    gap: float | None  # half the range of its difference to the order before; None for order 2
+    drift: float  # the slope of the line by least squares, in energy per time
+    drift_error: float  # the standard error of the slope, with correlations in time taken into account
 
 
 @float_kernel

@@ -19,17 +19,11 @@ Names = tuple[str, ...]
 
 
 class EffectVariants(NamedTuple):
-    """A scene with any subset of its effects.
+    """A scene with any subset of its effects."""
 
-    Attributes:
-        effects: The effects, with their descriptions.
-        build: The scene with exactly these effects.
-        bodies: The names of the particles with these effects, for effects that change their number.
-    """
-
-    effects: Mapping[str, str]
-    build: Callable[[Names], Scene]
-    bodies: Callable[[Collection[str]], Sequence[str]] | None = None
+    effects: Mapping[str, str]  # with their descriptions
+    build: Callable[[Names], Scene]  # the scene with exactly these effects
+    bodies: Callable[[Collection[str]], Sequence[str]] | None = None  # names of particles, if effects change these
 
     @property
     def names(self) -> Names:

@@ -22,11 +22,8 @@ of them."""
 class Expectation:
     """The progress of a run and its prediction, calibrated by the first steps.
 
-    Args:
-        progress: Shows progress and the prediction.
-        predict: A function from seconds per step to a prediction; None: it measures them.
-        wanted: Whether to predict; by default for long runs only.
-        beforehand: Whether `predict` can measure the seconds of a step.
+    `predict` is a function from seconds per step to a prediction; if it can measure these itself, `beforehand`, it is
+    also called with None. Without `wanted`, long runs only are predicted.
     """
 
     def __init__(
@@ -83,11 +80,7 @@ class Expectation:
         return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
 
     def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
-        """The outcome as plain data; None without a prediction.
-
-        Args:
-            energy_error: The relative error of the energy, if the scene has one and it was observed.
-        """
+        """The outcome as plain data, with the relative error of the energy if known; None without a prediction."""
         return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
 
     def notes(self, energy_error: float | None) -> Iterator[str]:

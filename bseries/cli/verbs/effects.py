@@ -110,14 +110,6 @@ class FirstRun:
     """The progress of all runs; their time is predicted from the first one.
 
     Further runs begin with compilation, which would count as the cost of steps.
-
-    Args:
-        progress: Shows the progress and the prediction.
-        h: The step size.
-        span: The length of a run.
-
-    Attributes:
-        watch: The prediction, from the first run.
     """
 
     def __init__(self, progress: Progress, h: Any, span: Any):
