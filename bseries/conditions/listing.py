@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
 from itertools import groupby
-from typing import Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
 from bseries.analysis.simplifying_assumptions import Assumptions
-from bseries.conditions.compiling import CompiledConditions
 from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
 from bseries.conditions.exact_values import check_stages, equations, left_sides, read_blocks, symbols
 from bseries.conditions.kinds import KINDS, NODES, Sums
@@ -23,6 +22,9 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.immutable import ImmutableValue
 from trees.formulas import factor_text, index_letters
 from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from bseries.conditions.compiling import CompiledConditions
 
 
 class OrderCondition(ImmutableValue):
@@ -389,6 +391,8 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         Raises:
             SeriesError: The number of stages is missing or not 1 or more.
         """
+        from bseries.conditions.compiling import CompiledConditions
+
         return CompiledConditions(self.program, check_stages(self._chosen_stages(stages)))
 
     def _chosen_stages(self, stages: int | None) -> int | None:

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from integrators import integrate, method, stepper
 from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene
+from integrators.steppers.states import StepError
 
 FLOW = "dop853"
 """The method for exact and modified flows."""
@@ -39,9 +41,6 @@ def orbit(
         >>> y.shape[1] < 20, bool(y.max() < FAR)
         (True, True)
     """
-    from integrators import integrate
-    from integrators.steppers.states import StepError
-
     with quiet():
         try:
             run = integrate(method, scene, h=h, steps=steps, y0=y0, save_every=every)
@@ -56,9 +55,6 @@ def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, c
 
     The first of the times is that of the starts; `counts` are the steps between them.
     """
-    from integrators import stepper
-    from integrators.steppers.states import StepError
-
     steps, moved = stepper(method, scene), np.full((len(counts) + 1, *points.shape), np.nan)
     moved[0] = points
     for k, point in enumerate(points.T):
@@ -106,8 +102,6 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
 
 @cache
 def _tableau() -> tuple[Any, Any]:
-    from integrators import method
-
     tableau: Any = method(FLOW)
     tableau = tableau.to_float()
     return np.array(tableau.A, float), np.array(tableau.b, float)

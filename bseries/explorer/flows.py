@@ -15,7 +15,7 @@ from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit,
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
-from integrators import stepper
+from integrators import reference_solution, stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.methods.programs.program import Method
@@ -219,8 +219,6 @@ class SceneFlows:
 
     def exact(self, h: float, scale: float) -> View:
         """The exact solution; its column error is the distance of the numerical one."""
-        from integrators import reference_solution
-
         t, states = self._states(h, scale)
         last, start, longest = int((t == t).sum()), scale * self.scene.y0, self.span / SAMPLES
         try:

@@ -7,10 +7,14 @@ import warnings
 from typing import NamedTuple
 
 from bseries.exceptions import SeriesError
+from integrators import RungeKutta, TableauWarning, method, parse_hamiltonian, parse_scene, scene
 from integrators.core.arguments import split_row
 from integrators.core.errors import IntegratorError
+from integrators.exact.arguments import read_number
 from integrators.methods.programs.program import Method
+from integrators.methods.tableaux.files import loads_method
 from integrators.scenes.scene import Scene
+from integrators.scenes.text import read_values
 
 MOST_CHARACTERS = 4_000
 """Of a text in a form."""
@@ -54,9 +58,6 @@ def read_method(text: str) -> Method:
         >>> read_method("0 | 0 0\\n1/2 | 1/2 0\\n  | 0 1").A
         ((Fraction(0, 1), Fraction(0, 1)), (Fraction(1, 2), Fraction(0, 1)))
     """
-    from integrators import TableauWarning, method
-    from integrators.methods.tableaux.files import loads_method
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", TableauWarning)  # the page lists `issues`
         if not text:
@@ -78,8 +79,6 @@ def checked_method(method: Method) -> Method:
 
 
 def _method_of_rows(rows: list[list[str]]) -> Method:
-    from integrators import RungeKutta
-
     *matrix, weights = rows
     lengths, stages = {len(row) for row in matrix}, len(weights)
     if len(matrix) != stages or lengths not in ({stages}, {stages + 1}):
@@ -113,9 +112,6 @@ def read_scene(text: str, start: str = "") -> Scene:
         >>> read_scene("p^2/2 + q^4/4", "p=0; q=1").y0
         array([0., 1.])
     """
-    from integrators import parse_hamiltonian, parse_scene, scene
-    from integrators.scenes.text import read_values
-
     if "'" in text:
         found = parse_scene(text)
     elif NAME.fullmatch(text) and not re.search(r"[+(]", text):
@@ -157,8 +153,6 @@ def read_integer(text: str, argument: str, default: int, most: int) -> int:
 
 def read_positive(text: str, argument: str, default: float, most: float) -> float:
     """A positive number; the default for an empty text."""
-    from integrators.exact.arguments import read_number
-
     if not text:
         return default
     value = read_number(text, argument)

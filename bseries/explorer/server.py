@@ -26,6 +26,7 @@ from bseries.explorer.plots import (
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
+from integrators import catalogue, scene_catalogue
 
 ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
@@ -275,8 +276,6 @@ def read_arguments(arguments: Any) -> Request:
 @cache
 def _choices() -> dict[str, Any]:
     """The names in the form."""
-    from integrators import catalogue, scene_catalogue
-
     methods = [f"{entry.name}{entry.least_stages}" if entry.is_family else entry.name for entry in catalogue()]
     return {"methods": methods, "scenes": [entry.name for entry in scene_catalogue()]}
 

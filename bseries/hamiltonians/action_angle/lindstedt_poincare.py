@@ -260,8 +260,6 @@ class NormalForm:
 
     @cached_property
     def _maps(self) -> NormalFormMaps:
-        from bseries.hamiltonians.action_angle.lindstedt_poincare import NormalFormMaps
-
         return NormalFormMaps(self._elimination)
 
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
