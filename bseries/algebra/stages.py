@@ -19,7 +19,7 @@ import math
 import random
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -228,10 +228,7 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     rings: list[Any] = [x.ring for x in (stages, *operands) if isinstance(x, RingStages | RingValues)]
     if not rings:
         return stages, operands
-    ring = rings[0]
-    for other in rings[1:]:
-        ring = ring.unify(other)
-    field = ring.get_field()
+    field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
     return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 

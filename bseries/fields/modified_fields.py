@@ -296,9 +296,7 @@ def modified_field(
     References:
         HLW, section IX.1, theorem IX.9.2.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, modified_equation, "the modified equation")
+    return _make(as_method(method), as_scene(scene), order, parts, route, modified_equation, "the modified equation")
 
 
 def modifying_field(
@@ -331,9 +329,9 @@ def modifying_field(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
+    return _make(
+        as_method(method), as_scene(scene), order, parts, route, modifying_integrator, "the modifying integrator"
+    )
 
 
 def series_map(
@@ -362,9 +360,7 @@ def series_map(
         >>> step([1.0], 0.5)
         array([1.5])
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, series, "the series")
+    return _make(as_method(method), as_scene(scene), order, parts, route, series, "the series")
 
 
 def _make(

@@ -215,8 +215,7 @@ def generating_hamiltonian(
 
     Args:
         S: The generating function: a formula in P, q and h that is a power series in h, zero at h = 0.
-        momenta: The symbols of P.
-        positions: The symbols of q.
+        momenta, positions: The symbols of P and of q.
         order: The number N of terms.
         h: The symbol of the step size; by default ``Symbol("h")``.
 
@@ -464,9 +463,7 @@ def variational_generating_function(
 
     Args:
         lagrangian: L_h, an approximation of the action ∫ L(q, q̇) dt over a step from q to Q.
-        start: The symbols of q.
-        end: The symbols of Q.
-        momenta: The symbols for P.
+        start, end, momenta: The symbols of q, of Q, and for P.
         order: The number of terms S_1, S_2, …
         h: The symbol of the step size; by default ``Symbol("h")``.
         velocity: q̇ as formulas in P and q, from P = ∂L/∂q̇; needed where L is not quadratic in q̇.

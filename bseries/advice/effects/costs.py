@@ -181,14 +181,8 @@ def effect_costs(
     Euler method without compensation: one evaluation and one sum.
 
     Args:
-        method: The method, or its name.
-        scene: The scene, or the name of a built-in one; see `effect_influence`.
+        method, scene, effects, parameters, start, parts, solver: As for `effect_influence`.
         h: The step size, on which the costs of implicit steps depend.
-        effects: The effects; by default the active ones, or all if none is active.
-        parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
-        start: Start values of blocks.
-        parts: The assignment of the method's parts in the scene with all effects.
-        solver: The solver for implicit stages.
         order: The largest number of nodes of trees in the modified equation.
 
     Raises:

@@ -11,6 +11,7 @@ import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
+from bseries.fields.modified_invariants import structure_matrix
 from integrators.methods.programs.evaluations import Flow
 from integrators.methods.programs.program import Method, Program, mapped
 from integrators.scenes.scene import Scene
@@ -145,17 +146,13 @@ def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None
         >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
         [0.5, 0.333333333333]
     """
-    if not scene.is_hamiltonian:
+    if not scene.is_hamiltonian or (scene.canonical_pair is None and scene.poisson is None):
         return None
-    if scene.canonical_pair is not None:
-        p, q = scene.canonical_pair
-        fixed = np.zeros((scene.dimension, scene.dimension))
-        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
-        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
-        return lambda y: fixed
+    structure = structure_matrix(scene)
     if scene.poisson is None:
-        return None
-    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
+        fixed = -np.array(structure, float)
+        return lambda y: fixed
+    matrix: Any = sympy.Matrix(structure)
     if matrix.det().equals(0):
         return None
     function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)

@@ -31,11 +31,7 @@ def canonical_transformation(
     """A verified symplectic change of coordinates, from its formulas.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables.
-        formulas: A map from every old variable to a formula in the new ones.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive, such as a radius.
+        old, new, formulas, parameters, positive: As for `CoordinateChange`.
 
     Raises:
         SeriesError: The change is not symplectic, or variables do not fit.
@@ -71,11 +67,8 @@ def point_transformation(
     Momenta become P = χ'(Q)ᵀ p; the generating function is p·χ(Q).
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q.
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables are P, Q.
         positions: A map from the old positions to formulas in the new ones.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive, such as a radius.
 
     Raises:
         SeriesError: The Jacobian matrix is singular everywhere, or positions do not fit.
@@ -123,13 +116,10 @@ def generating_transformation(
     """The change of coordinates with a generating function S(P, q): p = ∇_q S, Q = ∇_P S.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q, with other names.
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables P, Q have other names.
         S: A formula in new momenta and old positions; P·q gives the identity.
         positions: The solution q of Q = ∇_P S(P, q), as formulas in P and Q by the names of q; needed for equations
             that are not linear in q.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive.
 
     Raises:
         SeriesError: `positions` do not solve the equations, or arguments do not fit.
@@ -190,10 +180,8 @@ def harmonic_action_angle(
     """Action-angle variables of H = Σ (p_i² + ω_i² q_i²)/2 = Σ ω_i a_i: p = √(2aω) cos θ, q = √(2a/ω) sin θ.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the actions and the angles.
+        old, new, parameters: As for `CoordinateChange`; the new blocks are the actions and the angles.
         frequencies: The frequencies ω_i, numbers or formulas in parameters.
-        parameters: The names of parameters.
 
     Raises:
         SeriesError: The frequencies or variables do not fit.
