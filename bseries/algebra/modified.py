@@ -10,21 +10,19 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import FlowChain, RationalStages, check_method, inputs_of
+from bseries.algebra.stages import FloatStages, FlowChain, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
-from bseries.exact.domains import apply
+from bseries.exact.domains import Values, apply
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import RepeatedProgram
+from integrators.methods.programs.program import Method, RepeatedProgram
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import FloatStages, MethodStages
-    from bseries.exact.domains import Values
-    from integrators.methods.programs.program import Method
+    from bseries.algebra.stages import MethodStages
 
 
 def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
@@ -129,9 +127,6 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
         colors: Number of colours of the trees.
         max_children: Which trees to include, as for `trees.TreeTable`.
         names: Names of the colours.
-
-    Returns:
-        The flow series with coefficients 1/γ(τ).
 
     Raises:
         TreeError: An argument is out of its range.

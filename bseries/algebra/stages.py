@@ -19,13 +19,14 @@ import math
 import random
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
     RingValues,
+    Values,
     alike,
     as_floats,
     as_ring,
@@ -40,14 +41,12 @@ from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
-from integrators.methods.programs.program import Average, Derivative, Field, Flow, Method, Program
+from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
 from trees.counting import check_order
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
-    from bseries.exact.domains import Values
     from integrators import StageAlgebra
-    from integrators.methods.programs.program import Evaluation
-    from trees.table import TreeTable
 
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
@@ -229,10 +228,7 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     rings: list[Any] = [x.ring for x in (stages, *operands) if isinstance(x, RingStages | RingValues)]
     if not rings:
         return stages, operands
-    ring = rings[0]
-    for other in rings[1:]:
-        ring = ring.unify(other)
-    field = ring.get_field()
+    field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
     return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
@@ -392,19 +388,12 @@ def _add(row: Row, other: Row, factor: Any) -> None:
 
 
 class FlowSteps(NamedTuple):
-    """The flows of a splitting method, in order, with their times in one domain.
+    """The flows of a splitting method, in order, with their times in one domain."""
 
-    Attributes:
-        parts: The part of each flow; None: all.
-        times: The times.
-        kind: The domain of the times: rational, ring or float.
-        ring: For the kind ring, the field of the times.
-    """
-
-    parts: Sequence[int | None]
+    parts: Sequence[int | None]  # the part of each flow; None: all
     times: Sequence[Any]
-    kind: str
-    ring: Any = None
+    kind: str  # the domain of the times: rational, ring or float
+    ring: Any = None  # for the kind ring, the field of the times
 
 
 @lru_cache(maxsize=64)

@@ -27,7 +27,7 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
@@ -37,24 +37,18 @@ from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.number_text import nearest_double
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import sympy
-
-    from trees.table import TreeTable
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
 
 
 class Values(Protocol):
-    """The coefficients of all trees of a table, in one domain.
+    """The coefficients of all trees of a table, in one domain."""
 
-    Attributes:
-        kind: The domain: ``rational``, ``ring`` or ``float``.
-        table: The trees.
-    """
-
-    kind: str
+    kind: str  # the domain: ``rational``, ``ring`` or ``float``
     table: TreeTable
 
     @property
@@ -378,9 +372,7 @@ def alike(operands: Sequence[Values]) -> list[Any]:
     if all(isinstance(values, RationalValues) for values in operands):
         return list(operands)
     rings = [as_ring(values) for values in operands]
-    ring = rings[0].ring
-    for other in rings[1:]:
-        ring = ring.unify(other.ring)
+    ring = reduce(lambda ring, other: ring.unify(other), (values.ring for values in rings))
     step = ring.one
     for values in rings:
         step = ring.lcm(step, converted(values.step, values.ring, ring)) if not ring.is_Field else ring.one

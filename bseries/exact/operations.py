@@ -74,26 +74,19 @@ class Source(Protocol):
 class Operation(NamedTuple):
     """An operation on series, with the facts that prove its result.
 
-    Attributes:
-        expression: expression(arithmetic, *loaders) is the raw result; loader(field=…) gives an operand's raw values.
-        denominator: denominator(n, L) is the denominator bound D_n.
-        step: step(order, L) is some L for the result.
-        field: Whether the raw result is scaled as a field (see `Wrapped`).
-        units: A number a power of which every denominator of the operation's own factors divides, apart from j!. If it
-            is even, nothing runs modulo 2^64.
-        avoid: A number divided by: its prime factors are not used as moduli.
-        bounds: log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run.
-        integers: The arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`).
+    expression(arithmetic, *loaders) is the raw result; loader(field=…) gives an operand's raw values. Except
+    for j!, all denominators of the operation's own factors divide a power of `units`; if that is even, nothing runs
+    modulo 2^64.
     """
 
     expression: Callable[..., Any]
-    denominator: Callable[[int, int], int]
-    step: Callable[[int, int], int]
-    field: bool
+    denominator: Callable[[int, int], int]  # denominator(n, L) is the denominator bound D_n
+    step: Callable[[int, int], int]  # step(order, L) is some L for the result
+    field: bool  # whether the raw result is scaled as a field (see `Wrapped`)
     units: int = 1
-    avoid: int = 1
-    bounds: Sequence[float] | None = None
-    integers: Wrapped | None = None
+    avoid: int = 1  # a number divided by: its prime factors are not used as moduli
+    bounds: Sequence[float] | None = None  # log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run
+    integers: Wrapped | None = None  # the arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`)
 
 
 def log_denominator(n: int, step: int) -> int:
