@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.methods.exchange.array_text import C
@@ -23,9 +23,7 @@ from integrators.methods.exchange.tableau_parts import (
     square,
     vector,
 )
-
-if TYPE_CHECKING:
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 DOUBLES = Numbers("{}.0", "{}.0 / {}.0", LARGEST_NUMBER)
 PRINTED = r"^[ \t]*([Acbd])[ \t]*=([^=;{}]*?)(?=^[ \t]*[cbd][ \t]*=|\Z)"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.methods.exchange.array_text import JULIA
 from integrators.methods.exchange.tableau_parts import (
@@ -20,9 +20,7 @@ from integrators.methods.exchange.tableau_parts import (
     square,
     vector,
 )
-
-if TYPE_CHECKING:
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 EXACT = Numbers("{}", "{}//{}")
 

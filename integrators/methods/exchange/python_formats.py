@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError
 from integrators.methods.exchange import array_text
@@ -24,9 +24,7 @@ from integrators.methods.exchange.tableau_parts import (
     square,
     vector,
 )
-
-if TYPE_CHECKING:
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 DOUBLES = Numbers("{}.0", "{} / {}")
 SYMPY = Numbers("{}", "Rational({}, {})")

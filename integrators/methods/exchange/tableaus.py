@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
@@ -17,13 +17,10 @@ from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
 from integrators.methods.exchange.c_formats import PETSC, SUNDIALS
 from integrators.methods.exchange.julia_formats import RUNGEKUTTA_JL, SCIML
 from integrators.methods.exchange.python_formats import DIFFRAX, NODEPY, SCIPY
-from integrators.methods.exchange.tableau_parts import Entries
+from integrators.methods.exchange.tableau_parts import Entries, Format
+from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
-
-if TYPE_CHECKING:
-    from integrators.methods.exchange.tableau_parts import Format
-    from integrators.methods.programs.program import Method
 
 FORMATS: dict[str, Format] = {
     "nodepy": NODEPY,
