@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from foundation.extras import optional_module
-from integrators.bindings.scipy_pairs import PairSolver
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.registry import as_method
@@ -16,6 +15,8 @@ from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from integrators.bindings.scipy_pairs import PairSolver
 
 
 def scipy_solver(method: RungeKutta | str) -> type[PairSolver]:

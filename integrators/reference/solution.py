@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import ceil, copysign, frexp, ldexp, log
-from typing import Any, Literal, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import mpmath
 import numpy as np
@@ -14,11 +14,13 @@ import numpy as np
 from integrators.core.arguments import items, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
-from integrators.reference.taylor_program import TaylorProgram
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from integrators.reference.taylor_program import TaylorProgram
 
 MAX_DIGITS = 31
 LARGEST = 10**300
