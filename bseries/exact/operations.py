@@ -17,6 +17,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
 from operator import add
@@ -127,7 +128,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         if numerators is not None:
             return RationalValues(table, numerators, denominators, step)
     with interpreting():
-        values = run(rationals())
+        values = run(rationals(len(table)))
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
@@ -170,12 +171,13 @@ def works_by_order(table: TreeTable, operation: Operation) -> bool:
 
 
 def _integer(value: Any) -> int:
-    """A rational number of flint, or an int, as an integer."""
+    """A whole rational number, of Python or of flint, as an integer."""
     if isinstance(value, int):
         return value
-    if value.q != 1:
+    numerator, denominator = value.as_integer_ratio() if isinstance(value, Fraction) else (value.p, value.q)
+    if denominator != 1:
         raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
-    return int(value.p)
+    return int(numerator)
 
 
 def _bits(
