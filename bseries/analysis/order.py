@@ -12,26 +12,27 @@ import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
-from bseries.algebra.modified import exact_values, series, series_to
-from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_steps
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import from_flint, to_flint
 from bseries.analysis.structure_conditions import Verdict, verdict
-from bseries.exact.domains import alike, exact_number, make_values, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, interpreted, make_values, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import as_decimals
+from integrators.methods.programs.program import RepeatedProgram, as_decimals
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
+    from bseries.algebra.stages import FlowSteps
     from integrators.methods.programs.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
@@ -174,12 +175,46 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
         proved = simplifying_assumptions(method, limit).order(method)
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
-    limit = affordable_order(len(method.names)) if max_order is None else max_order
+    if isinstance(method, RepeatedProgram):  # equal steps have the order of one
+        method = method.step
+    colors, flows = len(method.names), _flows_of(method)
+    if max_order is not None:
+        limit = max_order
+    else:
+        limit = affordable_order(colors) if flows is None else max(n for n in range(13) if colors**n <= MOST_TREES)
     for tested_to in chain(range(4, limit, 2), [limit]):
-        order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
+        if flows is not None and colors**tested_to <= MOST_TREES:
+            order = _order_by_words(FlowChain(flows, tested_to), colors, method.digits)
+        else:
+            order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
         if order < tested_to:
             return order, tested_to
     return limit, limit
+
+
+def _flows_of(method: Method) -> FlowSteps | None:
+    """The flows of a splitting method for all fields; None for other methods."""
+    if isinstance(method, RungeKutta | PartitionedRungeKutta) or method.max_children is not None:
+        return None
+    return None if auxiliary_colors(method) else flow_steps(method.program)
+
+
+def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
+    """The order of a splitting method, as far as its words show it (see `FlowChain.words`)."""
+
+    def residuals(flows: FlowChain) -> list[Any]:
+        arithmetic, step = interpreted(flows), flows.denominator
+        words = enumerate(flows.words(colors, arithmetic))
+        return [arithmetic.element(x - step**n) for n, row in words for x in row]
+
+    uncertainty = None if digits is None else Uncertainty(flows, residuals, digits)
+    found, step = enumerate(residuals(flows)), flows.denominator
+    for n in range(flows.order + 1):
+        exact = step**n
+        for at, residual in islice(found, colors**n):
+            if residual and (uncertainty is None or abs(residual) > to_flint(Fraction(uncertainty(at))) * exact):
+                return n - 1
+    return flows.order
 
 
 def affordable_order(colors: int, trees: int = MOST_TREES) -> int:

@@ -76,6 +76,10 @@ class Exact:
         """An exact number as an element of the ring."""
         return value if self._element is None else self._element(value)
 
+    def element(self, value: Any) -> Any:
+        """A result as an element of the ring."""
+        return value
+
     def vector(self, values: Sequence[Any]) -> Any:
         """A vector of exact numbers."""
         return [self.number(value) for value in values]
