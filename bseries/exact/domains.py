@@ -224,6 +224,8 @@ class RingValues:
         """The same values in the field of fractions, without a common denominator."""
         field = self.ring.get_field()
         step = converted(self.step, self.ring, field)
+        if field == self.ring and step == field.one:
+            return self
         elements = [
             converted(x, self.ring, field) / step ** int(n)
             for x, n in zip(self.elements, self.table.columns.order, strict=True)
@@ -240,6 +242,8 @@ class RingValues:
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
+        if (ring, step) == (self.ring, self.step):
+            return self
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
