@@ -271,7 +271,7 @@ class RungeKutta(Method):
         ]
         if consistent is False:
             rounded = self.domain in ("QQ", "decimal", "float") and abs(self.weight_sum - 1) < 1e-3
-            advice = "; if its entries are rounded decimals, write them as text and give digits = N" * rounded
+            advice = "; if its entries are rounded decimals, write them as text and give digits = N" if rounded else ""
             found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent{advice}")
         return tuple(found)
 
