@@ -24,6 +24,7 @@ MARKDOWN = "markdown-smart-citations"
 """Quotes and dashes are written as they are meant; @ is no citation."""
 HERE = Path(__file__).parent
 TAG = re.compile(r"\\tag\{([^{}]*)\}")
+DELIMITER = re.compile(r"\\(?:[bB]igg?([lr])|([lr])vert)(?![A-Za-z])")
 
 
 class Picture(NamedTuple):
@@ -55,7 +56,7 @@ def parsed(text: str) -> Element:
         >>> [block["t"] for block in parsed("# One\\n\\nA *word*.")["blocks"]]
         ['Header', 'Para']
     """
-    return json.loads(_pandoc(text, "json", MARKDOWN))
+    return json.loads(_pandoc(text, "json", MARKDOWN, "--columns=10000"))  # wider tables would get equal columns
 
 
 def without(document: Element, kind: str) -> Element:
@@ -137,12 +138,14 @@ def typst_source(document: Element, title: str, layout: str, pictures: Pictures)
 
     def changed(element: Element) -> list[Element] | None:
         kind, content = element["t"], element.get("c", ())
-        if kind == "Math" and content[0]["t"] == "DisplayMath":
+        if kind == "Math":
             formula, number = _untagged(element)
-            return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else None
-        if kind == "Figure" and (name := _shown_figure(element)):
-            file = f"{name}.{pictures[name].suffix}"
-            return [_raw("typst", f'#picture("{file}")[', "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
+            formula["c"][1] = DELIMITER.sub(_stretched, formula["c"][1])
+            return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else [formula]
+        if kind == "Figure" and (image := _shown_figure(element)):
+            name, classes = image
+            call = f'#picture("{name}.{pictures[name].suffix}", wide: {json.dumps("wide" in classes)})['
+            return [_raw("typst", call, "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
         if "beside" in _classes(element):
             left, right = (part["c"][1] for part in content[1])
             marks = (_raw("typst", text, "RawBlock") for text in ("#beside[", "][", "]"))
@@ -190,10 +193,16 @@ def _figure_name(address: str) -> str | None:
     return address.removeprefix("figure:") if address.startswith("figure:") else None
 
 
-def _shown_figure(element: Element) -> str | None:
-    """The name of the figure of the package in a block of a picture with its caption."""
+def _shown_figure(element: Element) -> tuple[str, list[str]] | None:
+    """The figure of the package in a block of a picture with its caption: its name and the classes of the picture."""
     images = (image["c"] for block in element["c"][2] for image in block["c"] if image["t"] == "Image")
-    return next((name for image in images if (name := _figure_name(image[2][0]))), None)
+    return next(((name, image[0][1]) for image in images if (name := _figure_name(image[2][0]))), None)
+
+
+def _stretched(delimiter: re.Match[str]) -> str:
+    """A delimiter of a given size as one that adapts to what is inside: pandoc would make typst lose its spacing."""
+    side, bar = (delimiter[1], "") if delimiter[1] else (delimiter[2], "|")
+    return f"\\{'left' if side == 'l' else 'right'}{bar}"
 
 
 def _untagged(formula: Element) -> tuple[Element, str]:
