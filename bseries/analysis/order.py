@@ -54,7 +54,7 @@ MOST_TREES = 25_000
 """Largest table of trees for the order, where simplifying assumptions do not decide it."""
 
 FLOAT_DIGITS = 15
-"""Significant digits assumed of floating-point entries in order conditions."""
+"""Significant digits assumed of floating-point entries in order conditions, unless the method says fewer."""
 
 
 class ErrorCoefficients(NamedTuple):
@@ -233,7 +233,7 @@ def trusted(method: Method) -> Method:
         if method.domain != "float":
             return method
         A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
-        return RungeKutta(A, b[0], name=method.name, digits=FLOAT_DIGITS, warn=False)
+        return RungeKutta(A, b[0], name=method.name, digits=min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS), warn=False)
     if isinstance(method, PartitionedRungeKutta):
         if all(part.domain != "float" for part in method.partitions):
             return method
