@@ -233,7 +233,8 @@ def trusted(method: Method) -> Method:
         if method.domain != "float":
             return method
         A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
-        return RungeKutta(A, b[0], name=method.name, digits=min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS), warn=False)
+        digits = min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS)
+        return RungeKutta(A, b[0], name=method.name, digits=digits, warn=False)
     if isinstance(method, PartitionedRungeKutta):
         if all(part.domain != "float" for part in method.partitions):
             return method
