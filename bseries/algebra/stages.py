@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 class MethodStages:
     """The stages of a method, as an input of operations in a domain; in a SymPy `ring`, over a denominator `step`."""
 
-    units = 1
+    units = passes = 1
 
     def __init__(self, kind: str, stages: Stages, ring: Any = None, step: Any = None):
         self.kind, self.stages, self.ring, self.step = kind, stages, ring, step
@@ -414,15 +414,23 @@ class FlowChain:
 
     def __init__(self, steps: FlowSteps, order: int):
         self._steps = steps
-        self._order = order
+        self.order = order
         self.kind, self.ring = steps.kind, steps.ring
+
+    @property
+    def passes(self) -> int:
+        """A recursion for each flow."""
+        return len(self._steps.times)
+
+    @cached_property
+    def denominator(self) -> int:
+        """The common denominator of rational times; 1 in other domains."""
+        return math.lcm(*(time.denominator for time in self._steps.times)) if self.kind == "rational" else 1
 
     @property
     def step(self) -> Any:
         """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
-        if self.kind == "ring":
-            return self.ring.one
-        return math.lcm(*(time.denominator for time in self._steps.times)) * primorial(self._order)
+        return self.ring.one if self.kind == "ring" else self.denominator * primorial(self.order)
 
     @property
     def exponent(self) -> int:
@@ -432,7 +440,31 @@ class FlowChain:
     def perturbed(self, source: random.Random, change: float) -> FlowChain:
         """The same flows in floats, every time t replaced by t (1 ± change)."""
         times = [to_float(time) * (1 + source.choice((-change, change))) for time in self._steps.times]
-        return FlowChain(self._steps._replace(times=times, kind="float"), self._order)
+        return FlowChain(self._steps._replace(times=times, kind="float"), self.order)
+
+    def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
+        """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.
+
+        α(w) is the coefficient of the word w of letters (parts) c in the product of the exponentials exp(t c) of the
+        flows. Words are sorted, and the first flow gives the letters in front. a(τ) is the sum of α over the orders of
+        the nodes of τ in which children precede their parents, and a tall tree has one only: all order conditions up to
+        n nodes hold if and only if α(w) = 1/|w|! for all words up to n letters, of which there are far fewer.
+
+        References:
+            A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
+        """
+        found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
+        for part, time in zip(self._steps.parts, self._steps.times, strict=True):
+            powers = [arithmetic.number(1)]
+            for _ in range(self.order):
+                powers.append(powers[-1] * arithmetic.number(time * self.denominator))
+            for n in range(self.order, 0, -1):
+                for k in range(1, n + 1):
+                    factor, count = math.comb(n, k) * powers[k], colors**k
+                    for end in range(count) if part is None else [part * sum(colors**i for i in range(k))]:
+                        longer = zip(found[n][end::count], found[n - k], strict=True)
+                        found[n][end::count] = [x + factor * y for x, y in longer]
+        return found
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The coefficients of the method."""

@@ -79,6 +79,10 @@ class Exact:
         """An exact number as an element of the ring."""
         return value if self._element is None else self._element(value)
 
+    def element(self, value: Any) -> Any:
+        """A result as an element of the ring."""
+        return value
+
     def vector(self, values: Sequence[Any]) -> Any:
         """A vector of exact numbers."""
         return [self.number(value) for value in values]
@@ -333,7 +337,7 @@ class WrappedStages(Wrapped):
         return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
 
 
-def rationals(trees: int) -> Exact:
+def rationals(trees: float = math.inf) -> Exact:
     """Exact rational arithmetic: for few trees, Fractions take less time than loading flint."""
     return Exact() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
 

@@ -87,6 +87,7 @@ class Operation(NamedTuple):
     avoid: int = 1  # a number divided by: its prime factors are not used as moduli
     bounds: Sequence[float] | None = None  # log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run
     integers: Wrapped | None = None  # the arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`)
+    passes: int = 1  # about how many recursions over all trees the operation takes
 
 
 def log_denominator(n: int, step: int) -> int:
@@ -123,7 +124,7 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         numerators = None
         if bits is not None:
             numerators = _numerators(
-                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
+                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation
             )
         if numerators is not None:
             return RationalValues(table, numerators, denominators, step)
@@ -148,26 +149,28 @@ def _excess_twos(integers: Wrapped, denominators: tuple[int, ...], field: bool) 
 
 def _numerators(
     table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
-    integers: Wrapped | None, field: bool,
+    integers: Wrapped | None, operation: Operation,
 ) -> Any:  # fmt: skip
     """The numerators, found modulo 2^64 if they fit there with their powers of two, else modulo primes.
 
     None without compiled kernels, which the residues modulo primes need.
     """
-    if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), field))) < 62:
-        return _run_wrapped(table, run, integers, denominators, field)
-    table.choose_kernels(interpreted_seconds(table))
+    if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), operation.field))) < 62:
+        return _run_wrapped(table, run, integers, denominators, operation.field)
+    table.choose_kernels(interpreted_seconds(table, operation))
     return _run_primes(table, run, max(bits), avoid, denominators) if table.compiled else None
 
 
-def interpreted_seconds(table: TreeTable) -> float:
-    """About the time of one operation on series in the interpreter."""
-    return 4e-6 * table.max_order * len(table)
+def interpreted_seconds(table: TreeTable, operation: Operation) -> float:
+    """About the time of an operation on series in the interpreter."""
+    return 4e-6 * table.max_order * len(table) * operation.passes
 
 
 def works_by_order(table: TreeTable, operation: Operation) -> bool:
     """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
-    return bool(operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table)))
+    return bool(
+        operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table, operation))
+    )
 
 
 def _integer(value: Any) -> int:
