@@ -130,8 +130,7 @@ class FloatValues:
     name = "RR"
 
     def __init__(self, table: TreeTable, values: Any):
-        self.table = table
-        self.raw = values
+        self.table, self.raw = table, values
 
     def __getitem__(self, at: int) -> float:
         return float(self.raw[at])
@@ -172,10 +171,7 @@ class RingValues:
     kind = "ring"
 
     def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
-        self.table = table
-        self.ring = ring
-        self.elements = elements
-        self.step = step
+        self.table, self.ring, self.elements, self.step = table, ring, elements, step
 
     @property
     def name(self) -> str:
