@@ -24,7 +24,7 @@ from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import TIME, read_control, start_control
-from integrators.steppers.averages import MOST_NODES
+from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
 from integrators.steppers.nodes import Nodes
 from integrators.steppers.plan import plan

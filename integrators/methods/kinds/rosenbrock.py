@@ -23,10 +23,7 @@ class Rosenbrock(ProgramMethod):
         alpha: the strictly lower triangular matrix α_ij, by rows.
         gamma: the lower triangular matrix γ_ij, by rows.
         b: the weights b_i.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
@@ -131,10 +128,7 @@ class WMethod(Rosenbrock):
         gamma: the lower triangular matrix γ_ij, by rows.
         b: the weights b_i.
         parts: the names of the field and of the auxiliary part.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.

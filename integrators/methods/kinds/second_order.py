@@ -31,10 +31,7 @@ class RungeKuttaNystrom(ProgramMethod):
         c: the nodes c_i.
         A: the matrix a_ij of momenta, for g(q, q'); None for g(q).
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, or an invalid entry.
@@ -121,9 +118,7 @@ class ForceGradient(ProgramMethod):
         kicks: the s numbers b_i.
         gradients: the s numbers c_i.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
+        parameters, name, reference: as for `Splitting`.
 
     Raises:
         IntegratorError: the numbers of coefficients do not match, or a coefficient is invalid.

@@ -104,10 +104,7 @@ class NystromSplitting(Splitting):
     Args:
         flows: pairs (part, coefficient), in the order in which they are applied.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: there are not two parts, or the flows are not those of a `Splitting`.

@@ -217,9 +217,7 @@ class ProgramMethod(Method):
     def program(self) -> Program:
         """The step as a program."""
         builder = ProgramBuilder(self.names if self.names != ("",) else (), auxiliary=self._auxiliary)
-        end = self._lower(builder)
-        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return builder.program(end, **labels, max_children=self.max_children)
+        return builder.program(self._lower(builder), **self.labels, max_children=self.max_children)
 
     def __str__(self) -> str:
         return str(self.program)
