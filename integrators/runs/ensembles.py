@@ -244,11 +244,7 @@ def ensemble(
             E(t) − E(0) since the start of the member; ``"relative"``, E(t)/E(0) − 1. Or a mapping from quantities.
         keep: The number of members, the first ones, whose observations are returned individually.
         final: Whether to return the last state of each member.
-        parts: The parts of the scene that the parts of the method stand for; see `stepper`.
-        compensated: Whether to use compensated summation.
-        split: Whether to split the coefficients of implicit methods, so that their rounding causes no drift.
-        solver: The solver for implicit stages; see `stepper`.
-        average_nodes: The number of quadrature nodes for averages of the field; see `stepper`.
+        parts, compensated, split, solver, average_nodes: As for `stepper`.
         executor: ``"threads"``, ``"processes"``, or an executor: of `concurrent.futures`, or `cluster_executor`.
         workers: The number of threads or processes; by default the number of cores.
         checkpoint: A folder for finished blocks of members; a later call with the same arguments resumes from it.

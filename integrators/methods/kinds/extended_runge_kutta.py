@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 from integrators.core.arguments import items
@@ -12,7 +11,6 @@ from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, multiply_entries, sum_entries
 from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
 from integrators.methods.programs.evaluations import LinearForm, combination
-from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, in_color_order, read_matrix, read_row
 
@@ -254,10 +252,7 @@ class LawsonMethod(ProgramMethod):
         """The number of stages."""
         return self.tableau.stages
 
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in the two parts and in total: L y is linear."""
-        return (1, 1, 1), (None, None, None)
+    max_children = (1, 1, 1), (None, None, None)  # L y is linear
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         tableau = self.tableau

@@ -175,6 +175,10 @@ class ProgramBuilder:
         return into
 
 
+SECOND_ORDER: ChildBounds = (0, None), (1, 0)
+"""The degree of each part in p and in q for q'' = g(q): g depends on q, and q' = M⁻¹ p is linear in p."""
+
+
 class ProgramMethod(Method):
     """A method given by the coefficients of its kind.
 
@@ -208,10 +212,7 @@ class ProgramMethod(Method):
         """The parts that do not belong to the field."""
         return ()
 
-    @cached_property
-    def max_children(self) -> ChildBounds | None:
-        """Bounds on derivatives of each part with respect to each part, and in all; None if unbounded."""
-        return None
+    max_children: ChildBounds | None = None  # type: ignore[assignment]  # not from the program, which reads it here
 
     @cached_property
     def program(self) -> Program:

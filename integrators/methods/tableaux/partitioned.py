@@ -126,10 +126,7 @@ class PartitionedRungeKutta(Method):
         """No embedded weights."""
         return ()
 
-    @cached_property
-    def max_children(self) -> None:
-        """None: tableaux apply to all fields."""
-        return None
+    max_children = None  # type: ignore[assignment]  # tableaux apply to all fields
 
     @cached_property
     def digits(self) -> int | None:

@@ -187,10 +187,7 @@ class RungeKutta(Method):
         """The number of stages."""
         return self.algebra.stages if self.algebra is not None else len(self.b)
 
-    @cached_property
-    def max_children(self) -> None:
-        """None: tableaux apply to all fields."""
-        return None
+    max_children = None  # type: ignore[assignment]  # tableaux apply to all fields
 
     @property
     def partitions(self) -> tuple[Self]:
