@@ -259,7 +259,9 @@ class RungeKutta(Method):
             if agrees is False
         ]
         if consistent is False:
-            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent")
+            rounded = self.domain in ("QQ", "decimal", "float") and abs(self.weight_sum - 1) < 1e-3
+            advice = "; if its entries are rounded decimals, write them as text and give digits = N" if rounded else ""
+            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent{advice}")
         return tuple(found)
 
     @cached_property
