@@ -51,7 +51,7 @@ def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, 
           Plan
             │   source          source.py          the loop over steps, memory
             │                   writer.py          arrays and functions; calls of the field and its derivatives
-            │                   averages.py, flows.py, implicit_stages.py    the other kinds of evaluations
+            │                   flows.py, implicit_stages.py    the other kinds of evaluations
             ▼
         StepSource
             │   machine code    compile.modules    module from source
