@@ -36,7 +36,7 @@ from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
-from integrators.exact.number_text import nearest_double
+from integrators.exact.expressions import nearest_double
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
