@@ -454,6 +454,7 @@ class FlowChain:
             A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
         """
         found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
+        equal = [sum(colors**i for i in range(k)) for k in range(self.order + 1)]  # words c … c begin at c times this
         for part, time in zip(self._steps.parts, self._steps.times, strict=True):
             powers = [arithmetic.number(1)]
             for _ in range(self.order):
@@ -461,7 +462,7 @@ class FlowChain:
             for n in range(self.order, 0, -1):
                 for k in range(1, n + 1):
                     factor, count = math.comb(n, k) * powers[k], colors**k
-                    for end in range(count) if part is None else [part * sum(colors**i for i in range(k))]:
+                    for end in range(count) if part is None else [part * equal[k]]:
                         longer = zip(found[n][end::count], found[n - k], strict=True)
                         found[n][end::count] = [x + factor * y for x, y in longer]
         return found
