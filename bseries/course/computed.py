@@ -1,4 +1,4 @@
-r"""What the engine computes for the text: ``{{name}}`` stands for the result of the function of that name in `COMPUTED`.
+r"""What the engine computes for the text: ``{{name}}`` stands for the result of a function in `COMPUTED`.
 
 Nothing in a source is evaluated. Results are TeX, to stand between dollars, or tables and numbers in Markdown.
 """
@@ -15,7 +15,6 @@ import bseries as bs
 from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
 from bseries.figures.lennard_jones_drift import start as equilibrated
-from foundation.numbers import latex_number
 from integrators.core.errors import suggestion
 
 if TYPE_CHECKING:
@@ -100,7 +99,7 @@ def _invariant() -> str:
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table in Markdown: the first column at the left, the others at the right."""
-    lines = [headings, ["---", *["--:"] * (len(headings) - 1)], *rows]
+    lines = [headings, [":--", *["--:"] * (len(headings) - 1)], *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -110,7 +109,7 @@ def _trees() -> str:
     first = next(iter(series.values()))
     rows = (
         [f"`{tree}`", f"${tree.differential('latex')}$", str(tree.order), str(tree.symmetry)]
-        + [f"${latex_number(b[tree] / tree.symmetry)}$" for b in series.values()]
+        + [f"${b[tree] / tree.symmetry}$" for b in series.values()]
         for tree in first
     )
     return _table(("tree $τ$", "$F(τ)$", r"$\lvert τ\rvert$", "$σ(τ)$", *METHODS), rows)
@@ -122,15 +121,22 @@ def _radii() -> str:
     for method in LINEAR:
         tall = bs.modified_equation(method, 5, max_children=1)
         radius = bs.fields.convergence_radius(method).radius
-        rows.append([method, *(f"${latex_number(c)}$" for c in tall.coefficients()[1:]), f"{radius:.5g}"])
+        rows.append([method, *(f"${c}$" for c in tall.coefficients()[1:]), f"{radius:.5g}"])
     return _table(("method", "$b_2$", "$b_3$", "$b_4$", "$b_5$", r"radius of $h\lambda$"), rows)
 
 
 def _brackets() -> str:
-    """The modified Hamiltonian of Störmer–Verlet, kick–drift–kick, in brackets; a line for each power of h."""
-    found = bs.hamiltonians.bracket_hamiltonian("stormer-verlet", 5, quadratic_kinetic=True).to_latex()
-    first, *others = found.replace(r"\left", r"\bigl").replace(r"\right", r"\bigr").split(" + h^")
-    return _lines([rf"\widetilde H = {{}}& {first}", *(f"&+ h^{line}" for line in others), r"&+ \mathcal{O}(h^6)"])
+    """The modified Hamiltonian of Störmer–Verlet, kick–drift–kick, in brackets, two in a line."""
+    found = bs.hamiltonians.bracket_hamiltonian("stormer-verlet", 5, quadratic_kinetic=True)
+    lines = [rf"\widetilde H = {{}}& {found.term_latex(0)}"]
+    for power in (2, 4):
+        terms = re.split(" (?=[+-] )", found.term_latex(power))
+        opening = rf"{{}} + h^{power} \Big("
+        for k in range(0, len(terms), 2):
+            lines.append(f"& {opening} {' '.join(terms[k : k + 2])}")
+            opening = r"\qquad {}"
+        lines[-1] += r"\Big)"
+    return _lines([*lines, r"& {} + \mathcal{O}(h^6)"])
 
 
 def _lines(lines: Iterable[str]) -> str:
@@ -157,8 +163,9 @@ def _at_any_point(formula: Any) -> str:
     named = {symbol: sympy.Symbol(f"U_{{{'q' * k}}}") for k, symbol in enumerate(symbols, 1)}
     letters = (sympy.Symbol("p"), *named.values())
     terms = sympy.Poly(formula.subs("q", 0).subs(named), *letters).as_dict().items()
-    products = (sympy.Mul(sympy.factor(c), *map(sympy.Pow, letters, powers)) for powers, c in terms)
-    return sympy.latex(sympy.Add(*products))
+    return sympy.latex(
+        sum(sympy.factor(c) * sympy.prod(map(sympy.Pow, letters, powers)) for powers, c in terms)  # pyright: ignore
+    )
 
 
 def _takahashi_imada(*, simplified: bool) -> bs.methods.TakahashiImada:
@@ -188,7 +195,9 @@ def _takahashi_imada_integral() -> str:
 
 
 def _scientific(value: float, digits: int = 3) -> str:
-    """A number in TeX, such as 3.08 · 10^{-6}."""
+    """A number in TeX, such as 3.08 · 10^{-6}, and as 0.308 or 3.08 if it is neither large nor small."""
+    if 0.1 <= abs(value) < 100:
+        return f"{value:.{digits}g}"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return rf"{mantissa}\cdot10^{{{int(exponent)}}}"
 
@@ -264,6 +273,13 @@ def _mean() -> str:
     return rf"{_scientific(data.mean[-1])} \pm {_scientific(data.standard_error[-1], 2)}"
 
 
+def _predicted_deviation() -> str:
+    """σ at the end of figure 8 by the diffusion of the rate, h⁴ √(2Dt), with the mean of D over the starts."""
+    data, found = figure_data("lennard-jones-drift"), _atom_drifts()
+    diffusion = sum(s.diffusion for s in found) / len(found)
+    return _scientific(data.h**4 * (2 * diffusion * data.t[-1]) ** 0.5, 2)
+
+
 def _lecture_mean_error() -> str:
     """The standard error of the lecture's μ, by its own σ."""
     return _scientific(LECTURE_DEVIATION / LECTURE_MEMBERS**0.5, 2)
@@ -327,7 +343,7 @@ def _large_steps() -> str:
         [f"{h:g}", *(f"${_scientific(abs(orbit - orbit[0]).max(), 2)}$" for orbit in energies)]
         for h, energies in zip(data.h, data.energies, strict=True)
     ]
-    return _table(("h", *(f"orbit {k}" for k in range(1, data.energies.shape[1] + 1))), rows)
+    return _table(("$h$", *(f"orbit {k}" for k in range(1, data.energies.shape[1] + 1))), rows)
 
 
 COMPUTED: dict[str, Callable[[], str]] = {
@@ -353,6 +369,7 @@ COMPUTED: dict[str, Callable[[], str]] = {
     "atom-means": _atom_means,
     "figure-8-members": _members,
     "figure-8-deviation": _deviation,
+    "figure-8-predicted": _predicted_deviation,
     "figure-8-mean": _mean,
     "figure-8-lecture-error": _lecture_mean_error,
     "figure-8-step": _agreeing_step,

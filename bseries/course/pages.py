@@ -24,6 +24,10 @@ MARKDOWN = "markdown-smart-citations"
 """Quotes and dashes are written as they are meant; @ is no citation."""
 HERE = Path(__file__).parent
 TAG = re.compile(r"\\tag\{([^{}]*)\}")
+DELIMITER = re.compile(r"\\(?:[bB]igg?(?P<size>[lr])(?:\\[lr](?P<bar>vert))?|(?P<side>[lr])vert)(?![A-Za-z])")
+SPACING = {"\u0302": "^", "\u0303": "~", "\u0307": "˙"}
+ACCENT = re.compile(rf'(<mo accent="true">)([{"".join(SPACING)}])(</mo>)')
+"""Accents of pandoc's MathML, which are combining characters, and those that browsers place well."""
 
 
 class Picture(NamedTuple):
@@ -55,7 +59,7 @@ def parsed(text: str) -> Element:
         >>> [block["t"] for block in parsed("# One\\n\\nA *word*.")["blocks"]]
         ['Header', 'Para']
     """
-    return json.loads(_pandoc(text, "json", MARKDOWN))
+    return json.loads(_pandoc(text, "json", MARKDOWN, "--columns=10000"))  # wider tables would get equal columns
 
 
 def without(document: Element, kind: str) -> Element:
@@ -101,6 +105,7 @@ def html_page(document: Element, title: str, layout: str, pictures: Pictures) ->
     if layout == "slides":
         blocks = {**blocks, "blocks": _in_sections(blocks["blocks"])}
     body = _pandoc(json.dumps(blocks), "html5", "json", "--mathml", "--wrap=preserve")
+    body = ACCENT.sub(lambda found: f"{found[1]}{SPACING[found[2]]}{found[3]}", body)
     template = Template((HERE / f"{layout}.html").read_text(encoding="utf-8"))
     return template.substitute(title=escape(title), body=body).encode()
 
@@ -137,12 +142,14 @@ def typst_source(document: Element, title: str, layout: str, pictures: Pictures)
 
     def changed(element: Element) -> list[Element] | None:
         kind, content = element["t"], element.get("c", ())
-        if kind == "Math" and content[0]["t"] == "DisplayMath":
+        if kind == "Math":
             formula, number = _untagged(element)
-            return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else None
-        if kind == "Figure" and (name := _shown_figure(element)):
-            file = f"{name}.{pictures[name].suffix}"
-            return [_raw("typst", f'#picture("{file}")[', "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
+            formula["c"][1] = DELIMITER.sub(_stretched, formula["c"][1])
+            return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else [formula]
+        if kind == "Figure" and (image := _shown_figure(element)):
+            name, classes = image
+            call = f'#picture("{name}.{pictures[name].suffix}", wide: {json.dumps("wide" in classes)})['
+            return [_raw("typst", call, "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
         if "beside" in _classes(element):
             left, right = (part["c"][1] for part in content[1])
             marks = (_raw("typst", text, "RawBlock") for text in ("#beside[", "][", "]"))
@@ -190,10 +197,16 @@ def _figure_name(address: str) -> str | None:
     return address.removeprefix("figure:") if address.startswith("figure:") else None
 
 
-def _shown_figure(element: Element) -> str | None:
-    """The name of the figure of the package in a block of a picture with its caption."""
+def _shown_figure(element: Element) -> tuple[str, list[str]] | None:
+    """The figure of the package in a block of a picture with its caption: its name and the classes of the picture."""
     images = (image["c"] for block in element["c"][2] for image in block["c"] if image["t"] == "Image")
-    return next((name for image in images if (name := _figure_name(image[2][0]))), None)
+    return next(((name, image[0][1]) for image in images if (name := _figure_name(image[2][0]))), None)
+
+
+def _stretched(delimiter: re.Match[str]) -> str:
+    """A delimiter of a given size as one that adapts to what is inside: pandoc would make typst lose its spacing."""
+    side = {"l": "left", "r": "right"}[delimiter["size"] or delimiter["side"]]
+    return f"\\{side}{'|' if delimiter['bar'] or delimiter['side'] else ''}"
 
 
 def _untagged(formula: Element) -> tuple[Element, str]:

@@ -9,7 +9,7 @@ from bseries.course.pages import Picture
 from bseries.figures.registry import compute, drawn, figure_file
 from foundation.plotting import picture
 
-FEWER: dict[str, dict[str, Any]] = {"lennard-jones-drift": {"members": 64}}
+FEWER: dict[str, dict[str, Any]] = {"lennard-jones-drift": {"members": 128}}
 """Options of figures that would take minutes."""
 LARGEST = 1_000_000
 """Bytes of a drawing with lines; larger ones are shown as pixels."""
