@@ -189,7 +189,9 @@ class Tableau(AnswerKind):
         method = RungeKutta(rows, weights, name=argument, warn=False)
         irrational = [x for row in (*method.A, method.b) for x in row if not isinstance(x, Fraction)]
         if degree_bound(irrational) > MOST_DEGREE:
-            raise SeriesError(f"{argument} must have entries in a field of degree {MOST_DEGREE} at most, but had more roots")
+            raise SeriesError(
+                f"{argument} must have entries in a field of degree {MOST_DEGREE} at most, but had more roots"
+            )
         lacks = truth(method)
         return Judgement(not lacks, lacks or f"tested on all trees with up to {MOST_NODES} nodes")
 
