@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.course.differential_text import combination, read_differentials
 from bseries.course.equality import AT_POINTS, EXACTLY, equality, factor_between, first_wrong_power, has_digits
-from bseries.course.truths import MOST_NODES
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     import sympy
 
 YES_NO = ("yes", "no")
+MOST_NODES = 6
+"""Methods are compared, and their structure is tested, on trees with up to this number of nodes."""
 MOST_STAGES = 6
 """Of a tableau in an answer."""
 
