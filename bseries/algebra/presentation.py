@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number, number_text
 from foundation.table import Column, LazyRows, Table, listed
 from trees.drawing import svg
-
-if TYPE_CHECKING:
-    from trees.table import TreeTable
-    from trees.tree import Tree
+from trees.table import TreeTable
+from trees.tree import Tree
 
 
 class SeriesTerm(NamedTuple):
@@ -167,7 +165,7 @@ def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bo
         yield "Floating point (RR): the tableau holds floats, so the coefficients carry rounding errors."
     elif digits is None:
         yield f"Exact coefficients, in {domain}."
-    if digits is not None:
+    if digits is not None and domain != "RR":
         yield (
             f"The tableau is published as decimals with {digits} digits: numbers are rounded accordingly, and "
             "those that are zero within these digits are 0."

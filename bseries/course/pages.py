@@ -221,9 +221,9 @@ def _raw(language: str, text: str, kind: str = "RawInline") -> Element:
 
 
 def _pandoc(text: str, to: str, source: str, *options: str) -> str:
-    """The output of pandoc."""
+    """The output of pandoc; what it cannot write as asked, such as a formula, is an error in a source."""
     pypandoc = optional_module("pypandoc", "a document of the course")
     try:
-        return pypandoc.convert_text(text, to, source, extra_args=options)
+        return pypandoc.convert_text(text, to, source, extra_args=["--fail-if-warnings", *options])
     except OSError as error:  # pypandoc without a program
         raise MissingPackage(f"a document of the course needs pandoc: {error}") from None

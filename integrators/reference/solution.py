@@ -8,18 +8,19 @@ from itertools import pairwise
 from math import ceil, copysign, frexp, ldexp, log
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
+import mpmath
+import numpy as np
+
 from integrators.core.arguments import items, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.reference.taylor_program import TaylorProgram
-    from integrators.scenes.scene import Scene
 
 MAX_DIGITS = 31
 LARGEST = 10**300
@@ -75,9 +76,6 @@ class ReferenceSolution(NamedTuple):
             >>> print(mpmath.nstr(reference_solution(growth, [1], full=True).numbers()[0, 0], 30))
             2.71828182845904523536028747135
         """
-        import mpmath
-        import numpy as np
-
         with mpmath.workprec(2200):  # the sum of two doubles has fewer bits
             pairs = zip(self.high.flat, self.low.flat, strict=True)
             sums = [mpmath.mpf(float(high)) + mpmath.mpf(float(low)) for high, low in pairs]
@@ -138,8 +136,6 @@ def reference_solution(
     """
     scene = as_scene(scene)
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
-    import numpy as np
-
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
@@ -184,8 +180,6 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
         >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
         0.176
     """
-    import numpy as np
-
     from integrators.reference import taylor_kernels as kernels
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
@@ -220,8 +214,6 @@ def _solve(
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
     errors.
     """
-    import numpy as np
-
     from integrators.reference import taylor_kernels as kernels
 
     order = order_for(digits)
@@ -245,8 +237,6 @@ def _initial_series(
     program: TaylorProgram, y: np.ndarray, times: np.ndarray, order: int, first_unit: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The series, with the start in its first coefficients, and the state before the first step."""
-    import numpy as np
-
     series = np.zeros((program.dimension + 1 + len(program.operations), order + 1, 2))
     series[: program.dimension, 0] = y
     span = float(times[-1, 0])
@@ -327,8 +317,6 @@ def _check_certain(
     solution: ReferenceSolution, scene: Scene, start: np.ndarray, times: Sequence[float], digits: int
 ) -> None:
     """Refuse a solution whose error is visible in doubles."""
-    import numpy as np
-
     sizes = np.abs(np.hstack([start, solution.high])).max(axis=1)
     blocks = np.concatenate([np.full(b.dimension, sizes[b.offset : b.end].max()) for b in scene.blocks])
     allowed = np.maximum(max(CERTAIN, 10.0 ** (3 - digits)) * sizes, NOISE * blocks)
