@@ -9,7 +9,6 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from bseries.course.answers import answer_template
 from bseries.course.computed import computed, filled, places
 from bseries.course.pages import html_page, parsed, pdf_pages, without
 from bseries.course.pictures import drawn_picture
@@ -44,8 +43,6 @@ DOCUMENTS = {
 """All documents by name."""
 FORMATS = {"html": html_page, "pdf": pdf_pages}
 """Formats by name, and what makes a file of a document."""
-ANSWERS = "answers.txt"
-"""The file to fill in that comes with the exercises."""
 HERE = Path(__file__).parent
 FIGURE = re.compile(r"\]\(figure:([\w-]+)\)")
 """A figure of the package in the text."""
@@ -69,8 +66,7 @@ def make_course(
         progress: Called with the work done and all work.
 
     Returns:
-        The files, such as ``slides.html``, and with the exercises ``answers.txt``, a file to fill in. Each replaces an
-        older one when it is complete.
+        The files, such as ``slides.html``. Each replaces an older one when it is complete.
 
     Raises:
         SeriesError: There is no document or format of a name.
@@ -105,11 +101,7 @@ def make_course(
         document = chosen[name]
         content = without(contents[document.source], document.left_out)
         atomic_write(Path(folder, f"{name}.{kind}"), makers[kind](content, document.title, document.layout, pictures))
-    written = [Path(folder, f"{name}.{kind}") for name, kind in files]
-    if "exercises" in chosen:
-        written.append(Path(folder, ANSWERS))
-        atomic_write(written[-1], answer_template())
-    return written
+    return [Path(folder, f"{name}.{kind}") for name, kind in files]
 
 
 def _known(name: str, known: dict[str, Item], argument: str) -> Item:
