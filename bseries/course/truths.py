@@ -18,8 +18,8 @@ from bseries.hamiltonians.action_angle.canonical_transformations import harmonic
 from bseries.hamiltonians.action_angle.lindstedt_poincare import lindstedt_poincare
 from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
 from bseries.hamiltonians.closed_forms import closed_hamiltonian
-from bseries.hamiltonians.drift.forms import takahashi_imada_integral
 from bseries.hamiltonians.drift.mean_rates import energy_drift
+from bseries.hamiltonians.drift.perturbations import takahashi_imada_integral
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from integrators import RungeKutta, Splitting, adjoint_method, composition, method, parse_hamiltonian
 
