@@ -157,7 +157,7 @@ def agree(first: Any, second: Any) -> bool:
     return abs(first - second) <= mpmath.mpf(10) ** -AGREEING * max(1, abs(first), abs(second))
 
 
-def value(formula: sympy.Expr, point: Mapping[Any, Any]) -> Any:
+def value(formula: Any, point: Mapping[Any, Any]) -> Any:
     """The value of a formula at a point, as a number of mpmath in its present precision.
 
     Raises:

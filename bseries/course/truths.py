@@ -11,6 +11,7 @@ from bseries.algebra.modified import modified_equation
 from bseries.analysis.order import order_of
 from bseries.analysis.stability.linear_stability import stability_function
 from bseries.analysis.structure import symmetry, symplecticity
+from bseries.course.answer_kinds import MOST_NODES
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import modified_field
 from bseries.fields.modified_invariants import divergence, modified_invariant
@@ -26,9 +27,6 @@ from integrators import RungeKutta, Splitting, adjoint_method, composition, meth
 if TYPE_CHECKING:
     from integrators.methods.programs.program import Method
     from trees import Tree
-
-MOST_NODES = 6
-"""Structure is tested up to this number of nodes, and methods with equal series up to it count as the same."""
 
 
 def yes_no(found: Iterable[bool]) -> tuple[str, ...]:

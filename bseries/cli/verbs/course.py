@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -55,6 +56,16 @@ def course(path: str | None, documents: Sequence[str], format_: str | None, answ
     with Progress() as progress:
         formats = FORMATS if format_ is None else [format_.lower()]
         make_course(path, documents or DOCUMENTS, formats, progress=progress.update)
+    if not documents or "exercises" in documents:
+        write_template(path)
+
+
+def write_template(folder: str) -> None:
+    """Write a file of answers to fill in."""
+    from bseries.course.answers import answer_template
+    from integrators.core.text_files import atomic_write
+
+    atomic_write(os.path.join(folder, "answers.txt"), answer_template())
 
 
 def check(answers: str, path: str | None, documents: Sequence[str], format_: str | None) -> None:
