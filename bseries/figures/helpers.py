@@ -92,6 +92,11 @@ def superscript(number: int) -> str:
     return str(number).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
+def subscript(number: int) -> str:
+    """A whole number as a subscript in captions."""
+    return str(number).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
+
+
 def power_of_h(exponent: int) -> str:
     """h, h², h³, … in captions."""
     return "h" + (superscript(exponent) if exponent > 1 else "")
@@ -101,13 +106,13 @@ def scientific(value: float, digits: int = 3) -> str:
     """A number for captions, with a power of ten where it is small.
 
     Example:
-        >>> scientific(0.000123456), scientific(-1.5), scientific(0.0)
-        ('1.23·10⁻⁴', '-1.5', '0')
+        >>> scientific(0.000123456), scientific(-1.5), scientific(2210), scientific(0.0)
+        ('1.23·10⁻⁴', '−1.5', '2.21·10³', '0')
     """
-    if not value or 1e-3 <= abs(value) < 1e6:
-        return f"{value:.{digits}g}"
+    if not value or 1e-3 <= abs(value) < 10**digits:
+        return f"{value:.{digits}g}".replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}·10{superscript(int(exponent))}"
+    return f"{mantissa}·10{superscript(int(exponent))}".replace("-", "−")
 
 
 def state(values: Iterable[float]) -> str:
@@ -121,7 +126,7 @@ def state(values: Iterable[float]) -> str:
     from math import pi
 
     names = {pi: "π", -pi: "−π"}
-    return f"({', '.join(names.get(value, f'{value:g}') for value in values)})"
+    return f"({', '.join(names.get(value, f'{value:g}'.replace('-', '−')) for value in values)})"
 
 
 def listed(words: Sequence[str]) -> str:

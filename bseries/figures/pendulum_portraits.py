@@ -125,11 +125,13 @@ def caption(numbers: PendulumPortraits) -> str:
         largest, steps = scientific(float(abs(energies - energies[:, :1]).max()), 2), runs.shape[2] - 1
         about = f"{name_of(method)} with h = {h:g} from {listed(list(map(state, starts)))}"
         changes.append(f"{about}: at most {largest} in {steps} steps")
+    unknown = " The initial values of the lecture for Störmer–Verlet are not known."
+    is_lecture = tuple(portrait.starts for portrait in numbers.portraits) == LECTURE
     return (
         "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder from the "
         f"front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Markers: the first {MOST_DRAWN} "
         "steps; grey: level curves of the energy. The energy changes by: "
-        f"{'; '.join(changes)}. The initial values of the lecture for Störmer–Verlet are not known."
+        f"{'; '.join(changes)}." + unknown * is_lecture
     )
 
 
