@@ -61,7 +61,7 @@ def save_animation(
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     format_ = check_animation(path)
-    encoder = {"animation.ffmpeg_path": _encoder()} if format_ == "mp4" else {}
+    encoder: Any = {"animation.ffmpeg_path": _encoder()} if format_ == "mp4" else {}
     with TemporaryDirectory() as folder, rc_context(encoder):
         written = os.path.join(folder, f"animation.{format_}")
         writer: Any = (FFMpegWriter if format_ == "mp4" else PillowWriter)(fps=PER_SECOND)

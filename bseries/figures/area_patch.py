@@ -175,9 +175,9 @@ def caption(numbers: AreaPatch) -> str:
     exact = scientific(float(areas(numbers.exact)[-1] / areas(numbers.exact)[0]))
     names = ", ".join(numbers.scene.variables)
     return (
-        f"Beyond the lecture, on its theorem 2. A patch of phase space around ({names}) = {state(numbers.centre)} on the "
-        f"scene {printed_name(numbers.scene.name)}, carried along by two methods with h = {numbers.h:g}, by the exact "
-        f"flow, and by the flows of the modified equations with {numbers.terms} terms. (a), (b) The patch at "
+        f"Beyond the lecture, on its theorem 2. A patch of phase space around ({names}) = {state(numbers.centre)} on "
+        f"the scene {printed_name(numbers.scene.name)}, carried along by two methods with h = {numbers.h:g}, by the "
+        f"exact flow, and by the flows of the modified equations with {numbers.terms} terms. (a), (b) The patch at "
         f"{SNAPSHOTS} times up to t = {numbers.t[-1]:g}. (c), (d) Its area over that at the start. At the end it is "
         f"multiplied by {exact} by the exact flow, {', '.join(changes)}."
     )
@@ -234,7 +234,7 @@ def _patch(axes: Axes) -> tuple[Any, Any, Any]:
 
 
 def _outlines(numbers: AreaPatch, found: Carried, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The patch under the method, the exact and the modified flow at a fine time; the method's is from the last step."""
+    """The patch under the method (after its last step), the exact and the modified flow at a fine time."""
     return found.steps[k // FINE], numbers.exact[k], found.modified[k]
 
 
@@ -250,7 +250,7 @@ def _move(artist: Any, outline: np.ndarray) -> None:
 def _draw_areas(axes: Axes, numbers: AreaPatch, found: Carried, count: int) -> list[Any]:
     """The areas up to a fine time."""
     lines = []
-    styles = (
+    styles: Any = (
         (numbers.t, found.steps, {"marker": "o", "linestyle": "none", "color": BLUE}),
         (numbers.fine_t, numbers.exact, {"color": BLACK, "linewidth": 0.8, "linestyle": (0, (4, 1.5))}),
         (numbers.fine_t, found.modified, {"color": VERMILION, "linestyle": (0, (1, 1))}),

@@ -134,12 +134,13 @@ def caption(numbers: ChaosOnset) -> str:
     first = numbers.h[numbers.chaotic_bottom.any(axis=1)]
     seen = f"visible only from h = {first[0]:.2g} on" if len(first) else "not visible"
     return (
-        "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7: starts of the implicit "
-        "midpoint rule on the pendulum. Starts in the coloured regions are chaotic: two orbits that start a relative distance 10⁻¹⁰ apart "
-        f"are more than {APART:g} apart at t = {numbers.span:g}. For every h there is chaos in a layer at the separatrix, "
-        "which is exponentially thin as h → 0. Its width in p is proportional to h⁻³ e^(−π²/h) at q = 0 (a). At the "
-        "saddle point (b) the energy differs by p²/2, so the width is proportional to h^(−3/2) e^(−π²/2h); the factor is "
-        f"fitted, and the width found is {scientific(width, 2)} for h = 0.7. In (a) the layer is {seen}."
+        "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7: starts of the "
+        "implicit midpoint rule on the pendulum. Starts in the coloured regions are chaotic: two orbits that start a "
+        f"relative distance 10⁻¹⁰ apart are more than {APART:g} apart at t = {numbers.span:g}. For every h there is "
+        "chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its width in p is proportional to "
+        "h⁻³ e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by p²/2, so the width is "
+        f"proportional to h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is {scientific(width, 2)} "
+        f"for h = 0.7. In (a) the layer is {seen}."
     )
 
 
@@ -175,7 +176,7 @@ def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> 
 
 
 def frames(numbers: ChaosOnset, figure: Figure) -> Iterator[tuple[int, int]]:
-    """Orbits while the step size grows, those that are chaotic dark; and where the step size is in the map of starts."""
+    """Orbits while the step size grows, chaotic ones dark; and where the step size is in the map of starts."""
     import numpy as np
 
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))

@@ -91,7 +91,7 @@ def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
 def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, errors: np.ndarray) -> Energy:
     """The errors of a run with what the modified equation says of them."""
     report, order = bs.energy_drift(method, scene, y0=orbit[:, 0].tolist(), h=h), bs.order_of(method)
-    band = (float("nan"),) * 2
+    band = float("nan"), float("nan")
     if report.power is None or report.power > order:
         terms = bs.modified_hamiltonian(method, scene, order + 1).terms(orbit)[order]
         changes = h**order * (terms[0] - terms)  # H̃ stays, so H changes by what the term takes away
@@ -115,16 +115,14 @@ def caption(numbers: EnergyError) -> str:
     """What is predicted, and what is found."""
     import numpy as np
 
-    text = (
-        f"Lecture, figure 5. Error of the energy of the pendulum from (p, q) = {state(numbers.y0)} with h = {numbers.h:g}."
-    )
+    text = f"Lecture, figure 5. Pendulum from (p, q) = {state(numbers.y0)} with h = {numbers.h:g}: error of the energy."
     for run in numbers.runs:
         name, largest = name_of(run.method), scientific(float(abs(run.errors).max()))
         if run.slope:
             found = scientific(float(np.polyfit(numbers.t, run.errors, 1)[0]))
             text += (
-                f" With {name} the energy drifts: its modified equation predicts the mean slope {scientific(run.slope)}, "
-                f"and the line fitted to the errors has the slope {found}."
+                f" With {name} the energy drifts: its modified equation predicts the mean slope "
+                f"{scientific(run.slope)}, and the line fitted to the errors has the slope {found}."
             )
         elif not np.isnan(run.band).any():
             low, high = map(scientific, run.band)

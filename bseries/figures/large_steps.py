@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
@@ -41,7 +40,7 @@ STEPS, PIECE = 20_000, 2000
 TERMS = 3
 """H + h²H₃ for methods of order 1 and 2; others have the first term that is not zero."""
 STEP_SIZES = (0.3, 0.7, 1.0, 1.3, 1.35, 1.6)
-STARTS = ((0.0, -1.5), (0.0, -2.5), (1.5, -pi), (2.5, -pi))
+STARTS = "0,-3/2; 0,-5/2; 3/2,-pi; 5/2,-pi"
 GRID = 241
 TOP, BOTTOM, FARTHEST = 3.5, -2.8, 10.0
 """The picture shows at least these momenta, and others up to the farthest."""
@@ -63,9 +62,7 @@ class LargeSteps(NamedTuple):
     levels: np.ndarray  # modified Hamiltonian there, (step sizes, momenta, angles)
 
 
-def numbers(
-    *, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, steps: Any = STEPS
-) -> LargeSteps:
+def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, steps: Any = STEPS) -> LargeSteps:
     """Runs for two, four or six step sizes from up to four starts, and the modified Hamiltonian on a grid."""
     import numpy as np
 

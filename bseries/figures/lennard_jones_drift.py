@@ -72,7 +72,7 @@ class LennardJonesDrift(NamedTuple):
 
     @property
     def lecture_step(self) -> float:
-        """The step size at which the deviation would be that of the lecture, if s = c √t and c is proportional to h⁴."""
+        """The step size at which the deviation would be that of the lecture, if s is proportional to h⁴ √t."""
         _, time, deviation, _ = LECTURE
         return self.h * (deviation / (self.coefficient * time**0.5)) ** 0.25
 
@@ -138,25 +138,28 @@ def caption(numbers: LennardJonesDrift) -> str:
     end, ours, error = numbers.t[-1], float(numbers.mean[-1]), float(numbers.standard_error[-1])
     ratio = abs(ours) / error
     return (
-        "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + h²H₃ + "
-        "h⁴H₅ of the symplectic Takahashi–Imada method along the simplified method. Its standard deviation s grows like "
-        f"{power('t', numbers.exponent)}; with a rate of mean zero and decaying correlations it would be √t. "
-        f"At t = {end:,.0f}, {numbers.members} trajectories with h = {numbers.h:g} have s = "
-        f"{scientific(float(numbers.deviation[-1]))} and the mean {scientific(ours)}, {ratio:.1f} standard errors from "
-        f"zero. The time average (19) of the rate (18) is this error over t: {scientific(ours / end)} ± "
+        "Lecture, figure 8 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + "
+        "h²H₃ + h⁴H₅ of the symplectic Takahashi–Imada method along the simplified method. Its standard deviation s "
+        f"grows like {power('t', numbers.exponent)}; with a rate of mean zero and decaying correlations it would be "
+        f"√t. At t = {end:,.0f}, {numbers.members} trajectories with h = {numbers.h:g} have s = "
+        f"{scientific(float(numbers.deviation[-1]))} and the mean {scientific(ours)}, {ratio:.1f} standard errors "
+        f"from zero. The time average (19) of the rate (18) is this error over t: {scientific(ours / end)} ± "
         f"{scientific(error / end)}. The lecture gives s = {scientific(deviation)} and the mean {scientific(mean)} at "
-        f"t = {time:,.0f} for {members} trajectories (its exponents are damaged in the scan; these are those of its axis, "
-        f"×10⁻⁶). If s is c h⁴ √t, the deviations agree for h = {numbers.lecture_step:.2g}. The parameters of the lecture are not "
-        "known. Here 9 atoms in the plane, with σ = ε = m = 1, start as a hexagonal cluster with random momenta of "
-        f"kinetic energy {KINETIC:g}, hence all with the same energy, and are equilibrated for {EQUILIBRATION:g} units of "
-        "time. Without H₅ the oscillations of the energy would hide the random walk for a long time."
+        f"t = {time:,.0f} for {members} trajectories (its exponents are damaged in the scan; these are those of its "
+        f"axis, ×10⁻⁶). If s is c h⁴ √t, the deviations agree for h = {numbers.lecture_step:.2g}. The parameters of "
+        "the lecture are not known. Here 9 atoms in the plane, with σ = ε = m = 1, start as a hexagonal cluster with "
+        f"random momenta of kinetic energy {KINETIC:g}, hence all with the same energy, and are equilibrated for "
+        f"{EQUILIBRATION:g} units of time. Without H₅ the oscillations of the energy would hide the random walk for a "
+        "long time."
     )
 
 
 def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
     """Above trajectories with their mean and deviation, below the deviation in logarithmic scales."""
     above, below = figure.subplots(2, height_ratios=(1.5, 1))
-    label_panels((above, below), (f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$", "sizes"))
+    label_panels(
+        (above, below), (f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$", "sizes")
+    )
     _draw_trajectories(above, numbers)
     _draw_deviation(below, numbers)
 

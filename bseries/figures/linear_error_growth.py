@@ -176,14 +176,14 @@ def caption(numbers: LinearErrorGrowth) -> str:
     """The diagram, and what the curves are."""
     grown = [power("t", _exponent(numbers, curve)) for curve in (numbers.symplectic, numbers.other)]
     return (
-        "Lecture, figure 10. (a) The proof of theorem 7 as the lecture draws it, with ε = h^r for a method of order r. "
-        "(b), (c) The same steps as a computation for two coupled rotors, H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + "
-        f"q_i²)/2 and ω₂/ω₁ the golden ratio, and Störmer–Verlet with h = {numbers.h:g}, where r = 2. Drawn are largest "
-        "distances up to each time. Upper curves: (b) of the numerical solutions from the exact one, which grow like "
-        f"{grown[0]} for Störmer–Verlet and like {grown[1]} for {name_of(numbers.method)}; (c) of the actions a from "
-        "their values at the start. Lower curves, Störmer–Verlet only: (b) of the numerical solution from b = const, "
-        "φ = φ₀ + ω(b)t after N terms of the Lindstedt–Poincaré series, transformed back; (c) of the new actions b from "
-        "their values at the start."
+        "Lecture, figure 10. (a) The proof of theorem 7 as the lecture draws it, with ε = h^r for a method of order "
+        "r. (b), (c) The same steps as a computation for two coupled rotors, H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = "
+        f"(p_i² + q_i²)/2 and ω₂/ω₁ the golden ratio, and Störmer–Verlet with h = {numbers.h:g}, where r = 2. Drawn "
+        "are largest distances up to each time. Upper curves: (b) of the numerical solutions from the exact one, "
+        f"which grow like {grown[0]} for Störmer–Verlet and like {grown[1]} for {name_of(numbers.method)}; (c) of the "
+        "actions a from their values at the start. Lower curves, Störmer–Verlet only: (b) of the numerical solution "
+        "from b = const, φ = φ₀ + ω(b)t after N terms of the Lindstedt–Poincaré series, transformed back; (c) of the "
+        "new actions b from their values at the start."
     )
 
 

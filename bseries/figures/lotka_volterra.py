@@ -98,7 +98,7 @@ def _curve(flow: Scene, start: tuple[float, ...]) -> Curve:
 
     forwards, angles = _half(flow, start, STEP)
     end = int(np.searchsorted(angles, 2 * np.pi))
-    if end + 2 >= len(angles):  # it leaves the frame before
+    if end + 3 > len(angles):  # it does not come around
         again, is_closed = float(forwards[0, -1]), False
     else:
         near = slice(end - 3, end + 3)
@@ -107,11 +107,11 @@ def _curve(flow: Scene, start: tuple[float, ...]) -> Curve:
     if is_closed:
         return Curve(np.hstack([forwards[:, :end], forwards[:, :1]]), True, again)
     backwards, _ = _half(flow, start, -STEP)
-    return Curve(np.hstack([backwards[:, :0:-1], forwards]), False, again)
+    return Curve(np.hstack([_within(backwards)[:, :0:-1], _within(forwards)]), False, again)
 
 
 def _half(flow: Scene, start: tuple[float, ...], step: float) -> tuple[np.ndarray, np.ndarray]:
-    """States from a start on, until they leave the frame or have gone around several times, and their angles."""
+    """States from a start on, until they have gone around several times, and the angles turned."""
     import numpy as np
 
     from integrators import StepError
@@ -123,9 +123,16 @@ def _half(flow: Scene, start: tuple[float, ...], step: float) -> tuple[np.ndarra
     p, q = states
     angles = np.unwrap(np.arctan2(q - REST[1], p - REST[0]))
     turned = abs(angles - angles[0])
-    inside = (p < LEAVES[0]) & (q < LEAVES[1]) & (p > 0) & (q > 0)
-    count = int(np.logical_and.accumulate(inside & (turned < 2 * np.pi * REVOLUTIONS)).sum())
+    count = int(np.logical_and.accumulate(turned < 2 * np.pi * REVOLUTIONS).sum())
     return states[:, : count + 1], turned[: count + 1]
+
+
+def _within(states: np.ndarray) -> np.ndarray:
+    """States until they leave the frame."""
+    import numpy as np
+
+    inside = ((states > 0) & (states < np.array(LEAVES)[:, None])).all(axis=0)
+    return states[:, : int(np.logical_and.accumulate(inside).sum()) + 1]
 
 
 def _interpolated(x: np.ndarray, y: np.ndarray, at: float) -> float:
@@ -155,8 +162,10 @@ def caption(numbers: LotkaVolterra) -> str:
     what = truncated[0] if truncated[0] == truncated[1] else " and ".join(truncated)
     shapes = ["closed" if curves[0].is_closed else "spirals" for _, curves in rows]
     verdict = f"The modified curves of {names[0]} are {shapes[0]}"
-    verdict = f"The modified curves of both methods are {shapes[0]}" if shapes[0] == shapes[1] else (
-        f"{verdict}, those of {names[1]} are {shapes[1]}"
+    verdict = (
+        f"The modified curves of both methods are {shapes[0]}"
+        if shapes[0] == shapes[1]
+        else (f"{verdict}, those of {names[1]} are {shapes[1]}")
     )
     starts = dict.fromkeys(start for row in numbers.starts for start in row)
     return (

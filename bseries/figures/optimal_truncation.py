@@ -141,14 +141,14 @@ def columns(numbers: OptimalTruncation) -> dict[str, np.ndarray]:
 def caption(numbers: OptimalTruncation) -> str:
     """What is drawn, with the numbers of terms that were tried."""
     return (
-        "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a step "
-        "of Störmer–Verlet from the flow of the modified equation with N terms. It decreases at first, then the series "
-        "diverges. The best N is proportional to 1/h, and the error for this N is exponentially small, in agreement with "
-        "the bounds for analytic f and small h. Here both are approximately functions of x = 2πδ/h, where δ is the "
-        f"distance of the singularities of the solution from the real axis in complex time: {numbers.pendulum.distance:.3g} "
-        f"for the pendulum from (p, q) = {state(PENDULUM_START)}, with up to {numbers.pendulum.terms[-1]} terms. For the "
-        "quadrature problem, H = p − ½ log(1 + q²) from (0, 0), it is 1, the steps are those of the trapezoidal rule, and "
-        f"{numbers.quadrature.terms[-1]} terms are available."
+        "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a "
+        "step of Störmer–Verlet from the flow of the modified equation with N terms. It decreases at first, then the "
+        "series diverges. The best N is proportional to 1/h, and the error for this N is exponentially small, in "
+        "agreement with the bounds for analytic f and small h. Here both are approximately functions of x = 2πδ/h, "
+        "where δ is the distance of the singularities of the solution from the real axis in complex time: "
+        f"{numbers.pendulum.distance:.3g} for the pendulum from (p, q) = {state(PENDULUM_START)}, with up to "
+        f"{numbers.pendulum.terms[-1]} terms. For the quadrature problem, H = p − ½ log(1 + q²) from (0, 0), it is 1, "
+        f"the steps are those of the trapezoidal rule, and {numbers.quadrature.terms[-1]} terms are available."
     )
 
 

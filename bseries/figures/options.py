@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import nan
-from numbers import Integral, Rational
+from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.stages import check_method
@@ -18,6 +18,7 @@ from integrators.scenes.text import read_values
 if TYPE_CHECKING:
     from integrators import Scene
     from integrators.methods.programs.program import Method
+
 
 def read_number(value: Any, argument: str, least: float, most: float) -> float:
     """A number within bounds as a double, given as a number or as text.
@@ -47,15 +48,16 @@ def read_numbers(value: Any, argument: str, counts: Sequence[int], least: float,
 
 def read_count(value: Any, argument: str, least: int, most: int) -> int:
     """A whole number within bounds, given as a number or as text."""
-    number: Any = _number(value, argument)
-    is_whole = isinstance(number, Integral) or (isinstance(number, Rational) and number.denominator == 1)
-    if isinstance(value, bool) or not (is_whole and least <= number <= most):
+    number = _number(value, argument)
+    is_whole = isinstance(number, Rational) and number.denominator == 1 and not isinstance(number, bool)
+    whole = int(number.numerator) if is_whole else None
+    if whole is None or not least <= whole <= most:
         raise SeriesError(f"{argument} must be a whole number from {least} to {most}, but was {value!r:.60}")
-    return int(number)
+    return whole
 
 
 def _number(value: Any, argument: str) -> Any:
-    """The number that a text stands for."""
+    """The number that a text stands for; other values unchanged."""
     return parse_constant(value, argument=argument) if isinstance(value, str) else value
 
 

@@ -128,9 +128,9 @@ def caption(numbers: PendulumPortraits) -> str:
     unknown = " The initial values of the lecture for Störmer–Verlet are not known."
     is_lecture = tuple(portrait.starts for portrait in numbers.portraits) == LECTURE
     return (
-        "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder from the "
-        f"front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Markers: the first {MOST_DRAWN} "
-        "steps; grey: level curves of the energy. The energy changes by: "
+        "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder "
+        "from the front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Markers: the first "
+        f"{MOST_DRAWN} steps; grey: level curves of the energy. The energy changes by: "
         f"{'; '.join(changes)}." + unknown * is_lecture
     )
 
@@ -200,5 +200,5 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: list[d
 def _styles() -> list[dict[str, Any]]:
     """The plot styles of the runs."""
     common = {"linestyle": "none", "markersize": 2.2}
-    markers = zip("D o ^ s".split(), (PURPLE, VERMILION, BLUE, GREEN), strict=True)
+    markers = zip(("D", "o", "^", "s"), (PURPLE, VERMILION, BLUE, GREEN), strict=True)
     return [{"marker": marker, "color": colour, **common} for marker, colour in markers]

@@ -32,8 +32,8 @@ PROGRESS = "progress"
 class FigureFile(Protocol):
     """The contents of a figure's file.
 
-    A figure that moves also has a function ``frames(numbers, figure)``: a generator that draws on an empty figure, changes
-    it, and yields after each frame the number of the frame, from 1, and of all frames.
+    A figure that moves also has a function ``frames(numbers, figure)``: a generator that draws on an empty figure,
+    changes it, and yields for each frame its number, from 1, and the number of all frames.
 
     Attributes:
         NUMBER: The number of the figure in the lecture; None beyond it.
@@ -125,9 +125,7 @@ def drawn(file: FigureFile, numbers: Any) -> LectureFigure:
     return figure
 
 
-def animate(
-    file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None
-) -> None:
+def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None) -> None:
     """Write the figure as an animation.
 
     Args:
@@ -161,12 +159,13 @@ def figure(name: str, **options: Any) -> LectureFigure:
 
     Args:
         name: One of `figure_names`.
-        options: The options of the figure; `bseries figure --list` shows them with their defaults. Methods and scenes are
-            names or objects, numbers may be text such as ``"1/10"``, and starts are rows or text such as ``"2,2"``.
+        options: The options of the figure; `bseries figure --list` shows them with their defaults. Methods and scenes
+            are names or objects, numbers may be text such as ``"1/10"``, and starts are rows or text such as
+            ``"2,2"``.
 
     Returns:
-        A figure of matplotlib; notebooks show it with its caption, and its method ``savefig`` saves it. Figures that move
-        have an animation, which ``animate(path)`` writes as GIF or MP4.
+        A figure of matplotlib; notebooks show it with its caption, and its method ``savefig`` saves it. Some figures
+        move: their method ``animate`` writes a GIF or MP4.
 
     Raises:
         SeriesError: The name or an option is unknown, or a value is out of range.

@@ -72,15 +72,17 @@ def numbers(*, h: Any = 0.02, method: Any = "explicit-euler") -> Riccati:
 
 def _coefficients(method: Method, scene: Scene) -> list[float]:
     """The coefficients c of the modified equation y' = y² Σ c_k (h y)^k."""
-    field = bs.modified_field(method, scene, MOST_TERMS)
-    return [float(field.symbolic(k)[0].subs("y", 1)) for k in range(MOST_TERMS)]
+    import sympy
+
+    field, y = bs.modified_field(method, scene, MOST_TERMS), sympy.Symbol("y")
+    return [float(sympy.Poly(field.symbolic(k)[0], y).LC()) for k in range(MOST_TERMS)]
 
 
 def _reach(coefficients: list[float]) -> float:
     """The largest h y of a curve."""
     import numpy as np
 
-    roots = np.roots(coefficients[::-1]) if len(coefficients) > 1 else np.array([])
+    roots: Any = np.roots(coefficients[::-1])
     zeros = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0)]
     return min([REACH, *(BEFORE_REST * zeros)])
 

@@ -113,11 +113,11 @@ def caption(numbers: SmallDivisors) -> str:
     years = STEP * STEPS / YEAR
     sizes = [f"{found.gamma:.2g} for d = {found.k.shape[1]}" for found in (numbers.giants, numbers.planets)]
     return (
-        "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where ω are "
-        f"the mean motions of the planets in a run over {years:,.0f} years. Dashed lines: γ|k|^(−ν) with ν = d − 1 and the "
-        f"largest possible γ, {listed(sizes)}; for larger ν almost all frequencies satisfy such a condition. Triangles: "
-        "commensurabilities known to astronomers. Neptune and Pluto are in 3:2 resonance; their divisor differs from zero "
-        "by the slow motion of Pluto's perihelion."
+        "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where "
+        f"ω are the mean motions of the planets in a run over {years:,.0f} years. Dashed lines: γ|k|^(−ν) with ν = d "
+        f"− 1 and the largest possible γ, {listed(sizes)}; for larger ν almost all frequencies satisfy such a "
+        "condition. Triangles: commensurabilities known to astronomers. Neptune and Pluto are in 3:2 resonance; "
+        "their divisor differs from zero by the slow motion of Pluto's perihelion."
     )
 
 

@@ -101,13 +101,13 @@ def caption(numbers: TakahashiImadaDrift) -> str:
     drift, t = numbers.perturbed, numbers.t
     found = [scientific(slope(t, errors)) for errors in (drift.forwards, drift.backwards, drift.symplectic)]
     return (
-        "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + h²H₃ of "
-        "the symplectic Takahashi–Imada method along the simplified method, which is not symplectic, with "
-        f"h = {numbers.h:g} from q = 0 and p = ±{numbers.p:g}. Lines are means over {t[-1] / WINDOWS:g} units of time; "
+        "Lecture, figure 7 (E. Hairer, R. I. McLachlan, R. D. Skeel, 2009). The error of the modified energy H + "
+        "h²H₃ of the symplectic Takahashi–Imada method along the simplified method, which is not symplectic, with h "
+        f"= {numbers.h:g} from q = 0 and p = ±{numbers.p:g}. Lines are means over {t[-1] / WINDOWS:g} units of time; "
         "bands show the least and the largest values in them. (a) U = −cos q + 0.2 sin 2q is not symmetric: each "
         "revolution of the pendulum changes the energy by −h⁴/288 ∫U‴U′² dq = −πh⁴/240 to leading order, with the "
-        f"opposite sign in the other direction. Predicted slopes: ±{scientific(abs(drift.slope))}; found: {found[0]} and "
-        f"{found[1]}, and {found[2]} with the symplectic method. (b) For U = −cos q the integral is zero; found: "
+        f"opposite sign in the other direction. Predicted slopes: ±{scientific(abs(drift.slope))}; found: {found[0]} "
+        f"and {found[1]}, and {found[2]} with the symplectic method. (b) For U = −cos q the integral is zero; found: "
         f"{scientific(slope(t, numbers.pendulum.forwards))}."
     )
 

@@ -93,8 +93,8 @@ def caption(numbers: Conservation) -> str:
     exponents = listed([f"{exponent:.2f}" for exponent in numbers.exponents])
     late = numbers.growth[:, -1] / numbers.growth[:, numbers.t >= numbers.t[-1] / 10][:, 0]
     return (
-        "Beyond the lecture, on its theorem 3: where H̃ is globally defined and the solution stays in a compact set, H̃ "
-        f"truncated after N terms is conserved up to O(t hᴺ). Here {name_of(numbers.method)} on the pendulum from "
+        "Beyond the lecture, on its theorem 3: where H̃ is globally defined and the solution stays in a compact set, "
+        f"H̃ truncated after N terms is conserved up to O(t hᴺ). Here {name_of(numbers.method)} on the pendulum from "
         f"(p, q) = {state(numbers.y0)}. (a) Largest errors for t ≤ {SPAN:g}; fitted exponents of h for N = 1, 2, …: "
         f"{exponents}. (b) Largest errors so far for h = {LONG_H:g}; in the last nine tenths of the time they grow by "
         f"factors of up to {late.max():.2f}."

@@ -107,9 +107,10 @@ def caption(numbers: Toda) -> str:
         about = f"{name_of(errors.method)} with h = {errors.h:g}"
         found.append(f"{about}: the eigenvalues like {values}, the solution like {solution}{bound}")
     return (
-        "Lecture, figure 9 (HLW, sections X.1.5 and X.3). Toda lattice of three particles: (a) Euclidean norm of the errors "
-        "of the eigenvalues of Flaschka's matrix L(p, q), which are first integrals; (b) Euclidean norm of the error of "
-        f"(p, q), shown up to {SHOWN:g}. Largest errors so far grow, fitted from t = {FIT_FROM} on: {'; '.join(found)}."
+        "Lecture, figure 9 (HLW, sections X.1.5 and X.3). Toda lattice of three particles: (a) Euclidean norm of the "
+        "errors of the eigenvalues of Flaschka's matrix L(p, q), which are first integrals; (b) Euclidean norm of "
+        f"the error of (p, q), shown up to {SHOWN:g}. Largest errors so far grow, fitted from t = {FIT_FROM} on: "
+        f"{'; '.join(found)}."
     )
 
 

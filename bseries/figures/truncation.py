@@ -44,7 +44,7 @@ REVOLUTIONS_STEPS = 20_000
 RETURNED = 1e-5
 """Relative change of the distance from the equilibrium in a revolution below which a solution is periodic."""
 ZOOM, FLAT = 5.0, 0.7
-"""Half the width of an enlarged window, in distances of a step from the curve with two terms; its height by its width."""
+"""Half the width of an enlarged window in distances of a step from the curve with two terms; height by width."""
 BEFORE_END = 0.9
 """Part of the time from which the window is chosen, so that the curves go through it."""
 
@@ -172,10 +172,10 @@ def caption(numbers: Truncation) -> str:
     ]
     labels = ["the given equations", *(f"the truncation after {power_of_h(k)}" for k in range(1, MOST_TERMS))]
     text = (
-        f"Lecture, figure 3 (HLW, figure IX.1.3). Two methods on the Lotka–Volterra equations with h = {numbers.h:g} from "
-        f"(p, q) = {state(numbers.y0)}, with the exact solution and the solutions of the modified equations truncated "
-        "after h, h², …. (a), (b) Phase plane; (c), (d) the framed parts, enlarged; (e), (f) distances from the "
-        f"steps at the same time. At t = {numbers.t[-1]:g} they are {'; '.join(ends)}."
+        f"Lecture, figure 3 (HLW, figure IX.1.3). Two methods on the Lotka–Volterra equations with h = {numbers.h:g} "
+        f"from (p, q) = {state(numbers.y0)}, with the exact solution and the solutions of the modified equations "
+        "truncated after h, h², …. (a), (b) Phase plane; (c), (d) the framed parts, enlarged; (e), (f) distances "
+        f"from the steps at the same time. At t = {numbers.t[-1]:g} they are {'; '.join(ends)}."
     )
     for name, periods in zip(names, numbers.periods, strict=True):
         if (periods > 0).all():
@@ -189,7 +189,9 @@ def draw(numbers: Truncation, figure: Figure) -> None:
     panels = figure.subplots(3, 2, height_ratios=(1.4, 1.1, 1))
     panels[2, 1].sharey(panels[2, 0])
     names = short_names(numbers.methods)
-    label_panels(panels.flat, [*names, *(f"frame in ({letter})" for letter in "ab"), *(f"{n}, distances" for n in names)])
+    label_panels(
+        panels.flat, [*names, *(f"frame in ({letter})" for letter in "ab"), *(f"{n}, distances" for n in names)]
+    )
     for k, (above, middle, below) in enumerate(panels.T):
         _draw_curves(above, numbers, k, 2.0)
         _draw_curves(middle, numbers, k, 4.5)

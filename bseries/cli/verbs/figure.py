@@ -59,10 +59,10 @@ def figure(
     """A figure of the lecture that this project grew from, or a further one.
 
     Pictures have their printed size; the caption is printed once a picture is drawn. Options are methods and scenes by
-    name or file, numbers such as 1/20, and starts such as "2,2", or "2,2; 7/2,2" for several. --data writes the numbers
-    that a figure shows, a column for each quantity; columns need not be of the same length. --animate writes the figures
-    that move as GIF or MP4, in about half a minute. --all -o DIR draws all of them to files NAME.png, and with --data DIR
-    writes NAME.csv.
+    name or file, numbers such as 1/20, and starts such as "2,2", or "2,2; 7/2,2" for several.
+    --data writes the numbers of a figure, a column for each quantity; columns need not be of the same length.
+    --animate writes a figure that moves as GIF or MP4, in about half a minute.
+    --all -o DIR draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
 
     \b
     Examples:
@@ -101,7 +101,7 @@ def _rows() -> list[tuple[str, str, str, str]]:
 
 
 def _shown(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key}={_written(value)}" for key, value in options.items())
+    return ", ".join(key if value is None else f"{key}={_written(value)}" for key, value in options.items())
 
 
 def _written(value: Any) -> str:
