@@ -37,8 +37,8 @@ FINE = 6
 """Times of the flows per step."""
 FLOW = "dop853"
 SNAPSHOTS = 4
-MOST_STEPS = 25
-"""Most steps, which bounds the number of frames by 25 · 6 + 1."""
+MOST_STEPS = 24
+"""Most steps, which bounds the number of frames by 24 · 6 + 1."""
 
 
 class Carried(NamedTuple):

@@ -66,7 +66,7 @@ def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: An
     chosen, pendulum = read_methods(methods, 2), bs.scene("pendulum")
     start, steps = read_start(y0, pendulum), round(span / h)
     if steps > MOST_STEPS:
-        raise SeriesError(f"span / h must be at most {MOST_STEPS:,} steps, but was {steps:,}")
+        raise SeriesError(f"span/h must be at most {MOST_STEPS:,} steps, but was {steps:,}")
     orbit = _orbit(pendulum, start)
     runs, t = [], None
     for method in chosen:

@@ -16,7 +16,7 @@ from bseries.figures.helpers import (
     scientific,
 )
 from bseries.figures.options import read_count, read_number
-from foundation.plotting import BLACK, BLUE, ORANGE, SKY
+from foundation.plotting import BLACK, BLUE, SKY
 
 if TYPE_CHECKING:
     import numpy as np
@@ -171,7 +171,7 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
     for sign, label in ((1, r"$\pm s$"), (-1, None)):
         axes.plot(t, sign * numbers.deviation, color=BLUE, label=label)
         axes.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
-    axes.plot(t, numbers.mean, color=ORANGE, label="mean")
+    axes.plot(t, numbers.mean, color=BLACK, label="mean")
     axes.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
     axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     axes.legend(loc="lower left", bbox_to_anchor=(0.16, 0.98), ncols=4, borderaxespad=0)
@@ -184,8 +184,8 @@ def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
     )
     axes.loglog(t, deviation, color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
     axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
-    axes.loglog(t, abs(mean), color=ORANGE, linewidth=0.8, label="|mean|")
+    axes.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
     if numbers.members >= ENOUGH:
-        axes.loglog(t, 3 * error, ":", color=ORANGE, label="3 standard errors")
+        axes.loglog(t, 3 * error, ":", color=BLACK, label="3 standard errors")
     axes.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
     axes.legend(loc="upper left", ncols=2)

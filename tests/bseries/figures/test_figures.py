@@ -73,7 +73,7 @@ class TestRiccati:
         at = [round(t / found.h) for t in self.GIVEN["t"]]
         np.testing.assert_allclose(found.y[at], np.array(self.GIVEN["numerical"], float), rtol=1e-11)
 
-    @pytest.mark.parametrize("terms", (1, 2, 3, 4))
+    @pytest.mark.parametrize("terms", [1, 2, 3, 4])
     def test_truncated_solutions(self, terms):
         found = numbers_of("riccati")
         t, y = found.truncated[terms]
