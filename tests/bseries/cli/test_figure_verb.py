@@ -8,6 +8,7 @@ import io
 import numpy as np
 import pytest
 
+import bseries as bs
 from bseries.figures import registry, riccati, toda
 from bseries.figures.registry import compute, drawn, figure_file, figure_names
 from bseries.picture_files import data_rows
@@ -64,6 +65,20 @@ def test_data_on_standard_output(answer, tmp_path):
     times = [float(row[0]) for row in rows[1:] if row[0]]
     np.testing.assert_array_equal(times, found.t)
     assert path.exists()
+
+
+def test_an_animation(answer, tmp_path, monkeypatch):
+    """The file, and the caption; methods may be files."""
+    from bseries.figures import area_patch
+
+    monkeypatch.chdir(tmp_path)
+    tableau = tmp_path / "mine.json"
+    bs.save_method(bs.method("gauss2"), str(tableau))
+    options = ["--set", "methods=mine.json, rk4", "--set", "steps=4"]
+    text = answer("figure", "area-patch", *options, "--animate", "patch.gif")
+    found = area_patch.numbers(methods=[bs.load_method(str(tableau)), "rk4"], steps=4)
+    assert " ".join(text.split()) == area_patch.caption(found)
+    assert (tmp_path / "patch.gif").read_bytes().startswith(b"GIF89a")
 
 
 def test_list(answer):
@@ -125,6 +140,13 @@ def test_all(answer, tmp_path, two_figures, ending):
             ["truncation", "-o", "a.png", "--set", "terms=5/2"],
             "terms must be a whole number from 1 to 6, but was '5/2'",
         ),
+        (["riccati", "--animate", "a.gif"], "name must be a figure that moves, one of lotka-volterra, area-patch,"),
+        (["area-patch", "--animate", "a.avi"], "animate must be a file that ends in .gif or .mp4, but was 'a.avi'"),
+        (["area-patch", "--animate", "no/a.gif"], "animate must be a file in a folder that is there"),
+        (["area-patch", "-o", "a.png", "--set", "scene=kepler"], "scene must have two variables, but kepler has 4"),
+        (["large-steps", "-o", "a.png", "--set", "method=no.json"], "no.json"),
+        (["large-steps", "-o", "a.png", "--set", "y0=__import__('os')"], "y0 must"),
+        (["--all", "-o", "a", "--animate", "a.gif"], "animate must be left out with --all, but was 'a.gif'"),
         (["--all"], "output must be a folder with --all"),
         (["--all", "-o", "a", "--data", "-"], "output must be a folder with --all"),
         (["--all", "-o", "a", "--set", "h=1"], "set must be left out with --all, but was 'h=1'"),
