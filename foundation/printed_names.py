@@ -39,6 +39,23 @@ WHOLE = {
 _PART = re.compile(r"([a-z]*)([0-9]*\w*)")
 
 
+_NAME = re.compile(r"(?<![\w./\\-])[a-z][a-z0-9]+(?:-[a-z0-9]+)*(?![\w/\\-]|\.\w)")
+"""A name in a text; file names are none."""
+_POWER = re.compile(r"(?<=\w)\^([0-9]+)\b")
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def printed_text(text: str) -> str:
+    """A text with the names of catalogues in it as printed, and with whole powers as superscripts.
+
+    Example:
+        >>> printed_text("stormer-verlet-kdk on perturbed-kepler, h = 0.1"), printed_text("rk4.csv, h = 0.1")
+        ('Störmer–Verlet (KDK) on perturbed Kepler, h = 0.1', 'rk4.csv, h = 0.1')
+    """
+    raised = _POWER.sub(lambda found: found[1].translate(_SUPERSCRIPTS), text)
+    return _NAME.sub(lambda found: printed_name(found[0]), raised)
+
+
 def printed_name(name: str) -> str:
     """A name of a catalogue as text for titles and legends; any other name is left alone.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +57,11 @@ def save_animation(
         figure: The figure.
         frames: Changes the figure, and yields the number of each frame, from 1, and of all frames.
         progress: A function that receives these numbers.
+
+    Raises:
+        SeriesError: The path has another ending, or the program that encodes MP4 fails.
+        ImportError: matplotlib or this program is not installed.
+        IntegratorError: The file cannot be written.
     """
     from matplotlib import rc_context
     from matplotlib.animation import FFMpegWriter, PillowWriter
@@ -65,13 +71,19 @@ def save_animation(
     with TemporaryDirectory() as folder, rc_context(encoder):
         written = os.path.join(folder, f"animation.{format_}")
         writer: Any = (FFMpegWriter if format_ == "mp4" else PillowWriter)(fps=PER_SECOND)
-        with writer.saving(figure, written, DOTS):
-            for frame, count in frames:
-                if frame == 1:  # places stay: labels of other widths would let the axes jump
-                    figure.draw_without_rendering()
-                    figure.set_layout_engine("none")
-                writer.grab_frame(facecolor="white")
-                if progress is not None:
-                    progress(frame, count)
+        try:
+            with writer.saving(figure, written, DOTS):
+                for frame, count in frames:
+                    if frame == 1:  # places stay: labels of other widths would let the axes jump
+                        figure.draw_without_rendering()
+                        figure.set_layout_engine("none")
+                    writer.grab_frame(facecolor="white")
+                    if progress is not None:
+                        progress(frame, count)
+        except (BrokenPipeError, CalledProcessError):
+            raise SeriesError(
+                f"animate must be a file that ffmpeg can write, but {encoder.get('animation.ffmpeg_path')} failed on "
+                f"{str(path)!r:.60}"
+            ) from None
         with open(written, "rb") as file:
             atomic_write(path, file.read())

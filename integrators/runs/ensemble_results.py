@@ -15,7 +15,7 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.diagrams import draw_band, draw_legend, write_title
+from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
 from foundation.extras import optional_module
 from foundation.plotting import BLUE, GREY, drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
@@ -274,7 +274,7 @@ class EnsembleResult(Tabular):
             draw_legend(axes)
             about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}: {self.meta['members']:,} members"
             write_title(axes, about)
-            axes.set(xlabel="time t", ylabel=self._label(name))
+            axes.set(xlabel=axis_label("t"), ylabel=self._label(name))
         return axes
 
     def _label(self, name: str) -> str:

@@ -341,6 +341,12 @@ class TestAnimations:
         with pytest.raises(bs.errors, match=re.escape(message)):
             animate(figure_file(name), None, path)
 
+    def test_an_encoder_that_fails(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(animations, "_encoder", lambda: "false")
+        with pytest.raises(bs.SeriesError, match="animate must be a file that ffmpeg can write, but false failed on"):
+            animate(figure_file("area-patch"), area_patch.numbers(steps=4), tmp_path / "patch.mp4")
+        assert not list(tmp_path.iterdir())
+
     def test_mp4_needs_an_encoder(self, monkeypatch):
         from matplotlib.animation import FFMpegWriter
 
