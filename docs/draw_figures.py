@@ -12,9 +12,10 @@ FEWER = {"lennard-jones-drift": {"members": 16}}
 def section(name: str) -> str:
     """Draw a figure; the text about it."""
     file, options = figure_file(name), FEWER.get(name, {})
-    drawn(file, compute(file, options)).savefig(FOLDER / f"{name}.png", dpi=130)
+    figure = drawn(file, compute(file, options))
+    figure.savefig(FOLDER / f"{name}.png", dpi=130)
     settings = "".join(f" --set {key}={value}" for key, value in options.items())
-    return f"## {file.TITLE}\n\n![{file.TITLE}]({name}.png)\n\n{file.CAPTION}\n\n`bseries figure {name}{settings}`\n"
+    return f"## {file.TITLE}\n\n![{file.TITLE}]({name}.png)\n\n{figure.caption}\n\n`bseries figure {name}{settings}`\n"
 
 
 if __name__ == "__main__":

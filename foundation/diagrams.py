@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from foundation.printed_names import printed_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,7 +58,37 @@ def write_title(ax: Axes, text: str) -> None:
     """A title in lines that a narrow figure has room for, in place of any other; names from files are no formulas."""
     for place in ("left", "center", "right"):
         ax.set_title("", loc=place)
-    ax.set_title(fill(text.removeprefix("the ").replace(" = ", "\xa0=\xa0"), TITLE), parse_math=False)
+    text = printed_text(text.removeprefix("the ")).replace(" = ", "\xa0=\xa0")
+    ax.set_title(fill(text, TITLE), parse_math=False)
+
+
+GREEK = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
+_SYMBOL = re.compile(rf"(?P<letter>[A-Za-z]|{GREEK.replace(' ', '|')})_?(?P<index>[0-9]*)")
+
+
+def axis_label(name: str, change: bool = False) -> str:
+    """The label of an axis for a variable or a quantity: symbols are italic, with indices below.
+
+    Args:
+        name: The name; ``t`` is the time, ``energy`` the Hamiltonian.
+        change: Whether the change since the start is drawn.
+
+    Example:
+        >>> axis_label("t"), axis_label("q1"), axis_label("theta", change=True), axis_label("energy", change=True)
+        ('time $t$', '$q_{1}$', '$\\\\theta - \\\\theta(0)$', 'error of the energy, $H - H_0$')
+        >>> axis_label("angular_momentum", change=True)
+        'change of angular_momentum since the start'
+    """
+    if name == "t":
+        return "time $t$"
+    if name == "energy":
+        return "error of the energy, $H - H_0$" if change else "energy $H$"
+    found = _SYMBOL.fullmatch(name)
+    if found is None:
+        return f"change of {name} since the start" if change else name
+    letter = found["letter"] if len(found["letter"]) == 1 else f"\\{found['letter']}"
+    symbol = letter + (f"_{{{found['index']}}}" if found["index"] else "")
+    return f"${symbol} - {symbol}(0)$" if change else f"${symbol}$"
 
 
 def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SHADE) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 EXTRAS = {"matplotlib": "plot", "scipy": "scipy", "pandas": "frames", "xarray": "frames", "distributed": "cluster"}
 EXTRAS |= dict.fromkeys(("bokeh", "jinja2"), "explore") | dict.fromkeys(("pypandoc", "typst"), "course")
+EXTRAS["imageio_ffmpeg"] = "animate"
 """The extra of this distribution that installs a package."""
 
 

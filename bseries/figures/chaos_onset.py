@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import fitted_factor
-from foundation.plotting import BLUE, VERMILION, WHITE
+from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, scientific, set_angle_axis
+from bseries.figures.options import read_number
+from foundation.plotting import BLACK, BLUE, ORANGE, SKY, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from integrators.methods.programs.program import Method
+
 NUMBER = None
 TITLE = "Pendulum: where the implicit midpoint rule becomes chaotic as the step size grows"
-CAPTION = (
-    "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7. Blue starts are chaotic: "
-    "two orbits that start a relative distance 10⁻¹⁰ apart are more than 0.01 apart at t = 700. For every h there is "
-    "chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its width in p is proportional to h⁻³ "
-    "e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by p²/2, so the width is proportional to "
-    "h^(−3/2) e^(−π²/2h); the factor is fitted, and the width is about 0.03 for h = 0.7. In (a) the layer is visible "
-    "only from h ≈ 1 on."
-)
 SIZE = (16.0, 8.0)
 
 METHOD = "implicit-midpoint"
@@ -37,9 +33,18 @@ SADDLE = (-4.0, 0.0, 49)
 """Decimal logarithms of momenta at q = −π; the separatrix is at p = 0."""
 
 
+FRAMES, ORBIT = 106, 800
+"""Frames of the animation, and steps of its orbits."""
+MOVING = (0.3, 3.6, 34)
+"""Momenta of these orbits at q = 0."""
+HEIGHTS = (-2.8, 4.2)
+"""Least and largest momentum in the animation."""
+
+
 class ChaosOnset(NamedTuple):
     """Data of the figure."""
 
+    span: float  # length of the runs
     h: np.ndarray  # step sizes
     bottom: np.ndarray  # momenta of starts at q = 0
     saddle: np.ndarray  # momenta of starts at q = −π
@@ -76,24 +81,25 @@ def asymptotic_width(h: np.ndarray) -> np.ndarray:
     return h**-1.5 * np.exp(-(np.pi**2) / 2 / h)
 
 
-def numbers() -> ChaosOnset:
-    """Pairs of orbits up to t = 700 for all step sizes and starts."""
+def numbers(*, span: Any = SPAN) -> ChaosOnset:
+    """Pairs of orbits of the implicit midpoint rule for all step sizes and starts."""
     import numpy as np
 
+    span = read_number(span, "span", 50, 5000)
     h, bottom, saddle = np.linspace(*STEP_SIZES), np.linspace(*BOTTOM), np.logspace(*SADDLE)
     starts = np.array([*((p, 0.0) for p in bottom), *((p, -np.pi) for p in saddle)])
-    chaotic = np.array([is_chaotic(starts, size) for size in h])
-    return ChaosOnset(h, bottom, saddle, chaotic[:, : len(bottom)], chaotic[:, len(bottom) :])
+    chaotic = np.array([is_chaotic(starts, size, span) for size in h])
+    return ChaosOnset(span, h, bottom, saddle, chaotic[:, : len(bottom)], chaotic[:, len(bottom) :])
 
 
-def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN) -> np.ndarray:
+def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN, method: Method | str = METHOD) -> np.ndarray:
     """Whether each start and a neighbouring one lead to distant ends."""
     import numpy as np
 
     steps, p = round(span / h), starts[:, 0]
     nearby = np.column_stack([p + NEARBY * np.where(p == 0, 1, p), starts[:, 1]])
     runs = bs.ensemble(
-        METHOD,
+        method,
         bs.scene("pendulum"),
         h=h,
         steps=steps,
@@ -120,27 +126,74 @@ def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
     return table
 
 
-def draw(numbers: ChaosOnset, figure: Figure) -> None:
-    """Left the starts at q = 0, right those near the saddle point."""
+def caption(numbers: ChaosOnset) -> str:
+    """What chaotic means, and the width of the layer."""
     import numpy as np
 
+    width = float(np.interp(0.7, numbers.h, numbers.width))
+    first = numbers.h[numbers.chaotic_bottom.any(axis=1)]
+    seen = f"visible only from h = {first[0]:.2g} on" if len(first) else "not visible"
+    return (
+        "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7: starts of the "
+        "implicit midpoint rule on the pendulum. Starts in the coloured regions are chaotic: two orbits that start a "
+        f"relative distance 10⁻¹⁰ apart are more than {APART:g} apart at t = {numbers.span:g}. For every h there is "
+        "chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its width in p is proportional to "
+        "h⁻³ e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by p²/2, so the width is "
+        f"proportional to h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is {scientific(width, 2)} "
+        f"for h = 0.7. In (a) the layer is {seen}."
+    )
+
+
+def draw(numbers: ChaosOnset, figure: Figure) -> None:
+    """Left the starts at q = 0, right those near the saddle point."""
     left, right = figure.subplots(1, 2)
-    _draw_map(left, numbers.h, numbers.bottom, numbers.chaotic_bottom)
-    separatrix = 2 / np.sqrt(1 - numbers.h**2 / 12)  # where H + h²H₃ is what it is at the saddle point
-    left.plot(numbers.h, separatrix, "--", color=VERMILION, label="separatrix of $H + h^2H_3$")
-    left.set(ylabel="momentum $p$ at $q = 0$", title="(a) starts at $q = 0$", ylim=BOTTOM[:2])
+    label_panels((left, right), ("starts at $q = 0$", r"starts above the saddle point, $q = -\pi$"))
+    _draw_bottom(left, numbers)
     _draw_map(right, numbers.h, numbers.saddle, numbers.chaotic_saddle)
     label = rf"fitted: ${numbers.coefficient:.0f}\,h^{{-3/2}}\,e^{{-\pi^2/2h}}$"
-    right.plot(numbers.h, numbers.coefficient * asymptotic_width(numbers.h), "--", color=VERMILION, label=label)
-    right.set(ylabel=r"momentum $p$ at $q = -\pi$", title=r"(b) starts above the saddle point, $q = -\pi$")
+    right.plot(numbers.h, numbers.coefficient * asymptotic_width(numbers.h), "--", color=BLACK, label=label)
+    right.set(ylabel=r"momentum $p$ at $q = -\pi$", xlabel="step size $h$", xlim=STEP_SIZES[:2])
     right.set(yscale="log", ylim=(10 ** SADDLE[0], 10 ** (SADDLE[1] + 1)))  # leaves room for the legend
     for axes in (left, right):
-        axes.set(xlabel="step size $h$", xlim=STEP_SIZES[:2])
         axes.legend(loc="upper left")
+
+
+def _draw_bottom(axes: Axes, numbers: ChaosOnset) -> None:
+    """The starts at q = 0, and the separatrix of the modified Hamiltonian."""
+    import numpy as np
+
+    _draw_map(axes, numbers.h, numbers.bottom, numbers.chaotic_bottom)
+    separatrix = 2 / np.sqrt(1 - numbers.h**2 / 12)  # where H + h²H₃ is what it is at the saddle point
+    axes.plot(numbers.h, separatrix, "--", color=BLACK, label="separatrix of $H + h^2H_3$")
+    axes.set(ylabel="momentum $p$ at $q = 0$", xlabel="step size $h$", xlim=STEP_SIZES[:2], ylim=BOTTOM[:2])
 
 
 def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
     from matplotlib.colors import ListedColormap
 
-    axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, BLUE]), shading="nearest", rasterized=True)
-    axes.fill([], [], color=BLUE, label="chaotic")
+    axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, SKY]), shading="nearest", rasterized=True)
+    axes.fill([], [], color=SKY, label="chaotic")
+
+
+def frames(numbers: ChaosOnset, figure: Figure) -> Iterator[tuple[int, int]]:
+    """Orbits while the step size grows, chaotic ones dark; and where the step size is in the map of starts."""
+    import numpy as np
+
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    _draw_bottom(right, numbers)
+    right.legend(loc="upper left")
+    marker = right.axvline(numbers.h[0], color=BLACK, linewidth=1.2)
+    p = np.linspace(*MOVING)
+    dots = [left.plot([], [], ".", markersize=1.4, markeredgewidth=0)[0] for _ in p]
+    left.set(xlabel="angle $q$", ylabel="momentum $p$", ylim=HEIGHTS)
+    set_angle_axis(left)
+    sizes = np.linspace(*STEP_SIZES[:2], FRAMES)
+    for frame, h in enumerate(sizes, 1):
+        chaotic = is_chaotic(np.column_stack([p, 0 * p]), h, numbers.span)
+        for start, dot, is_dark in zip(p, dots, chaotic, strict=True):
+            y = bs.integrate(METHOD, bs.scene("pendulum"), h=h, steps=ORBIT, y0=[start, 0.0]).y
+            dot.set_data(reduced_angle(y[1]), y[0])
+            dot.set(color=BLUE if is_dark else ORANGE)
+        label_panels((left, right), (f"orbits, $h = {h:.3f}$; chaotic ones are dark", "starts at $q = 0$"))
+        marker.set_xdata([h, h])
+        yield frame, len(sizes)

@@ -1,104 +1,160 @@
-"""Figure 5: energy error on the pendulum with explicit and with symplectic Euler."""
+"""Figure 5: energy error of two methods on the pendulum, and what modified equations predict."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import check_number
-from foundation.plotting import BLACK, BLUE, GREY, VERMILION
+from bseries.exceptions import SeriesError
+from bseries.figures.helpers import label_panels, name_of, power_of_h, scientific, short_names, state
+from bseries.figures.options import read_methods, read_number, read_start
+from bseries.hamiltonians.drift.orbits import closed_orbit
+from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
     from integrators import Scene
+    from integrators.methods.programs.program import Method
 
 NUMBER = 5
 TITLE = "Pendulum: error of the total energy with explicit and symplectic Euler"
-CAPTION = (
-    "Lecture, figure 5. With the explicit Euler method the energy drifts. Its mean slope, h ⟨∇H·f₂⟩, is predicted by "
-    "the modified equation. With the symplectic Euler method (implicit in p) the error stays bounded: to first order "
-    "in h it is at most h/2 max|p sin q|, the size of the first term of the modified Hamiltonian, which is zero at "
-    "the start, q = 0."
-)
-SIZE = (12.0, 10.0)
+SIZE = (12.0, 10.5)
 
+METHODS = ("explicit-euler", "symplectic-euler-p")
 START = (2.5, 0.0)
-SPAN, CLOSER = 200.0, 20.0
-"""Length of the runs, and of the part shown in the lower panel."""
+CLOSER = 0.1
+"""Part of the time that the lower panel shows."""
 POINTS = 400
-"""Points of the orbit in averages of periodic functions."""
+"""Points of the exact orbit, over a period."""
+FLOW = "dop853"
 MOST_DRAWN = 4000
 """Most points of a curve in the picture."""
+MOST_STEPS = 10_000_000
+
+
+class Energy(NamedTuple):
+    """A method on the pendulum."""
+
+    method: Method
+    order: int  # its order
+    errors: np.ndarray  # error of the energy at all times
+    verdict: str  # what `energy_drift` finds: bounded, linear drift, …
+    slope: float  # mean slope predicted by the modified equation
+    # least and largest error to first order in h^order, where the modified equation is Hamiltonian; else nan
+    band: tuple[float, float]
 
 
 class EnergyError(NamedTuple):
     """Data of the figure."""
 
     h: float  # step size
+    y0: tuple[float, ...]  # start
     t: np.ndarray  # times of the steps
-    explicit: np.ndarray  # error of the energy with explicit Euler
-    symplectic: np.ndarray  # the same with symplectic Euler
-    slope: float  # mean drift of explicit Euler predicted by its modified equation
-    bound: float  # first-order bound for symplectic Euler
+    runs: tuple[Energy, ...]  # both methods
+
+    @property
+    def closer(self) -> Energy:
+        """The method with the smaller errors, which the lower panel shows."""
+        return min(self.runs, key=lambda run: float(abs(run.errors).max()))
 
 
-def numbers(*, h: float = 0.005) -> EnergyError:
-    """Both runs up to t = 200 from (p, q) = (2.5, 0), where the pendulum rotates."""
-    import numpy as np
-
-    h = check_number(h, "h", 0.0005, 0.05)
-    pendulum = bs.scene("pendulum")
-
-    def run(method: str) -> bs.Trajectory:
-        return bs.integrate(method, pendulum, h=h, steps=round(SPAN / h), y0=START, observe="energy")
-
-    explicit, symplectic = run("explicit-euler"), run("symplectic-euler-p")
-    errors = [energy - energy[0] for energy in (explicit.observed["energy"], symplectic.observed["energy"])]
-    orbit = _orbit(explicit.observed["energy"][0])
-    bound = h / 2 * float(np.abs(orbit[0] * np.sin(orbit[1])).max())
-    return EnergyError(h, explicit.t, *errors, slope=h * _mean_drift(pendulum, orbit), bound=bound)
-
-
-def _orbit(energy: float) -> np.ndarray:
-    """Points (p, q) of a period of the rotating pendulum, at equidistant angles."""
-    import numpy as np
-
-    q = np.linspace(0, 2 * np.pi, POINTS, endpoint=False)
-    return np.array([np.sqrt(2 * (energy + np.cos(q))), q])
+def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: Any = 200) -> EnergyError:
+    """Runs of both methods; the pendulum from (p, q) = (2.5, 0) rotates."""
+    h, span = read_number(h, "h", 0.0005, 0.5), read_number(span, "span", 10, 1e5)
+    chosen, pendulum = read_methods(methods, 2), bs.scene("pendulum")
+    start, steps = read_start(y0, pendulum), round(span / h)
+    if steps > MOST_STEPS:
+        raise SeriesError(f"span/h must be at most {MOST_STEPS:,} steps, but was {steps:,}")
+    orbit = _orbit(pendulum, start)
+    runs, t = [], None
+    for method in chosen:
+        stored: dict[str, Any] = {"observe": "energy", "observe_every": 1, "save_every": None}
+        run = bs.integrate(method, pendulum, h=h, steps=steps, y0=start, **stored)
+        t, energies = run.observed_t, run.observed["energy"]
+        runs.append(_prediction(method, pendulum, h, orbit, energies - energies[0]))
+    assert t is not None
+    return EnergyError(h, start, t, tuple(runs))
 
 
-def _mean_drift(scene: Scene, orbit: np.ndarray) -> float:
-    """The time average of ∇H·f₂ for explicit Euler, with dt proportional to dq/p."""
-    f, f2 = bs.modified_field(bs.method("explicit-euler"), scene, 2).terms(orbit)
-    drift = f[1] * f2[0] - f[0] * f2[1]  # ∇H = (q', −p')
-    return float((drift / orbit[0]).sum() / (1 / orbit[0]).sum())
+def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
+    """Points of the exact solution over the time in which it turns back or over, (2, points)."""
+    import sympy
+
+    period = float(closed_orbit(scene, start, {1: 2 * sympy.pi}).period)
+    if not period:
+        raise SeriesError(f"y0 must not be an equilibrium, but was {start}")
+    return bs.integrate(FLOW, scene, h=period / POINTS, steps=POINTS, y0=start).y
+
+
+def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, errors: np.ndarray) -> Energy:
+    """The errors of a run with what the modified equation says of them."""
+    report, order = bs.energy_drift(method, scene, y0=orbit[:, 0].tolist(), h=h), bs.order_of(method)
+    band = float("nan"), float("nan")
+    if report.power is None or report.power > order:
+        terms = bs.modified_hamiltonian(method, scene, order + 1).terms(orbit)[order]
+        changes = h**order * (terms[0] - terms)  # H̃ stays, so H changes by what the term takes away
+        band = float(changes.min()), float(changes.max())
+    return Energy(method, order, errors, report.verdict, report.slope(), band)
 
 
 def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
     """The errors at all times, and the predictions."""
     import numpy as np
 
-    predicted = {"predicted_slope": np.array([numbers.slope]), "predicted_bound": np.array([numbers.bound])}
-    return {"t": numbers.t, "explicit_euler": numbers.explicit, "symplectic_euler_p": numbers.symplectic, **predicted}
+    table = {"t": numbers.t}
+    for k, run in enumerate(numbers.runs, 1):
+        key = (run.method.name or f"method{k}").replace("-", "_")
+        table |= {f"error_{key}": run.errors, f"predicted_slope_{key}": np.array([run.slope])}
+        table[f"predicted_band_{key}"] = np.array(run.band)
+    return table
+
+
+def caption(numbers: EnergyError) -> str:
+    """What is predicted, and what is found."""
+    import numpy as np
+
+    text = f"Lecture, figure 5. Pendulum from (p, q) = {state(numbers.y0)} with h = {numbers.h:g}: error of the energy."
+    for run in numbers.runs:
+        name, largest = name_of(run.method), scientific(float(abs(run.errors).max()))
+        if run.slope:
+            found = scientific(float(np.polyfit(numbers.t, run.errors, 1)[0]))
+            text += (
+                f" With {name} the energy drifts: its modified equation predicts the mean slope "
+                f"{scientific(run.slope)}, and the line fitted to the errors has the slope {found}."
+            )
+        elif not np.isnan(run.band).any():
+            low, high = map(scientific, run.band)
+            text += (
+                f" The modified equation of {name} is Hamiltonian at {power_of_h(run.order)}: the size of this term of "
+                f"the modified Hamiltonian predicts errors from {low} to {high}, and the largest one is {largest}."
+            )
+        else:
+            text += f" With {name} no drift is predicted ({run.verdict}), and the largest error is {largest}."
+    return text
 
 
 def draw(numbers: EnergyError, figure: Figure) -> None:
     """Above both errors, below the smaller one enlarged."""
     above, below = figure.subplots(2)
+    span = float(numbers.t[-1])
     thin = slice(None, None, max(1, len(numbers.t) // MOST_DRAWN))
-    above.plot(numbers.t[thin], numbers.explicit[thin], color=VERMILION, label="explicit Euler")
-    above.plot(numbers.t[thin], numbers.symplectic[thin], color=BLUE, linewidth=0.8, label="symplectic Euler")
-    slope, label = numbers.slope, f"predicted: slope {numbers.slope:.4g}"
-    above.plot([0, SPAN], [0, slope * SPAN], "--", color=BLACK, linewidth=0.7, label=label)
-    above.set_title(f"pendulum from $(p, q) = (2.5, 0)$, $h = {numbers.h:g}$")
-    above.legend(loc="upper left")
-    closer, bound = numbers.t <= CLOSER, numbers.bound
-    label = r"predicted: up to $\frac{h}{2}\,\max|p\,\sin q|$"
-    below.axhspan(-bound, bound, color=GREY, alpha=0.25, linewidth=0, label=label)
-    below.plot(numbers.t[closer], numbers.symplectic[closer], color=BLUE, label="symplectic Euler")
-    below.set(ylim=(-2.1 * bound, 1.4 * bound))
-    below.legend(loc="lower left", ncols=2)
-    for axes, end in ((above, SPAN), (below, CLOSER)):
-        axes.set(xlabel="time $t$", ylabel="error of the energy", xlim=(0, end))
+    names = short_names([run.method for run in numbers.runs])
+    for run, name, colour in zip(numbers.runs, names, (ORANGE, BLUE), strict=True):
+        above.plot(numbers.t[thin], run.errors[thin], color=colour, linewidth=1.0, label=name)
+    for run, dashes in zip(numbers.runs, ("--", ":"), strict=True):
+        if run.slope:
+            label = f"predicted slope {run.slope:.4g}"
+            above.plot([0, span], [0, run.slope * span], dashes, color=BLACK, linewidth=0.8, label=label)
+    run = numbers.closer
+    name, colour = names[numbers.runs.index(run)], (ORANGE, BLUE)[numbers.runs.index(run)]
+    shown = numbers.t <= CLOSER * span
+    handles = list(above.lines)
+    if run.band[0] < run.band[1]:
+        handles.append(below.axhspan(*run.band, color=GREY, alpha=0.25, linewidth=0, label="predicted range"))
+    below.plot(numbers.t[shown], run.errors[shown], color=colour, label=name)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    label_panels((above, below), ("both methods", f"{name}, the first tenth of the time"))
+    for axes, end in ((above, span), (below, CLOSER * span)):
+        axes.set(xlabel="time $t$", ylabel="$H(p, q) - H(p_0, q_0)$", xlim=(0, end))

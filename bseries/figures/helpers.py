@@ -1,39 +1,23 @@
-"""Helpers that figures share: checks of options, truncated modified equations as scenes, fits, and axes of angles."""
+"""Helpers that figures share: truncated modified equations as scenes, fits, words of captions, panels and axes."""
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import bseries as bs
-from bseries.exceptions import SeriesError
+from foundation.printed_names import printed_name
+from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
 
     from integrators import Scene
+    from integrators.methods.programs.program import Method
 
 
-def check_number(value: Any, argument: str, least: float, most: float) -> float:
-    """A number within bounds, as a double."""
-    if not (_is_a(Real, value) and least <= value <= most):
-        raise SeriesError(f"{argument} must be a number from {least:g} to {most:g}, but was {value!r:.60}")
-    return float(value)
-
-
-def check_count(value: Any, argument: str, least: int, most: int) -> int:
-    """A whole number within bounds."""
-    if not (_is_a(Integral, value) and least <= value <= most):
-        raise SeriesError(f"{argument} must be a whole number from {least} to {most}, but was {value!r:.60}")
-    return int(value)
-
-
-def _is_a(kind: type, value: Any) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool)
-
-
-def truncated_scene(method: str, scene: Scene, terms: int, h: float) -> Scene:
+def truncated_scene(method: Method | str, scene: Scene, terms: int, h: float) -> Scene:
     """The truncated modified equation y' = f(y) + h f_2(y) + … + h^(N−1) f_N(y) for one step size, as a scene.
 
     Example:
@@ -42,13 +26,14 @@ def truncated_scene(method: str, scene: Scene, terms: int, h: float) -> Scene:
     """
     import sympy
 
-    f, step = bs.modified_field(bs.method(method), scene, terms), sympy.Symbol("h")
+    method = as_method(method)
+    f, step = bs.modified_field(method, scene, terms), sympy.Symbol("h")
     field = [sum(step**k * f.symbolic(k)[i] for k in range(terms)) for i in range(scene.dimension)]
     return bs.Scene(
         dict.fromkeys(scene.variables, 1),
         field=dict(zip(scene.variables, field, strict=True)),
         parameters={"h": h},
-        name=f"{method} on {scene.name}, {terms} terms",
+        name=f"{method.name} on {scene.name}, {terms} terms",
     )
 
 
@@ -85,6 +70,96 @@ def logarithmic_indices(count: int, points: int) -> np.ndarray:
     import numpy as np
 
     return np.unique(np.geomspace(1, count - 1, points).astype(int))
+
+
+def power(variable: str, exponent: float) -> str:
+    """A fitted power for captions.
+
+    Example:
+        >>> power("t", 1.9249), power("t", -0.001)
+        ('t^1.92', 't^0.00')
+    """
+    return f"{variable}^{exponent:.2f}".replace("-0.00", "0.00")
+
+
+def superscript(number: int) -> str:
+    """A whole number as a superscript in captions.
+
+    Example:
+        >>> "h" + superscript(4), "10" + superscript(-6)
+        ('h⁴', '10⁻⁶')
+    """
+    return str(number).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def subscript(number: int) -> str:
+    """A whole number as a subscript in captions."""
+    return str(number).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
+
+
+def power_of_h(exponent: int) -> str:
+    """h, h², h³, … in captions."""
+    return "h" + (superscript(exponent) if exponent > 1 else "")
+
+
+def scientific(value: float, digits: int = 3) -> str:
+    """A number for captions, with a power of ten where it is small.
+
+    Example:
+        >>> scientific(0.000123456), scientific(-1.5), scientific(2210), scientific(0.0)
+        ('1.23·10⁻⁴', '−1.5', '2.21·10³', '0')
+    """
+    if not value or 1e-3 <= abs(value) < 10**digits:
+        return f"{value:.{digits}g}".replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{superscript(int(exponent))}".replace("-", "−")
+
+
+def state(values: Iterable[float]) -> str:
+    """A state in captions and legends, with −π as such.
+
+    Example:
+        >>> from math import pi
+        >>> state((2.5, 0.0)), state((1.5, -pi))
+        ('(2.5, 0)', '(1.5, −π)')
+    """
+    from math import pi
+
+    names = {pi: "π", -pi: "−π"}
+    return f"({', '.join(names.get(value, f'{value:g}'.replace('-', '−')) for value in values)})"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words in a sentence.
+
+    Example:
+        >>> listed(["1"]), listed(["1", "2", "3"])
+        ('1', '1, 2 and 3')
+    """
+    return " and ".join([*filter(None, [", ".join(words[:-1])]), words[-1]])
+
+
+def name_of(method: Method) -> str:
+    """The name of a method in captions and legends."""
+    return printed_name(method.name or "method")
+
+
+def short_names(methods: Sequence[Method]) -> list[str]:
+    """The names of methods in titles and legends, without what is in brackets as long as they differ.
+
+    Example:
+        >>> short_names([bs.method("stormer-verlet"), bs.method("symplectic-euler-p")])
+        ['Störmer–Verlet', 'symplectic Euler']
+    """
+    names = [name_of(method) for method in methods]
+    short = [name.partition(" (")[0] for name in names]
+    return short if len(set(short)) == len(short) else names
+
+
+def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:
+    """Titles of panels, which begin with (a), (b), …"""
+    for letter, axes, title in zip("abcdefghi", panels, titles, strict=False):
+        axes.set_title(f"({letter}) {title}")
 
 
 def reduced_angle(q: Any) -> Any:

@@ -1,74 +1,110 @@
-"""Figure 6: the implicit midpoint rule on the pendulum with large steps, and its modified Hamiltonian."""
+"""Figure 6: a symplectic method on the pendulum with large steps, and its modified Hamiltonian."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import pi
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import reduced_angle, set_angle_axis
-from foundation.plotting import BLUE, GREEN, GREY, PURPLE, VERMILION
+from bseries.exceptions import SeriesError
+from bseries.figures.chaos_onset import APART, is_chaotic
+from bseries.figures.helpers import (
+    label_panels,
+    listed,
+    name_of,
+    power_of_h,
+    reduced_angle,
+    scientific,
+    set_angle_axis,
+    state,
+    subscript,
+)
+from bseries.figures.options import read_count, read_method, read_numbers, read_starts
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from integrators import Scene
+    from integrators.methods.programs.program import Method
+
 NUMBER = 6
-TITLE = "Pendulum: implicit midpoint rule with large steps, on level curves of its modified Hamiltonian"
-CAPTION = (
-    "Lecture, figure 6. Four orbits of 20,000 steps, started at the large dots, and the level curves of H + h²H₃ "
-    "through these starts. Where the pendulum rotates, the level curves of the opposite rotation are shown as well. "
-    "Up to h = 0.7 the orbits stay near the level curves. For h = 1 the third orbit consists of islands, as at a "
-    "resonance. None of the four orbits is visibly chaotic before h = 1.3, where the second one is. The larger the "
-    "momentum, the smaller the step size from which on H + h²H₃ no longer describes an orbit. The figure chaos-onset "
-    "shows all starts."
-)
+TITLE = "Pendulum: a symplectic method with large steps, on level curves of its modified Hamiltonian"
 SIZE = (17.0, 12.0)
 
 METHOD = "implicit-midpoint"
 STEPS, PIECE = 20_000, 2000
+"""Steps of an orbit, and those between which its angle is reduced: large angles would spoil the force by rounding."""
 TERMS = 3
-"""H + h²H₃."""
+"""H + h²H₃ for methods of order 1 and 2; others have the first term that is not zero."""
 STEP_SIZES = (0.3, 0.7, 1.0, 1.3, 1.35, 1.6)
-STARTS = ((0.0, -1.5), (0.0, -2.5), (1.5, -pi), (2.5, -pi))
+STARTS = "0,-3/2; 0,-5/2; 3/2,-pi; 5/2,-pi"
 GRID = 241
-TOP, BOTTOM = 7.1, -2.8
-"""The largest and the least momentum in the picture: for h = 1.35 the fourth orbit reaches 6.9."""
+TOP, BOTTOM, FARTHEST = 3.5, -2.8, 10.0
+"""The picture shows at least these momenta, and others up to the farthest."""
+COLOURS, MARKERS = (BLUE, GREEN, PURPLE, VERMILION), ("o", "s", "^", "D")
 
 
 class LargeSteps(NamedTuple):
     """Data of the figure."""
 
+    method: Method
+    terms: int  # number of terms of the modified Hamiltonian
+    starts: np.ndarray  # (starts, 2)
     h: np.ndarray  # step sizes
     states: np.ndarray  # steps, (step sizes, starts, 2, steps + 1), with angles from −π to π
-    energies: np.ndarray  # modified Hamiltonian H + h²H₃ along them, (step sizes, starts, steps + 1)
+    energies: np.ndarray  # modified Hamiltonian along them, (step sizes, starts, steps + 1)
+    chaotic: np.ndarray  # whether orbits that start next to them lead far away, (step sizes, starts)
     p: np.ndarray  # momenta of the grid
     q: np.ndarray  # its angles
     levels: np.ndarray  # modified Hamiltonian there, (step sizes, momenta, angles)
 
 
-def numbers() -> LargeSteps:
-    """Runs for all step sizes, and the modified Hamiltonian on a grid."""
+def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, steps: Any = STEPS) -> LargeSteps:
+    """Runs for two, four or six step sizes from up to four starts, and the modified Hamiltonian on a grid."""
     import numpy as np
 
-    p, q = np.linspace(BOTTOM, TOP, GRID), np.linspace(-np.pi, np.pi, GRID)
+    chosen, pendulum = read_method(method), bs.scene("pendulum")
+    sizes = read_numbers(h, "h", [2, 4, 6], 0.01, 3)
+    starts, count = read_starts(y0, pendulum, [1, 2, 3, 4]), read_count(steps, "steps", 100, 100_000)
+    energy = _energy(chosen, pendulum)
+    states = np.array([[orbit(size, start, chosen, count) for start in starts] for size in sizes])
+    energies = [[energy(y, size) for y in runs] for runs, size in zip(states, sizes, strict=True)]
+    chaotic = [is_chaotic(np.array(starts), size, count * size, chosen) for size in sizes]
+    p = np.linspace(*_momenta(states), GRID)
+    q = np.linspace(-np.pi, np.pi, GRID)
     grid = np.array([values.ravel() for values in np.meshgrid(p, q, indexing="ij")])
-    energy = bs.modified_hamiltonian(bs.method(METHOD), bs.scene("pendulum"), TERMS)
-    states = np.array([[orbit(h, start) for start in STARTS] for h in STEP_SIZES])
-    energies = [[energy(y, h) for y in runs] for runs, h in zip(states, STEP_SIZES, strict=True)]
-    levels = [energy(grid, h).reshape(GRID, GRID) for h in STEP_SIZES]
-    return LargeSteps(np.array(STEP_SIZES), states, np.array(energies), p, q, np.array(levels))
+    levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
+    rest = np.array(sizes), states, np.array(energies), np.array(chaotic), p, q, np.array(levels)
+    return LargeSteps(chosen, energy.order, np.array(starts), *rest)
 
 
-def orbit(h: float, start: Sequence[float]) -> np.ndarray:
-    """The steps from a start, (2, steps + 1), in pieces: large angles would spoil the force by rounding."""
+def _energy(method: Method, scene: Scene) -> bs.hamiltonians.ModifiedHamiltonian:
+    """The modified Hamiltonian up to its first term beyond H."""
+    broken = bs.energy_drift(method, scene).power
+    if broken is not None:
+        raise SeriesError(
+            f"method must have a modified Hamiltonian on the pendulum, but that of {name_of(method)} ends at "
+            f"{power_of_h(broken)}"
+        )
+    return bs.modified_hamiltonian(method, scene, max(TERMS, bs.order_of(method) + 1))
+
+
+def _momenta(states: np.ndarray) -> tuple[float, float]:
+    """The least and the largest momentum in the picture."""
+    p = states[:, :, 0]
+    return max(min(BOTTOM, 1.05 * float(p.min())), -FARTHEST), min(max(TOP, 1.03 * float(p.max())), FARTHEST)
+
+
+def orbit(h: float, start: Sequence[float], method: Method | str = METHOD, steps: int = STEPS) -> np.ndarray:
+    """The steps from a start with angles from −π to π, (2, steps + 1)."""
     import numpy as np
 
     pieces, y = [np.array(start)[:, None]], np.array(start)
-    for _ in range(STEPS // PIECE):
-        run = bs.integrate(METHOD, bs.scene("pendulum"), h=h, steps=PIECE, y0=y)
+    for done in range(0, steps, PIECE):
+        run = bs.integrate(method, bs.scene("pendulum"), h=h, steps=min(PIECE, steps - done), y0=y)
         pieces.append(run.y[:, 1:])
         y = np.array([run.y[0, -1], reduced_angle(run.y[1, -1])])
     p, q = np.hstack(pieces)
@@ -88,12 +124,40 @@ def columns(numbers: LargeSteps) -> dict[str, np.ndarray]:
     return table | {f"energy_grid_h={h:g}": levels.ravel() for h, levels in zip(numbers.h, numbers.levels, strict=True)}
 
 
+def caption(numbers: LargeSteps) -> str:
+    """Where orbits are chaotic, and how far the modified Hamiltonian goes from its values at the starts."""
+    import numpy as np
+
+    largest = abs(numbers.energies - numbers.energies[:, :, :1]).max(axis=(1, 2))
+    changes = [f"{scientific(float(c), 2)} for h = {h:g}" for c, h in zip(largest, numbers.h, strict=True)]
+    chaotic = [
+        f"{listed([state(numbers.starts[k]) for k in np.flatnonzero(row)])} for h = {h:g}"
+        for row, h in zip(numbers.chaotic, numbers.h, strict=True)
+        if row.any()
+    ]
+    verdict = f"Chaotic are the orbits from {', from '.join(chaotic)}" if chaotic else "None of these orbits is chaotic"
+    terms = "H" + "".join(f" + {power_of_h(k)}H{subscript(k + 1)}" for k in _powers(numbers))
+    return (
+        f"Lecture, figure 6. Orbits of {name_of(numbers.method)} on the pendulum, of {numbers.states.shape[3] - 1:,} "
+        f"steps from each marker, and the level curves of {terms} through the starts, in both directions of rotation. "
+        f"Along the orbits it changes by at most {listed(changes)}. {verdict}: two orbits that start a relative "
+        f"distance 10⁻¹⁰ apart {'are' if chaotic else 'would be'} more than {APART:g} apart at the end. "
+        "Orbits in several pieces are islands of resonances. The figure chaos-onset shows all starts."
+    )
+
+
+def _powers(numbers: LargeSteps) -> range:
+    """The powers of h that a modified Hamiltonian may have."""
+    is_even = bs.order_of(numbers.method) % 2 == 0
+    return range(2, numbers.terms, 2) if is_even else range(1, numbers.terms)
+
+
 def draw(numbers: LargeSteps, figure: Figure) -> None:
     """A panel for each step size."""
-    panels = figure.subplots(2, len(numbers.h) // 2, sharex=True, sharey=True)
+    panels = figure.subplots(2, len(numbers.h) // 2, sharex=True, sharey=True, squeeze=False)
+    label_panels(panels.flat, [f"$h = {h:g}$" for h in numbers.h])
     for k, axes in enumerate(panels.flat):
         _draw_panel(axes, numbers, k)
-        axes.set_title(f"$h = {numbers.h[k]:g}$", loc="center")
         axes.set(xlabel="angle $q$", ylabel="momentum $p$")
         axes.label_outer()
     named = [line for line in panels[0, 0].lines if not str(line.get_label()).startswith("_")]
@@ -106,10 +170,9 @@ def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")
     axes.plot([], [], color=GREY, linewidth=0.6, label="level curves")
-    colours, names = (BLUE, GREEN, PURPLE, VERMILION), ("0, -1.5", "0, -2.5", r"1.5, -\pi", r"2.5, -\pi")
-    for (p, q), colour, name in zip(numbers.states[k], colours, names, strict=True):
+    for (p, q), start, colour, marker in zip(numbers.states[k], numbers.starts, COLOURS, MARKERS, strict=False):
         axes.plot(q, p, ".", color=colour, markersize=0.8, markeredgewidth=0, rasterized=True)
-        label = f"$(p, q) = ({name})$"
-        axes.plot(q[0], p[0], "o", color=colour, markersize=3.5, clip_on=False, zorder=4, label=label)
-    axes.set_ylim(BOTTOM, TOP)
+        key = {"color": colour, "markeredgecolor": BLACK, "markeredgewidth": 0.5, "linestyle": "none"}
+        axes.plot(q[0], p[0], marker, **key, markersize=4, clip_on=False, zorder=4, label=f"$(p, q)$ = {state(start)}")
+    axes.set_ylim(numbers.p[0], numbers.p[-1])
     set_angle_axis(axes)

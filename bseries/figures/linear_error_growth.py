@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import check_number, growth_exponent, logarithmic_indices
-from foundation.plotting import BLUE, GREEN, PURPLE, VERMILION
+from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices, name_of, power
+from bseries.figures.options import read_method, read_number
+from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,21 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from integrators import Scene
+    from integrators.methods.programs.program import Method
 
 NUMBER = 10
 TITLE = "Two coupled rotors: linear growth of the global error, by the steps of the proof of theorem 7"
-CAPTION = (
-    "Lecture, figure 10: its diagram as a computation. The system H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = (p_i² + q_i²)/2 "
-    "is integrable; ω₂/ω₁ is the golden ratio. The angles are removed from the modified Hamiltonian of "
-    "Störmer–Verlet, computed through h⁴ in action-angle variables, by the Lindstedt–Poincaré series with N terms. In "
-    "the new variables the actions b are constant and φ = φ₀ + ω(b)t. (a) The largest global error so far grows "
-    "linearly for Störmer–Verlet and quadratically for Kutta's method of order 3, which is neither symplectic nor "
-    "symmetric. The other curves show the distance of Störmer–Verlet from the solutions with N terms, transformed "
-    "back. (b) Changes of the actions a and of the new actions b."
-)
-SIZE = (17.0, 10.5)
+SIZE = (17.0, 19.0)
 
 SYMPLECTIC, OTHER = "stormer-verlet", "kutta3"
+"""Störmer–Verlet, whose modified Hamiltonian has even powers of h; and a method to compare with."""
 OLD, NEW = {"p": 2, "q": 2}, {"a": 2, "theta": 2}
 ENERGY = "{0} + 3/2*{1} + {0}*{1}/2"
 START = (1.0, 2 * 5**0.5 - 4, 0.5, 1.0)
@@ -42,29 +36,61 @@ SHOWN = 150
 """Number of points of a curve."""
 
 
+BOXES = (
+    ((0.14, 0.88), "integrable\nHamiltonian system\n$H(p, q)$"),
+    ((0.5, 0.88), "numerical solution\n$(p_n, q_n)$"),
+    ((0.86, 0.88), "modified\nHamiltonian system\n$\\widetilde{H}(p, q)$"),
+    ((0.14, 0.44), "Hamiltonian system\n$K(a)$\n$a = \\mathrm{const},\\ \\dot{\\theta} = \\omega(a)$"),
+    ((0.86, 0.44), "modified\nHamiltonian system\n$K(a) + \\varepsilon K_1(a, \\theta) + \\ldots$"),
+    (
+        (0.76, 0.07),
+        "$K(b) + \\varepsilon \\overline{K}_1(b) + \\ldots + \\varepsilon^N \\overline{K}_N(b)"
+        " + \\varepsilon^{N+1} R(b, \\varphi)$",
+    ),
+    (
+        (0.24, 0.07),
+        "$\\|b(t) - b_0\\| \\leq C\\,t\\,\\varepsilon^{N+1}$\n"
+        "$\\|\\varphi(t) - \\varphi_0 - \\omega_\\varepsilon(b_0)\\,t\\| \\leq C\\,(t + t^2)\\,\\varepsilon^{N+1}$",
+    ),
+)
+"""Places and contents of the boxes of the diagram."""
+ARROWS = (
+    ((0.27, 0.88), (0.395, 0.88), "symplectic\nmethod", (0.332, 0.965)),
+    ((0.605, 0.88), (0.73, 0.88), "backward\nerror analysis", (0.667, 0.965)),
+    ((0.14, 0.745), (0.14, 0.585), "", (0, 0)),
+    ((0.86, 0.745), (0.86, 0.585), "", (0, 0)),
+    ((0.35, 0.665), (0.16, 0.665), "", (0, 0)),
+    ((0.65, 0.665), (0.84, 0.665), "action–angle variables\n$(p, q) = \\psi(a, \\theta)$", (0.5, 0.665)),
+    ((0.86, 0.305), (0.86, 0.14), "Lindstedt–Poincaré series\n$(a, \\theta) = \\chi(b, \\varphi)$", (0.69, 0.225)),
+    ((0.525, 0.07), (0.475, 0.07), "", (0, 0)),
+)
+"""Start, end, text and its place for the arrows."""
+
+
 class LinearErrorGrowth(NamedTuple):
     """Data of the figure: at all times the largest distances up to then."""
 
+    method: Method  # the method to compare with
     h: float  # step size
     t: np.ndarray  # times
     symplectic: np.ndarray  # global error of Störmer–Verlet
-    other: np.ndarray  # that of Kutta's method of order 3
+    other: np.ndarray  # that of the other method
     predicted: np.ndarray  # distance of Störmer–Verlet from the solutions after N = 1, 2 terms, (terms, times)
     actions: np.ndarray  # changes of the actions with Störmer–Verlet
-    other_actions: np.ndarray  # those with Kutta's method
+    other_actions: np.ndarray  # those with the other method
     new_actions: np.ndarray  # changes of the actions b after N = 1, 2 terms with Störmer–Verlet, (terms, times)
 
 
-def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
+def numbers(*, h: Any = 0.02, method: Any = OTHER) -> LinearErrorGrowth:
     """The steps of the proof: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, back."""
     import numpy as np
 
-    h = check_number(h, "h", 0.01, 0.05)
+    h, other = read_number(h, "h", 0.01, 0.05), read_method(method)
     rotors, change = scene(), bs.hamiltonians.harmonic_action_angle(OLD, NEW, [1, 1])
     start = np.array(START)
     first, second = (
         bs.integrate(method, rotors, h=h, steps=round(SPAN / h), y0=change.to_old(start), save_every=EVERY)
-        for method in (SYMPLECTIC, OTHER)
+        for method in (SYMPLECTIC, other)
     )
     exact = change.to_old(_rotating(start, _frequencies(change.hamiltonian(rotors), start), first.t))
     states, predicted, new = _action_angles(first.y), [], []
@@ -76,6 +102,7 @@ def numbers(*, h: float = 0.02) -> LinearErrorGrowth:
         predicted.append(_largest(first.y - solution))
         new.append(_changes(form.to_normal(states, eps)))
     return LinearErrorGrowth(
+        other,
         h,
         first.t,
         _largest(first.y - exact),
@@ -137,31 +164,67 @@ def _largest(differences: np.ndarray) -> np.ndarray:
 
 def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
     """All curves, as functions of time."""
-    table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{OTHER}": numbers.other}
+    other = numbers.method.name or "other"
+    table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{other}": numbers.other}
     table |= {f"error_after_{n}_terms": row for n, row in enumerate(numbers.predicted, 1)}
-    table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{OTHER}": numbers.other_actions}
+    table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{other}": numbers.other_actions}
     table |= {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
     return {name.replace("-", "_"): column for name, column in table.items()}
 
 
+def caption(numbers: LinearErrorGrowth) -> str:
+    """The diagram, and what the curves are."""
+    grown = [power("t", _exponent(numbers, curve)) for curve in (numbers.symplectic, numbers.other)]
+    return (
+        "Lecture, figure 10. (a) The proof of theorem 7 as the lecture draws it, with ε = h^r for a method of order "
+        "r. (b), (c) The same steps as a computation for two coupled rotors, H = a₁ + 3a₂/2 + a₁a₂/2 with a_i = "
+        f"(p_i² + q_i²)/2 and ω₂/ω₁ the golden ratio, and Störmer–Verlet with h = {numbers.h:g}, where r = 2. Drawn "
+        "are largest distances up to each time. Upper curves: (b) of the numerical solutions from the exact one, "
+        f"which grow like {grown[0]} for Störmer–Verlet and like {grown[1]} for {name_of(numbers.method)}; (c) of the "
+        "actions a from their values at the start. Lower curves, Störmer–Verlet only: (b) of the numerical solution "
+        "from b = const, φ = φ₀ + ω(b)t after N terms of the Lindstedt–Poincaré series, transformed back; (c) of the "
+        "new actions b from their values at the start."
+    )
+
+
+def _exponent(numbers: LinearErrorGrowth, curve: np.ndarray) -> float:
+    """The exponent of t in a curve."""
+    return growth_exponent(numbers.t, curve, FIT_FROM, SPAN, SHOWN)
+
+
 def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
-    """Left global errors, right the actions."""
-    left, right = figure.subplots(1, 2)
-    _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "solution after")
-    _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "new actions,")
-    left.set(title="(a) solutions", ylabel="largest error so far")
-    right.set(title="(b) actions", ylabel="largest change so far")
+    """Above the diagram; below global errors and actions."""
+    panels = figure.subplot_mosaic([["a", "a"], ["b", "c"]], height_ratios=(1.15, 1))
+    diagram, left, right = panels.values()
+    label_panels(panels.values(), ("idea of the proof", "solutions", "actions"))
+    _draw_diagram(diagram)
+    _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "after")
+    _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "actions $b$ after")
+    left.set_ylabel("largest error so far")
+    right.set_ylabel("largest change so far")
+
+
+def _draw_diagram(axes: Axes) -> None:
+    """Boxes for the systems, and arrows for the steps between them."""
+    axes.set(xlim=(0, 1), ylim=(-0.05, 1))
+    axes.axis("off")
+    boxed = {"boxstyle": "round,pad=0.5", "facecolor": WHITE, "edgecolor": BLACK, "linewidth": 0.7}
+    for (x, y), text in BOXES:
+        axes.text(x, y, text, ha="center", va="center", bbox=boxed, linespacing=1.5)
+    for start, end, text, (x, y) in ARROWS:
+        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "facecolor": BLACK})
+        axes.text(x, y, text, ha="center", va="center", fontsize=7.5, linespacing=1.4)
 
 
 def _draw_curves(
     axes: Axes, numbers: LinearErrorGrowth, other: np.ndarray, symplectic: np.ndarray, series: np.ndarray, what: str
 ) -> None:
     rows = logarithmic_indices(len(numbers.t), SHOWN)
-    names = "Kutta's method", "Störmer–Verlet", *(f"{what} $N = {n}$" for n in range(1, TERMS + 1))
-    styles = (VERMILION, "--"), (BLUE, "-"), (GREEN, "-."), (PURPLE, ":")
+    terms = (f"{what} {n} term{'s' * (n > 1)}" for n in range(1, TERMS + 1))
+    names = name_of(numbers.method), "Störmer–Verlet", *terms
+    styles = (ORANGE, "--"), (BLUE, "-"), (BLACK, "-."), (VERMILION, ":")
     for curve, name, (colour, dashes) in zip((other, symplectic, *series), names, styles, strict=True):
-        exponent = growth_exponent(numbers.t, curve, FIT_FROM, SPAN, SHOWN)
-        label = f"{name}: $t^{{{exponent:.2f}}}$"
+        label = f"{name}: $t^{{{_exponent(numbers, curve):.2f}}}$"
         axes.loglog(numbers.t[rows], curve[rows], linestyle=dashes, color=colour, label=label)
     axes.set(xlabel="time $t$", xlim=(numbers.t[1], SPAN))
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))

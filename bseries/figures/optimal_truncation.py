@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import warnings
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import bseries as bs
-from bseries.figures.helpers import check_count
+from bseries.figures.helpers import label_panels, state
+from bseries.figures.options import read_count
 from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
@@ -19,15 +20,6 @@ if TYPE_CHECKING:
 
 NUMBER = None
 TITLE = "Störmer–Verlet: the error of the modified equation after N terms, and after the best number of them"
-CAPTION = (
-    "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a step "
-    "from the flow of the modified equation with N terms. It decreases at first, then the series diverges. The best N "
-    "is proportional to 1/h, and the error for this N is exponentially small, in agreement with the bounds for "
-    "analytic f and small h. Here both are approximately functions of x = 2πδ/h, where δ is the distance of the "
-    "singularities of the solution from the real axis in complex time. The pendulum starts from (p, q) = (2.5, 0). "
-    "For the quadrature problem, H = p − ½ log(1 + q²) from (0, 0), the steps are those of the trapezoidal rule, and "
-    "more terms are available."
-)
 SIZE = (17.0, 7.0)
 
 METHOD = "stormer-verlet"
@@ -83,9 +75,9 @@ class OptimalTruncation(NamedTuple):
     quadrature: Truncations
 
 
-def numbers(*, terms: int = 17) -> OptimalTruncation:
+def numbers(*, terms: Any = 17) -> OptimalTruncation:
     """The errors; for the pendulum with up to the given number of terms."""
-    terms = check_count(terms, "terms", 5, 19)
+    terms = read_count(terms, "terms", 5, 19)
     quadrature = bs.parse_hamiltonian("p - log(1 + q^2)/2")
     return OptimalTruncation(
         _truncations(bs.scene("pendulum"), PENDULUM_START, terms, pendulum_distance(), PENDULUM_RANGE),
@@ -146,6 +138,20 @@ def columns(numbers: OptimalTruncation) -> dict[str, np.ndarray]:
     return table
 
 
+def caption(numbers: OptimalTruncation) -> str:
+    """What is drawn, with the numbers of terms that were tried."""
+    return (
+        "Beyond the lecture, on the remark after its theorem 3 (HLW, section IX.7). The error is the distance of a "
+        "step of Störmer–Verlet from the flow of the modified equation with N terms. It decreases at first, then the "
+        "series diverges. The best N is proportional to 1/h, and the error for this N is exponentially small, in "
+        "agreement with the bounds for analytic f and small h. Here both are approximately functions of x = 2πδ/h, "
+        "where δ is the distance of the singularities of the solution from the real axis in complex time: "
+        f"{numbers.pendulum.distance:.3g} for the pendulum from (p, q) = {state(PENDULUM_START)}, with up to "
+        f"{numbers.pendulum.terms[-1]} terms. For the quadrature problem, H = p − ½ log(1 + q²) from (0, 0), it is 1, "
+        f"the steps are those of the trapezoidal rule, and {numbers.quadrature.terms[-1]} terms are available."
+    )
+
+
 def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     """From left to right: errors by N, the least ones by 1/h, and their N."""
     import numpy as np
@@ -160,8 +166,9 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     ends = np.array([0, QUADRATURE_RANGE[1] + 2])
     middle.semilogy(ends, np.exp(-ends), "--", color=BLACK, linewidth=0.8, label="$e^{-x}$")
     right.plot(ends, ends, "--", color=BLACK, linewidth=0.8, label="$N = x$")
-    middle.set(ylabel="least error", title="(b) the least of these errors")
-    right.set(ylabel="number of terms $N$", ylim=ends, title="(c) the best $N$")
+    middle.set(ylabel="least error")
+    right.set(ylabel="number of terms $N$", ylim=ends)
+    label_panels((left, middle, right), ("pendulum", "the least of these errors", "the best $N$"))
     for axes, shown in ((middle, slice(None)), (right, slice(2, None))):
         axes.set(xlabel=r"$x = 2\pi\delta/h$", xlim=ends)
         axes.legend(handles=axes.lines[shown])
@@ -172,5 +179,5 @@ def _draw_errors(axes: Axes, found: Truncations) -> None:
     for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
         axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")
         axes.semilogy(found.best[k], found.least[k], "o", color=colour, markersize=5)
-    axes.set(xlabel="number of terms $N$", ylabel="error of a step", title="(a) pendulum", ylim=(None, 8))
+    axes.set(xlabel="number of terms $N$", ylabel="error of a step", ylim=(None, 8))
     axes.legend(loc="upper right")

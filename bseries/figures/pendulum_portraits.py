@@ -5,24 +5,29 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import reduced_angle, set_angle_axis
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION, WHITE
+from bseries.figures.helpers import (
+    label_panels,
+    listed,
+    name_of,
+    reduced_angle,
+    scientific,
+    set_angle_axis,
+    short_names,
+    state,
+)
+from bseries.figures.options import read_methods, read_numbers, read_starts
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from integrators.methods.programs.program import Method
+
 NUMBER = 4
 TITLE = "Pendulum: phase portraits of explicit Euler, symplectic Euler and Störmer–Verlet on the cylinder"
-CAPTION = (
-    "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder from the "
-    "front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Grey curves are level curves of "
-    "the energy. The explicit Euler method gains energy; the other two methods stay near level curves even with large "
-    "steps. The initial values of the lecture for Störmer–Verlet are not known; here they are those of the symplectic "
-    "Euler method."
-)
-SIZE = (17.0, 12.5)
+SIZE = (17.0, 13.0)
 
 TILT = 0.5
 """Half axis of the ellipse that is the projection of a circle."""
@@ -37,43 +42,55 @@ MOST_DRAWN = 120
 """Most steps in the picture."""
 
 
+METHODS, STEP_SIZES = ("explicit-euler", "symplectic-euler-p", "stormer-verlet"), (0.2, 0.3, 0.6)
+LECTURE = (((0.0, 0.5),), *2 * (((0.7, 0.0), (1.4, 0.0), (2.1, 0.0)),))
+"""The starts by method, if none are given."""
+FEW, STEPS = 50, 1000
+"""Steps of methods that are not symplectic on the pendulum, and of the others."""
+
+
 class Portrait(NamedTuple):
     """A method on the pendulum."""
 
-    method: str  # name of the method
-    title: str  # its name in the picture
+    method: Method
     h: float  # step size
-    steps: int  # number of steps
-    starts: tuple[tuple[float, float], ...]  # initial states (p, q)
-
-
-STARTS = ((0.7, 0.0), (1.4, 0.0), (2.1, 0.0))
-PORTRAITS = (
-    Portrait("explicit-euler", "explicit Euler", 0.2, 50, ((0.0, 0.5),)),
-    Portrait("symplectic-euler-p", "symplectic Euler", 0.3, 1000, STARTS),
-    Portrait("stormer-verlet", "Störmer–Verlet", 0.6, 1000, STARTS),
-)
+    starts: tuple[tuple[float, ...], ...]  # initial states (p, q)
+    runs: np.ndarray  # states, (starts, 2, steps + 1), with unreduced angles
+    energies: np.ndarray  # their energies, (starts, steps + 1)
 
 
 class PendulumPortraits(NamedTuple):
     """Data of the figure."""
 
-    runs: dict[str, np.ndarray]  # states by method, (starts, 2, steps + 1), with unreduced angles
-    energies: dict[str, np.ndarray]  # their energies, (starts, steps + 1)
+    portraits: tuple[Portrait, ...]  # by method
     levels: np.ndarray  # level curves, (curves, 2, points), with angles from −π to π
 
+    @property
+    def starts(self) -> list[tuple[float, ...]]:
+        """All starts; each has a marker of its own."""
+        return list(dict.fromkeys(start for portrait in self.portraits for start in portrait.starts))
 
-def numbers() -> PendulumPortraits:
-    """The runs of all methods, and level curves of the energy."""
+
+def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES, y0: Any = None) -> PendulumPortraits:
+    """The runs of three methods with a step size each, and level curves of the energy; starts are for all methods."""
+    import numpy as np
+
+    pendulum, chosen = bs.scene("pendulum"), read_methods(methods, 3)
+    sizes = read_numbers(h, "h", [3], 0.001, 2)
+    starts = LECTURE if y0 is None else 3 * (read_starts(y0, pendulum, [1, 2, 3]),)
+    portraits = tuple(map(_portrait, chosen, sizes, starts))
+    return PendulumPortraits(portraits, np.array([curve for level in LEVELS for curve in _level_curves(level)]))
+
+
+def _portrait(method: Method, h: float, starts: tuple[tuple[float, ...], ...]) -> Portrait:
+    """The runs of a method."""
     import numpy as np
 
     pendulum = bs.scene("pendulum")
-    states, energies = {}, {}
-    for method, _, h, steps, starts in PORTRAITS:
-        runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
-        states[method] = np.array([run.y for run in runs])
-        energies[method] = np.array([run.observed["energy"] for run in runs])
-    return PendulumPortraits(states, energies, np.array([curve for level in LEVELS for curve in _level_curves(level)]))
+    steps = STEPS if bs.energy_drift(method, pendulum).power is None else FEW
+    runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
+    energies = np.array([run.observed["energy"] for run in runs])
+    return Portrait(method, h, starts, np.array([run.y for run in runs]), energies)
 
 
 def _level_curves(energy: float) -> list[np.ndarray]:
@@ -92,28 +109,51 @@ def _level_curves(energy: float) -> list[np.ndarray]:
 def columns(numbers: PendulumPortraits) -> dict[str, np.ndarray]:
     """States and energies of the runs, and the level curves by number."""
     table = {}
-    for method, runs in numbers.runs.items():
-        for k, ((p, q), energy) in enumerate(zip(runs, numbers.energies[method], strict=True), 1):
-            key = f"{method}_{k}".replace("-", "_")
+    for j, (method, _, _, runs, energies) in enumerate(numbers.portraits, 1):
+        for k, ((p, q), energy) in enumerate(zip(runs, energies, strict=True), 1):
+            key = f"{method.name or f'method{j}'}_{k}".replace("-", "_")
             table |= {f"p_{key}": p, f"q_{key}": q, f"energy_{key}": energy}
     for k, (p, q) in enumerate(numbers.levels, 1):
         table |= {f"p_level_{k}": p, f"q_level_{k}": q}
     return table
 
 
+def caption(numbers: PendulumPortraits) -> str:
+    """The starts and the step sizes, and how far the energies go from their values at the start."""
+    changes = []
+    for method, h, starts, runs, energies in numbers.portraits:
+        largest, steps = scientific(float(abs(energies - energies[:, :1]).max()), 2), runs.shape[2] - 1
+        about = f"{name_of(method)} with h = {h:g} from {listed(list(map(state, starts)))}"
+        changes.append(f"{about}: at most {largest} in {steps} steps")
+    unknown = " The initial values of the lecture for Störmer–Verlet are not known."
+    is_lecture = tuple(portrait.starts for portrait in numbers.portraits) == LECTURE
+    return (
+        "Lecture, figure 4. The angle q is periodic, so the states (p, q) lie on a cylinder. Above: the cylinder "
+        "from the front, with its back in pale colours. Below: the cylinder cut open at q = ±π. Markers: the first "
+        f"{MOST_DRAWN} steps; grey: level curves of the energy. The energy changes by: "
+        f"{'; '.join(changes)}." + unknown * is_lecture
+    )
+
+
 def draw(numbers: PendulumPortraits, figure: Figure) -> None:
     """A column for each method."""
-    panels = figure.subplots(2, len(PORTRAITS), height_ratios=(1.25, 1))
-    for (above, below), portrait in zip(panels.T, PORTRAITS, strict=True):
-        runs = numbers.runs[portrait.method][:, :, :MOST_DRAWN]
-        above.set_title(f"{portrait.title}, $h = {portrait.h:g}$", loc="center")
-        _draw_cylinder(above, numbers.levels, runs)
-        _draw_strip(below, numbers.levels, runs)
+    panels = figure.subplots(2, len(numbers.portraits), height_ratios=(1.25, 1))
+    names = short_names([portrait.method for portrait in numbers.portraits])
+    titles = [f"{name}, $h = {p.h:g}$" for name, p in zip(names, numbers.portraits, strict=True)]
+    label_panels(panels.flat, [*titles, *("cut open" for _ in titles)])
+    styles = dict(zip(numbers.starts, _styles(), strict=False))
+    for (above, below), portrait in zip(panels.T, numbers.portraits, strict=True):
+        runs = portrait.runs[:, :, : MOST_DRAWN + 1]
+        chosen = [styles[start] for start in portrait.starts]
+        _draw_cylinder(above, numbers.levels, runs, chosen)
+        _draw_strip(below, numbers.levels, runs, chosen)
     panels[0, 0].set_ylabel(r"$p$ at the sides, $q = \pm\pi/2$")
     panels[1, 0].set_ylabel("momentum $p$")
+    keys = [panels[0, 0].plot([], [], label=state(start), **style)[0] for start, style in styles.items()]
+    figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), title="steps from the start $(p, q)$")
 
 
-def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
+def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: list[dict[str, Any]]) -> None:
     """The cylinder from outside, with q = 0 in front."""
     import numpy as np
 
@@ -128,7 +168,7 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
         axes.plot(*_seen(np.full(POINTS, p), q), **edge, alpha=alpha)
     for side in (-np.pi / 2, np.pi / 2):
         axes.plot(*_seen(np.array([-TOP, TOP]), np.full(2, side)), **edge)
-    for (p, q), style in zip(runs, _styles(), strict=False):
+    for (p, q), style in zip(runs, styles, strict=True):
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
             axes.plot(*_seen(p[visible], q[visible]), **style, alpha=1 if is_front else BEHIND)
@@ -147,11 +187,11 @@ def _seen(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.sin(q), p - TILT * np.cos(q)
 
 
-def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
+def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: list[dict[str, Any]]) -> None:
     """The cylinder cut open."""
     for p, q in levels:
         axes.plot(q, p, color=GREY, linewidth=0.8)
-    for (p, q), style in zip(runs, _styles(), strict=False):
+    for (p, q), style in zip(runs, styles, strict=True):
         axes.plot(reduced_angle(q), p, **style)
     axes.set(xlabel="angle $q$", ylim=(-TOP, TOP))
     set_angle_axis(axes)
@@ -160,7 +200,5 @@ def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray) -> None:
 def _styles() -> list[dict[str, Any]]:
     """The plot styles of the runs."""
     common = {"linestyle": "none", "markersize": 2.2}
-    return [
-        {"marker": marker, "color": colour, **common}
-        for marker, colour in zip("o^s", (VERMILION, BLUE, GREEN), strict=True)
-    ]
+    markers = zip(("D", "o", "^", "s"), (PURPLE, VERMILION, BLUE, GREEN), strict=True)
+    return [{"marker": marker, "color": colour, **common} for marker, colour in markers]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from bseries.exceptions import SeriesError
+from bseries.figures.animations import save_animation
 from foundation.extras import optional_module
 from foundation.plotting import new_figure, print_style
 from integrators.core.errors import suggestion
@@ -16,6 +18,13 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
+    class LectureFigure(Figure):
+        """A figure of matplotlib with a caption, which may move."""
+
+        caption: str
+        animate: Callable[..., None]
+
+
 PROGRESS = "progress"
 """Option of figures that take long: a function that receives the work done and all work."""
 
@@ -23,16 +32,17 @@ PROGRESS = "progress"
 class FigureFile(Protocol):
     """The contents of a figure's file.
 
+    A figure that moves also has a function ``frames(numbers, figure)``: a generator that draws on an empty figure,
+    changes it, and yields for each frame its number, from 1, and the number of all frames.
+
     Attributes:
         NUMBER: The number of the figure in the lecture; None beyond it.
         TITLE: The subject, in a line.
-        CAPTION: The caption.
         SIZE: Width and height in centimetres.
     """
 
     NUMBER: int | None
     TITLE: str
-    CAPTION: str
     SIZE: tuple[float, float]
 
     @property
@@ -42,6 +52,10 @@ class FigureFile(Protocol):
 
     def columns(self, numbers: Any) -> Mapping[str, np.ndarray]:
         """The data as columns of a table, which may have different lengths."""
+        ...
+
+    def caption(self, numbers: Any) -> str:
+        """What there is to see, with the methods, starts and step sizes of these data."""
         ...
 
     def draw(self, numbers: Any, figure: Figure) -> None:
@@ -96,40 +110,74 @@ def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
     known = _accepted(file)
     for option in options:
         if option not in known:
-            choice = f"one of {', '.join(known)}" if known else "left out, as there are none"
-            raise SeriesError(f"option must be {choice}, but was {option!r:.60}")
+            raise SeriesError(f"option must be one of {', '.join(known)}, but was {option!r:.60}")
     return file.numbers(**options)
 
 
-def drawn(file: FigureFile, numbers: Any) -> Figure:
+def drawn(file: FigureFile, numbers: Any) -> LectureFigure:
     """The picture of a figure's data."""
     optional_module("matplotlib", "a figure")
     with print_style():
-        figure = new_figure(file.SIZE, file.CAPTION)
+        figure: Any = new_figure(file.SIZE, file.caption(numbers))
         file.draw(numbers, figure)
         figure.draw_without_rendering()  # lays out ticks with the current settings
+    figure.animate = partial(animate, file, numbers)
     return figure
 
 
-def figure(name: str, **options: Any) -> Figure:
+def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None) -> None:
+    """Write the figure as an animation.
+
+    Args:
+        file: The file of the figure.
+        numbers: Its data.
+        path: The file to write, which ends in .gif or .mp4.
+        progress: A function that receives the number of frames written and of all frames.
+
+    Raises:
+        SeriesError: The figure does not move, or the path has another ending.
+        ImportError: matplotlib, or for MP4 a program that encodes it, is not installed.
+        IntegratorError: The file cannot be written.
+    """
+    check_moving(file)
+    frames: Callable[..., Iterator[tuple[int, int]]] = file.frames  # pyright: ignore[reportAttributeAccessIssue]
+    optional_module("matplotlib", "an animation")
+    with print_style():
+        figure = new_figure(file.SIZE)
+        save_animation(path, figure, frames(numbers, figure), progress)
+
+
+def check_moving(file: FigureFile) -> None:
+    """Refuse a figure that has no frames."""
+    if not hasattr(file, "frames"):
+        names = ", ".join(name for name in figure_names() if hasattr(figure_file(name), "frames"))
+        raise SeriesError(f"name must be a figure that moves, one of {names}, for an animation, but was another")
+
+
+def figure(name: str, **options: Any) -> LectureFigure:
     """A figure of the lecture (E. Hairer, on backward error analysis) or beyond it, computed and drawn.
 
     Args:
         name: One of `figure_names`.
-        options: The options of the figure; `bseries figure --list` shows them with their defaults.
+        options: The options of the figure; `bseries figure --list` shows them with their defaults. Methods and scenes
+            are names or objects, numbers may be text such as ``"1/10"``, and starts are rows or text such as
+            ``"2,2"``.
 
     Returns:
-        A figure of matplotlib; notebooks show it with its caption, and its method ``savefig`` saves it.
+        A figure of matplotlib; notebooks show it with its caption, and its method ``savefig`` saves it. Some figures
+        move: their method ``animate`` writes a GIF or MP4.
 
     Raises:
-        SeriesError: The name or an option is unknown.
-        IntegratorError: matplotlib is not installed.
+        SeriesError: The name or an option is unknown, or a value is out of range.
+        IntegratorError: A text cannot be read, a step fails, or matplotlib is not installed.
 
     Example:
         >>> import bseries as bs
-        >>> picture = bs.figure("riccati", h=0.04)
+        >>> picture = bs.figure("riccati", h="1/25")
         >>> [axes.get_xlabel() for axes in picture.axes]
         ['time $t$']
+        >>> picture.caption[:28]
+        'Lecture, figure 1 (HLW, figu'
     """
     file = figure_file(name)
     return drawn(file, compute(file, options))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import check_count
+from bseries.figures.helpers import label_panels, listed
+from bseries.figures.options import read_count
 from foundation.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
@@ -16,13 +17,6 @@ if TYPE_CHECKING:
 
 NUMBER = None
 TITLE = "Outer solar system: small divisors k·ω among the mean motions of the planets"
-CAPTION = (
-    "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where ω are "
-    "the mean motions of the planets in a run over 80,000 years. Dashed lines: γ|k|^(−ν) with ν = d − 1 and the "
-    "largest possible γ; for larger ν almost all frequencies satisfy such a condition. Triangles: commensurabilities "
-    "known to astronomers. Neptune and Pluto are in 3:2 resonance; their divisor differs from zero by the slow motion "
-    "of Pluto's perihelion."
-)
 SIZE = (17.0, 8.5)
 
 PLANETS = "JSUNP"
@@ -61,9 +55,9 @@ class SmallDivisors(NamedTuple):
     planets: Divisors  # those with Pluto
 
 
-def numbers(*, reach: int = 20) -> SmallDivisors:
+def numbers(*, reach: Any = 20) -> SmallDivisors:
     """The divisors for |k| up to `reach`."""
-    reach = check_count(reach, "reach", 5, 30)
+    reach = read_count(reach, "reach", 5, 30)
     omega = mean_motions()
     return SmallDivisors(omega, divisors(omega[:GIANTS], reach), divisors(omega, reach))
 
@@ -114,6 +108,19 @@ def columns(numbers: SmallDivisors) -> dict[str, np.ndarray]:
     return table
 
 
+def caption(numbers: SmallDivisors) -> str:
+    """What is drawn, with the constants found."""
+    years = STEP * STEPS / YEAR
+    sizes = [f"{found.gamma:.2g} for d = {found.k.shape[1]}" for found in (numbers.giants, numbers.planets)]
+    return (
+        "Beyond the lecture, on condition (28) of its theorem 7. Dots: the least |k·ω| for each |k| = Σ|k_i|, where "
+        f"ω are the mean motions of the planets in a run over {years:,.0f} years. Dashed lines: γ|k|^(−ν) with ν = d "
+        f"− 1 and the largest possible γ, {listed(sizes)}; for larger ν almost all frequencies satisfy such a "
+        "condition. Triangles: commensurabilities known to astronomers. Neptune and Pluto are in 3:2 resonance; "
+        "their divisor differs from zero by the slow motion of Pluto's perihelion."
+    )
+
+
 def draw(numbers: SmallDivisors, figure: Figure) -> None:
     """Left the four giants, right all planets."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -125,8 +132,8 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
         axes.set(xlabel="$|k|$", xlim=(0.9, numbers.giants.norm[-1] * 1.1))
         axes.set_xticks(ticks, map(str, ticks))
         axes.minorticks_off()
-    left.set(title="(a) Jupiter, Saturn, Uranus, Neptune", ylabel=r"least $|k\cdot\omega|$ (radians per year)")
-    right.set(title="(b) with Pluto")
+    left.set_ylabel(r"least $|k\cdot\omega|$ (radians per year)")
+    label_panels((left, right), ("Jupiter, Saturn, Uranus, Neptune", "with Pluto"))
 
 
 def _draw_divisors(axes: Axes, found: Divisors) -> None:

@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import power_exponent
-from foundation.plotting import BLUE, VERMILION
+from bseries.figures.helpers import label_panels, name_of, power, power_exponent, short_names
+from bseries.figures.options import read_methods, read_numbers
+from foundation.plotting import BLUE, ORANGE
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
+    from integrators.methods.programs.program import Method
+
 NUMBER = 9
 TITLE = "Toda lattice of three particles: errors of the eigenvalues and of the solution, RK4 and Störmer–Verlet"
-CAPTION = (
-    "Lecture, figure 9 (HLW, sections X.1.5 and X.3). The eigenvalues of Flaschka's matrix L(p, q) are first "
-    "integrals. With Störmer–Verlet, which is symplectic, their error stays bounded and the global error grows "
-    "linearly, as theorem 7 states for non-resonant frequencies. With RK4 the error of the eigenvalues grows linearly "
-    "and the global error quadratically. The exponents are fitted to the running maxima from t = 10 on."
-)
 SIZE = (12.0, 12.0)
 
+METHODS, STEP_SIZES = ("rk4", "stormer-verlet"), ("2/25", "1/50")
 SPAN, FIT_FROM = 100, 10
 SHOWN = 0.8
 """Largest global error in the picture, as in the lecture."""
-GRID = Fraction(1, 50)
-"""Common divisor of both step sizes."""
 
 
 class Errors(NamedTuple):
     """The errors of a method."""
 
+    method: Method
     h: float  # step size
     t: np.ndarray  # times of the steps
     eigenvalues: np.ndarray  # Euclidean norms of the errors of the eigenvalues
@@ -40,27 +36,28 @@ class Errors(NamedTuple):
 
 
 class Toda(NamedTuple):
-    """Data of the figure: the errors of the classical Runge–Kutta method and of Störmer–Verlet."""
+    """Data of the figure: the errors of two methods."""
 
-    rk4: Errors
-    stormer_verlet: Errors
-
-
-def numbers() -> Toda:
-    """The errors of RK4 with h = 0.08 and Störmer–Verlet (kick–drift–kick) with h = 0.02 up to t = 100."""
-    solution = bs.reference_solution(bs.scene("toda"), [k * GRID for k in range(int(SPAN / GRID) + 1)])
-    return Toda(_errors("rk4", 4, solution), _errors("stormer-verlet", 1, solution))
+    first: Errors
+    second: Errors
 
 
-def _errors(method: str, every: int, solution: np.ndarray) -> Errors:
-    """The errors of a method whose step is a multiple of the grid on which the solution is known."""
+def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES) -> Toda:
+    """The errors up to t = 100; Störmer–Verlet is kick–drift–kick."""
+    sizes = read_numbers(h, "h", [2], 0.005, 0.2)
+    first, second = map(_errors, read_methods(methods, 2), sizes)
+    return Toda(first, second)
+
+
+def _errors(method: Method, h: float) -> Errors:
+    """The errors of a method."""
     import numpy as np
 
-    h = float(every * GRID)
     run = bs.integrate(method, bs.scene("toda"), h=h, steps=round(SPAN / h))
     values = eigenvalues(run.y)
     changes = np.linalg.norm(values - values[0], axis=1)
-    return Errors(h, run.t, changes, np.linalg.norm(run.y - solution[:, ::every], axis=0))
+    solution = bs.reference_solution(bs.scene("toda"), run.t)
+    return Errors(method, h, run.t, changes, np.linalg.norm(run.y - solution, axis=0))
 
 
 def eigenvalues(states: np.ndarray) -> np.ndarray:
@@ -94,22 +91,37 @@ def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
 def columns(numbers: Toda) -> dict[str, np.ndarray]:
     """The times and errors of each method."""
     table = {}
-    for method, errors in numbers._asdict().items():
-        _, t, values, solution = errors
-        table |= {f"t_{method}": t, f"eigenvalue_error_{method}": values, f"global_error_{method}": solution}
+    for k, (method, _, t, values, solution) in enumerate(numbers, 1):
+        key = (method.name or f"method{k}").replace("-", "_")
+        table |= {f"t_{key}": t, f"eigenvalue_error_{key}": values, f"global_error_{key}": solution}
     return table
+
+
+def caption(numbers: Toda) -> str:
+    """The exponents found, and what theorem 7 says of the method."""
+    found = []
+    for errors in numbers:
+        values, solution = (power("t", growth_exponent(errors.t, e)) for e in (errors.eigenvalues, errors.solution))
+        is_symplectic = getattr(errors.method, "is_symplectic", False)
+        bound = " (theorem 7: bounded, and at most linear, for non-resonant frequencies)" if is_symplectic else ""
+        about = f"{name_of(errors.method)} with h = {errors.h:g}"
+        found.append(f"{about}: the eigenvalues like {values}, the solution like {solution}{bound}")
+    return (
+        "Lecture, figure 9 (HLW, sections X.1.5 and X.3). Toda lattice of three particles: (a) Euclidean norm of the "
+        "errors of the eigenvalues of Flaschka's matrix L(p, q), which are first integrals; (b) Euclidean norm of "
+        f"the error of (p, q), shown up to {SHOWN:g}. Largest errors so far grow, fitted from t = {FIT_FROM} on: "
+        f"{'; '.join(found)}."
+    )
 
 
 def draw(numbers: Toda, figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
     above, below = figure.subplots(2, sharex=True)
-    styles = ("RK4", VERMILION), ("Störmer–Verlet", BLUE)
-    for (label, colour), errors in zip(styles, numbers, strict=True):
+    label_panels((above, below), ("eigenvalues of $L$", "solution"))
+    names = short_names([errors.method for errors in numbers])
+    for name, colour, errors in zip(names, (ORANGE, BLUE), numbers, strict=True):
         for axes, error in ((above, errors.eigenvalues), (below, errors.solution)):
-            exponent = growth_exponent(errors.t, error)
-            text = f"{label}, $h = {errors.h:g}$, like $t^{{{exponent:.2f}}}$"
-            axes.plot(errors.t, error, color=colour, linewidth=0.8, label=text)
-    above.set(ylabel="error of the eigenvalues of $L$", ylim=(0, None))
-    below.set(xlabel="time $t$", ylabel="global error", xlim=(0, SPAN), ylim=(0, SHOWN))
-    for axes in (above, below):
-        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+            axes.plot(errors.t, error, color=colour, linewidth=0.8, label=f"{name}, $h = {errors.h:g}$")
+    above.set(ylabel="error of the eigenvalues", ylim=(0, None))
+    below.set(xlabel="time $t$", ylabel="error of $(p, q)$", xlim=(0, SPAN), ylim=(0, SHOWN))
+    figure.legend(handles=above.lines, loc="outside lower center", ncols=2)

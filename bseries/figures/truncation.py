@@ -5,108 +5,230 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import check_count, check_number, truncated_scene
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION
+from bseries.exceptions import SeriesError
+from bseries.figures.helpers import (
+    label_panels,
+    listed,
+    name_of,
+    power_of_h,
+    scientific,
+    short_names,
+    state,
+    truncated_scene,
+)
+from bseries.figures.options import read_count, read_methods, read_number, read_start
+from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    from integrators.methods.programs.program import Method
 
 NUMBER = 3
 TITLE = "Lotka–Volterra: the modified equations truncated after h and after h²"
-CAPTION = (
-    "Lecture, figure 3 (HLW, figure IX.1.3). Two Euler methods from (p, q) = (2, 2), with the exact solution and the "
-    "solutions of the modified equations truncated after h and after h². Below: their distances from the numerical "
-    "solution, which are O(h), O(h²) and O(h³) for small h. At h = 0.1 the term with h brings no gain for the "
-    "symplectic Euler method from t ≈ 5 on, because of the periods: 4.594 for the method, 4.615 for the given "
-    "equations, 4.620 for the truncation after h, and 4.591 for the truncation after h²."
-)
-SIZE = (15.0, 13.0)
+SIZE = (15.0, 17.5)
 
-METHODS = {"explicit-euler": "(a) explicit Euler", "symplectic-euler-p": "(b) symplectic Euler"}
+METHODS = ("explicit-euler", "symplectic-euler-p")
 SPAN = 10.0
 START = (2.0, 2.0)
+REST = (1.0, 2.0)
+"""The equilibrium that all solutions go around."""
 FINE = 5
 """Points of the curves per step."""
 MOST_TERMS = 6
+REVOLUTIONS_STEPS = 20_000
+"""Steps from which the mean period of a numerical solution is found."""
+RETURNED = 1e-5
+"""Relative change of the distance from the equilibrium in a revolution below which a solution is periodic."""
+ZOOM, FLAT = 5.0, 0.7
+"""Half the width of an enlarged window in distances of a step from the curve with two terms; height by width."""
+BEFORE_END = 0.9
+"""Part of the time from which the window is chosen, so that the curves go through it."""
 
 
 class Truncation(NamedTuple):
     """Data of the figure."""
 
     h: float  # step size
+    y0: tuple[float, ...]  # start
+    methods: tuple[Method, ...]  # both methods
     t: np.ndarray  # times of the steps
     fine_t: np.ndarray  # times of the curves: those of the steps and between them
-    steps: dict[str, np.ndarray]  # numerical solutions (2, steps + 1) by method
-    curves: dict[str, np.ndarray]  # solutions of the modified equations by method, (terms, 2, points)
+    steps: tuple[np.ndarray, ...]  # numerical solutions (2, steps + 1) by method
+    curves: tuple[np.ndarray, ...]  # solutions of the modified equations by method, (terms, 2, points)
+    # periods by method: of the steps, and of the solutions with 1, 2, … terms; nan where they are not periodic
+    periods: tuple[np.ndarray, ...]
 
-    def distances(self, method: str) -> np.ndarray:
-        """The distances |y_n − y(t_n)| of the steps of a method from the curves, (terms, steps + 1)."""
+    def distances(self, k: int) -> np.ndarray:
+        """The distances |y_n − y(t_n)| of the steps of the k-th method from the curves, (terms, steps + 1)."""
         import numpy as np
 
-        return np.linalg.norm(self.curves[method][:, :, ::FINE] - self.steps[method], axis=1)
+        return np.linalg.norm(self.curves[k][:, :, ::FINE] - self.steps[k], axis=1)
+
+    def window(self, k: int) -> tuple[tuple[float, float], float]:
+        """Centre and half width of the part in which the curves of the k-th method can best be told apart.
+
+        It is around the step that is furthest from the curve with two terms (or one, if there are no others) as a set.
+        """
+        curve, steps = self.curves[k][min(1, len(self.curves[k]) - 1)], self.steps[k]
+        gaps = _gaps(curve, steps)
+        far = int(gaps[: round(BEFORE_END * len(gaps))].argmax())
+        return (float(steps[0, far]), float(steps[1, far])), ZOOM * float(gaps[far])
 
 
-def numbers(*, h: float = 0.1, terms: int = 3) -> Truncation:
+def numbers(*, h: Any = 0.1, terms: Any = 3, methods: Any = METHODS, y0: Any = START) -> Truncation:
     """Steps up to t = 10, and the solutions of the equations truncated after 1 term (the exact one), 2, …"""
     import numpy as np
 
-    h, terms = check_number(h, "h", 0.005, 0.12), check_count(terms, "terms", 1, MOST_TERMS)
-    scene, count = bs.scene("lotka-volterra"), round(SPAN / h)
-    runs = {name: bs.integrate(name, scene, h=h, steps=count, y0=START) for name in METHODS}
-    fine_t = np.arange(count * FINE + 1) * (h / FINE)
+    h, terms = read_number(h, "h", 0.005, 0.12), read_count(terms, "terms", 1, MOST_TERMS)
+    chosen, scene = read_methods(methods, 2), bs.scene("lotka-volterra")
+    start = read_start(y0, scene)
+    if min(start) <= 0 or np.linalg.norm(np.array(start) - REST) < 0.01:
+        raise SeriesError(f"y0 must have positive p and q and must not be the equilibrium (1, 2), but was {y0!r:.60}")
+    runs = [bs.integrate(method, scene, h=h, steps=round(SPAN / h), y0=start) for method in chosen]
+    fine_t = np.arange((len(runs[0].t) - 1) * FINE + 1) * (h / FINE)
 
-    def curves(method: str) -> np.ndarray:
+    def curves(method: Method) -> np.ndarray:
         scenes = (truncated_scene(method, scene, k + 1, h) for k in range(terms))
-        return np.array([bs.reference_solution(truncated, fine_t, y0=START) for truncated in scenes])
+        return np.array([bs.reference_solution(truncated, fine_t, y0=start) for truncated in scenes])
 
-    t = next(iter(runs.values())).t
-    return Truncation(
-        h, t, fine_t, {name: run.y for name, run in runs.items()}, {name: curves(name) for name in METHODS}
+    found = tuple(curves(method) for method in chosen)
+    periods = tuple(
+        np.array([_mean_period(method, h, start), *(_period(fine_t, curve) for curve in rows)])
+        for method, rows in zip(chosen, found, strict=True)
     )
+    return Truncation(h, start, chosen, runs[0].t, fine_t, tuple(run.y for run in runs), found, periods)
+
+
+def _angle_and_radius(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The angle turned around the equilibrium since the start, and the distance from it."""
+    import numpy as np
+
+    q, p = states[1] - REST[1], states[0] - REST[0]
+    angle = np.unwrap(np.arctan2(q, p))
+    return abs(angle - angle[0]), np.hypot(p, q)
+
+
+def _period(t: np.ndarray, states: np.ndarray) -> float:
+    """The time of a revolution; not a number if the solution has not returned to its start."""
+    import numpy as np
+
+    angle, radius = _angle_and_radius(states)
+    end = int(np.searchsorted(angle, 2 * np.pi))
+    if end + 3 > len(angle):
+        return np.nan
+    near = slice(end - 3, end + 3)
+    time, back = (np.polyval(np.polyfit(angle[near] - 2 * np.pi, x[near], 5), 0) for x in (t, radius))
+    return float(time) if abs(back / radius[0] - 1) < RETURNED else np.nan
+
+
+def _mean_period(method: Method, h: float, start: tuple[float, ...]) -> float:
+    """The mean time of a revolution of the numerical solution; not a number if its distance from rest drifts."""
+    import numpy as np
+
+    from integrators import StepError
+
+    try:
+        run = bs.integrate(method, "lotka-volterra", h=h, steps=REVOLUTIONS_STEPS, y0=start)
+    except StepError:
+        return np.nan
+    angle, radius = _angle_and_radius(run.y)
+    half = len(radius) // 2
+    if abs(radius[half:].max() / radius[:half].max() - 1) > RETURNED:
+        return np.nan
+    return float(2 * np.pi * run.t[-1] / angle[-1])
+
+
+def _gaps(curve: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The distances of points from a polygon."""
+    import numpy as np
+
+    start, side = curve[:, :-1, None], np.diff(curve)[:, :, None]
+    along = ((points[:, None] - start) * side).sum(axis=0) / (side**2).sum(axis=0)
+    return np.linalg.norm(points[:, None] - start - along.clip(0, 1) * side, axis=0).min(axis=0)
 
 
 def columns(numbers: Truncation) -> dict[str, np.ndarray]:
     """States and distances at the times of the steps, and the curves at theirs."""
     table = {"t": numbers.t, "t_curves": numbers.fine_t}
-    for method in METHODS:
-        key = method.replace("-", "_")
-        table |= dict(zip((f"p_{key}", f"q_{key}"), numbers.steps[method], strict=True))
-        for k, (curve, distance) in enumerate(zip(numbers.curves[method], numbers.distances(method), strict=True), 1):
+    for j, method in enumerate(numbers.methods):
+        key = (method.name or f"method{j + 1}").replace("-", "_")
+        table |= dict(zip((f"p_{key}", f"q_{key}"), numbers.steps[j], strict=True))
+        for k, (curve, distance) in enumerate(zip(numbers.curves[j], numbers.distances(j), strict=True), 1):
             ending = f"{key}_{k}_terms"
             table |= {f"p_{ending}": curve[0], f"q_{ending}": curve[1], f"distance_{ending}": distance}
+        table[f"periods_{key}"] = numbers.periods[j]
     return table
 
 
+def caption(numbers: Truncation) -> str:
+    """The last distances, and the periods where solutions are periodic."""
+    names = [name_of(method) for method in numbers.methods]
+    ends = [
+        f"{listed([scientific(d, 2) for d in numbers.distances(k)[:, -1]])} for {name}" for k, name in enumerate(names)
+    ]
+    labels = ["the given equations", *(f"the truncation after {power_of_h(k)}" for k in range(1, MOST_TERMS))]
+    text = (
+        f"Lecture, figure 3 (HLW, figure IX.1.3). Two methods on the Lotka–Volterra equations with h = {numbers.h:g} "
+        f"from (p, q) = {state(numbers.y0)}, with the exact solution and the solutions of the modified equations "
+        "truncated after h, h², …. (a), (b) Phase plane; (c), (d) the framed parts, enlarged; (e), (f) distances "
+        f"from the steps at the same time. At t = {numbers.t[-1]:g} they are {'; '.join(ends)}."
+    )
+    for name, periods in zip(names, numbers.periods, strict=True):
+        if (periods > 0).all():
+            of = [f"{t:.3f} for {label}" for t, label in zip(periods, ["the steps", *labels], strict=False)]
+            text += f" Distances of {name} grow with the differences of periods: {listed(of)}."
+    return text
+
+
 def draw(numbers: Truncation, figure: Figure) -> None:
-    """Above the curves, below their distances from the steps."""
-    panels = figure.subplots(2, 2, height_ratios=(1.5, 1))
-    panels[1, 1].sharey(panels[1, 0])
-    for (above, below), (method, label) in zip(panels.T, METHODS.items(), strict=True):
-        _draw_curves(above, numbers, method)
-        above.set_title(label)
-        for distance, style in zip(numbers.distances(method), _styles(numbers), strict=True):
+    """From above: the curves, a part of them enlarged, and their distances from the steps."""
+    panels = figure.subplots(3, 2, height_ratios=(1.4, 1.1, 1))
+    panels[2, 1].sharey(panels[2, 0])
+    names = short_names(numbers.methods)
+    label_panels(
+        panels.flat, [*names, *(f"frame in ({letter})" for letter in "ab"), *(f"{n}, distances" for n in names)]
+    )
+    for k, (above, middle, below) in enumerate(panels.T):
+        _draw_curves(above, numbers, k, 2.0)
+        _draw_curves(middle, numbers, k, 4.5)
+        (p, q), half = numbers.window(k)
+        middle.set(xlim=(p - half, p + half), ylim=(q - FLAT * half, q + FLAT * half))
+        middle.spines[:].set_visible(True)
+        above.add_patch(_frame((p, q), half))
+        for distance, style in zip(numbers.distances(k), _styles(numbers), strict=True):
             below.semilogy(numbers.t[1:], distance[1:], **style)
         below.set(xlabel="time $t$", xlim=(0, SPAN))
-    panels[0, 0].set_ylabel("$q$ (predators)")
-    panels[1, 0].set_ylabel("distance from the steps")
+    for row, label in zip(panels[:, 0], ("$q$ (predators)", "$q$ (predators)", "distance from the steps"), strict=True):
+        row.set_ylabel(label)
     figure.legend(handles=panels[0, 0].lines, loc="outside lower center", ncols=4)
 
 
-def _draw_curves(axes: Axes, numbers: Truncation, method: str) -> None:
-    for curve, style in zip(numbers.curves[method], _styles(numbers), strict=True):
+def _frame(centre: tuple[float, float], half: float) -> Patch:
+    """The frame of the enlarged part."""
+    from matplotlib.patches import Rectangle
+
+    corner = centre[0] - half, centre[1] - FLAT * half
+    return Rectangle(corner, 2 * half, 2 * FLAT * half, fill=False, edgecolor=BLACK, linewidth=0.8, zorder=5)
+
+
+def _draw_curves(axes: Axes, numbers: Truncation, k: int, size: float) -> None:
+    for curve, style in zip(numbers.curves[k], _styles(numbers), strict=True):
         axes.plot(*curve, **style)
-    label = f"numerical solution, $h = {numbers.h:g}$"
-    axes.plot(*numbers.steps[method], "o", color=BLACK, markersize=2.4, label=label)
+    dots = {"color": WHITE, "markeredgecolor": BLACK, "markeredgewidth": 0.6, "markersize": size, "linestyle": "none"}
+    axes.plot(*numbers.steps[k], "o", **dots, label=f"numerical solution, $h = {numbers.h:g}$")
     axes.set_xlabel("$p$ (prey)")
 
 
 def _styles(numbers: Truncation) -> list[dict[str, Any]]:
     """The plot styles of the curves, by the number of terms."""
-    terms = len(next(iter(numbers.curves.values())))
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]
     colours = GREY, VERMILION, BLUE, GREEN, PURPLE, ORANGE
     dashes = "-", "-.", (0, (1, 1)), "--", (0, (6, 1)), (0, (4, 1, 1, 1, 1, 1))
     styles = zip(labels, colours, dashes, strict=True)
-    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles][:terms]
+    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles][
+        : len(numbers.curves[0])
+    ]

@@ -31,7 +31,7 @@ from bseries.scene_text import (
     short_powers,
     span,
 )
-from foundation.diagrams import draw_levels, write_title
+from foundation.diagrams import axis_label, draw_levels, write_title
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError, shown
@@ -273,7 +273,7 @@ class ModifiedHamiltonian:
             >>> run = bs.integrate(H.method, H.scene, h=0.4, steps=200, y0=[0, 2])
             >>> axes = H.plot(h=0.4, run=run)
             >>> axes.get_xlabel(), axes.get_ylabel()
-            ('q', 'p')
+            ('$q$', '$p$')
         """
         i, j = self._plane(x, y)
         if run is not None and getattr(run, "variables", None) != tuple(self.variables):
@@ -294,7 +294,8 @@ class ModifiedHamiltonian:
             if run is not None:
                 axes.plot(run.y[i], run.y[j], ".", color=BLUE, markersize=2.5)
             write_title(axes, f"{self.label} on {self.scene.name} to h^{self.order - 1}, h = {read_step(h):g}")
-            axes.set(xlabel=self.variables[i], ylabel=self.variables[j], xlim=ends[:2], ylim=ends[2:])
+            labels = [axis_label(self.variables[k]) for k in (i, j)]
+            axes.set(xlabel=labels[0], ylabel=labels[1], xlim=ends[:2], ylim=ends[2:])
         return axes
 
     def _plane(self, x: str | None, y: str | None) -> tuple[int, int]:

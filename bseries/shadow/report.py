@@ -14,7 +14,7 @@ import numpy as np
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
-from foundation.diagrams import OVER_DATA, draw_curves, write_title
+from foundation.diagrams import OVER_DATA, axis_label, draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import items
@@ -104,7 +104,7 @@ def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
     middle = 0.5 * (t[0] + t[-1])
     ax.plot(t[[0, -1]], row.drift * (t[[0, -1]] - middle), color=BLACK, linewidth=1, linestyle="--")
     name = "energy" if row.order == 2 else f"order {row.order}"
-    ax.set(xlabel="t", title=f"{name}, less its mean")
+    ax.set(xlabel=axis_label("t"), title=f"{name}, less its mean")
     ax.ticklabel_format(axis="y", scilimits=(-2, 3))
 
 
@@ -334,7 +334,7 @@ class ShadowReport:
         with drawing(ax, SeriesError) as axes:
             draw_curves(axes, t, curves, linestyle="-", linewidth=0.7)
             write_title(axes, f"{os.path.basename(self.label)}, h = {self.h:g}")
-            axes.set(xlabel="time t", ylabel="largest distance from the mean", yscale="log")
+            axes.set(xlabel=axis_label("t"), ylabel="largest distance from the mean", yscale="log")
         return axes
 
     def to_table(self, bound: float | None = None) -> Table:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foundation.diagrams import draw_band, draw_legend, write_title
+from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
 from foundation.extras import optional_module
 from foundation.numbers import finite_or_none
 from foundation.plotting import BLUE, GREY, drawing
@@ -267,7 +267,7 @@ class EnsembleResult(Tabular):
             draw_legend(axes)
             about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}: {self.meta['members']:,} members"
             write_title(axes, about)
-            axes.set(xlabel="time t", ylabel=self._label(name))
+            axes.set(xlabel=axis_label("t"), ylabel=self._label(name))
         return axes
 
     def _label(self, name: str) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foundation.diagrams import draw_curves, write_title
+from foundation.diagrams import axis_label, draw_curves, write_title
 from foundation.extras import optional_module
 from foundation.numbers import finite_or_none
 from foundation.plotting import drawing
@@ -158,7 +158,7 @@ class Trajectory(Tabular):
             ['p', 'q']
             >>> axes = run.plot(y="energy", change=True)
             >>> axes.get_xlabel(), axes.get_ylabel()
-            ('time t', 'change of energy since the start')
+            ('time $t$', 'error of the energy, $H - H_0$')
             >>> axes = run.plot(x="q", y="p")
             >>> other = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=200, observe="energy")
             >>> axes = other.plot(run.plot(y="energy", label="rk4"), y="energy", label="Störmer–Verlet")
@@ -181,7 +181,7 @@ class Trajectory(Tabular):
             )
             what = names[0] if len(names) == 1 else "value"
             write_title(axes, "" if first else f"{_names(self)}, h = {self.h:g}")
-            axes.set(xlabel="time t" if x == "t" else x, ylabel=f"change of {what} since the start" if change else what)
+            axes.set(xlabel=axis_label(x), ylabel=axis_label(what, change))
             if len(names) == 1 and x.rstrip(DIGITS) == what.rstrip(DIGITS):
                 axes.set_aspect("equal", "datalim")  # coordinates of one place
         return axes

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.scene_argument import read_assignments
+from bseries.cli.options.method_argument import read_method
+from bseries.cli.options.scene_argument import is_path, load_file, read_assignments
 from bseries.cli.output import Output
 from bseries.cli.progress import Progress
 from foundation.table import Column, Table, csv_lines, paragraphs
+from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -40,6 +42,7 @@ def complete_figure(ctx: click.Context, param: click.Parameter, incomplete: str)
 @click.option("-o", "--output", "path", metavar="FILE", help="The picture: .png, .svg or .pdf. With --all, a folder.")
 @click.option("--data", metavar="FILE", help="The numbers as CSV; - for standard output. With --all, a folder.")
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of an option; repeatable.")
+@click.option("--animate", metavar="FILE", help="The figure in motion: .gif or .mp4, of at most 150 frames.")
 @click.option("--list", "listed", is_flag=True, help="All figures with their options.")
 @click.option("--all", "everything", is_flag=True, help="Draw all figures.")
 @click.option("--format", "format_", metavar="FORMAT", help="With --all: png, svg or pdf; by default, png.")
@@ -48,15 +51,18 @@ def figure(
     path: str | None,
     data: str | None,
     settings: Sequence[str],
+    animate: str | None,
     listed: bool,
     everything: bool,
     format_: str | None,
 ) -> None:
     """A figure of the lecture that this project grew from, or a further one.
 
-    Pictures have their printed size; the caption is printed once a picture is drawn. --data
-    writes the numbers that they show, a column for each quantity; columns need not be of the same length. --all -o DIR
-    draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
+    Pictures have their printed size; the caption is printed once a picture is drawn. Options are methods and scenes by
+    name or file, numbers such as 1/20, and starts such as "2,2", or "2,2; 7/2,2" for several.
+    --data writes the numbers of a figure, a column for each quantity; columns need not be of the same length.
+    --animate writes a figure that moves as GIF or MP4, in about half a minute.
+    --all -o DIR draws all of them to files NAME.png, and with --data DIR writes NAME.csv.
 
     \b
     Examples:
@@ -64,6 +70,8 @@ def figure(
       bseries figure riccati -o riccati.png
       bseries figure energy-error -o energy.pdf --data energy.csv
       bseries figure truncation --set h=1/20 --set terms=4 -o truncation.svg
+      bseries figure large-steps --set method=stormer-verlet --set "y0=0,-2; 1,0" -o steps.pdf
+      bseries figure area-patch --set methods=rk4,gauss2 --animate patch.gif
       bseries figure riccati --data -
     """
     given = [text for text, is_on in (("NAME", name), ("--list", listed), ("--all", everything)) if is_on]
@@ -77,9 +85,11 @@ def figure(
         if listed:
             Output("table", None, progress).write(Table("Figures", COLUMNS, _rows(), titled=False))
         elif everything:
+            if animate is not None:
+                raise Refusal(f"animate must be left out with --all, but was {animate!r:.60}")
             _draw_all(path, data, settings, format_ or "png", progress)
         else:
-            _draw_one(str(name), path, data, settings, progress)
+            _draw_one(str(name), path, data, settings, animate, progress)
 
 
 def _rows() -> list[tuple[str, str, str, str]]:
@@ -91,25 +101,41 @@ def _rows() -> list[tuple[str, str, str, str]]:
 
 
 def _shown(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key}={value}" for key, value in options.items())
+    return ", ".join(key if value is None else f"{key}={_written(value)}" for key, value in options.items())
 
 
-def _draw_one(name: str, path: str | None, data: str | None, settings: Sequence[str], progress: Progress) -> None:
+def _written(value: Any) -> str:
+    """A default as --set would give it."""
+    if not isinstance(value, tuple):
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    rows = [_written(entry) for entry in value]
+    return (";" if isinstance(value[0], tuple) else ",").join(rows)
+
+
+def _draw_one(
+    name: str, path: str | None, data: str | None, settings: Sequence[str], animate: str | None, progress: Progress
+) -> None:
     """One figure."""
-    from bseries.figures.registry import figure_file
+    from bseries.figures import registry
+    from bseries.figures.animations import check_animation
     from bseries.picture_files import check_place, picture_format
 
-    file = figure_file(name)
-    if path is None and data is None:
-        raise Refusal(f"output or data must be given, as in -o {name}.png, but neither was")
+    file = registry.figure_file(name)
+    if path is None and data is None and animate is None:
+        raise Refusal(f"output, data or animate must be given, as in -o {name}.png, but none was")
     format_ = None if path is None else picture_format(path)
     for place, argument in ((path, "output"), (data, "data")):
         if place not in (None, "-"):
             check_place(str(place), argument)
-    _make(file, _options(file, name, settings), path, format_, data, progress.update)
-    if path is not None and data != "-":  # numbers on standard output stay alone
+    if animate is not None:
+        registry.check_moving(file)
+        check_animation(animate)
+    numbers = _make(file, _options(file, name, settings), path, format_, data, progress.update)
+    if animate is not None:
+        registry.animate(file, numbers, animate, progress=progress.update)
+    if (path, animate) != (None, None) and data != "-":  # numbers on standard output stay alone
         output = Output("table", None, progress)
-        output.write(paragraphs([file.CAPTION], output.width))
+        output.write(paragraphs([file.caption(numbers)], output.width))
 
 
 def _draw_all(path: str | None, data: str | None, settings: Sequence[str], format_: str, progress: Progress) -> None:
@@ -150,8 +176,8 @@ def _make(
     format_: str | None,
     data: str | None,
     advance: Callable[[int, int], None],
-) -> None:
-    """Compute the numbers of a figure, and write them, their picture or both."""
+) -> Any:
+    """Compute the numbers of a figure, and write them, their picture or both; the numbers."""
     from bseries import picture_files
     from bseries.figures.registry import compute, drawn, takes_progress
     from foundation.extras import optional_module
@@ -167,6 +193,7 @@ def _make(
         _write_text(csv_lines(list(columns), picture_files.data_rows(columns)), data)
     if path is not None and content is not None:
         atomic_write(path, content)
+    return numbers
 
 
 def _write_text(pieces: Iterable[str], path: str) -> None:
@@ -179,26 +206,24 @@ def _write_text(pieces: Iterable[str], path: str) -> None:
 
 
 def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, Any]:
-    """The options of --set, as numbers or text like the defaults."""
+    """The options of --set; methods and scenes may be files."""
     from bseries.figures.registry import options_of
 
     known = options_of(file)
     values = read_assignments(settings, "set", "h=1/20")
     for option in values:
         if option not in known:
-            choice = f"one of {_shown(known)} for {name}" if known else f"left out for {name}"
-            raise Refusal(f"set must be {choice}, but was {option!r:.60}")
-    return {option: _read_value(text, option, known[option]) for option, text in values.items()}
+            raise Refusal(f"set must be one of {_shown(known)} for {name}, but was {option!r:.60}")
+    return {option: READERS.get(option, str)(text) for option, text in values.items()}
 
 
-def _read_value(text: str, option: str, default: Any) -> Any:
-    """A value of the kind of the default."""
-    if not isinstance(default, int | float):
-        return text
-    from integrators.exact.expressions import parse_number
+def _read_methods(text: str) -> list[Any]:
+    return [read_method(entry.strip(), {}, ()) for entry in split_row(text)]
 
-    number = parse_number(text, argument=option)
-    try:
-        return int(number) if number == int(number) else float(number)
-    except OverflowError:
-        raise Refusal(f"{option} must be a number that a double can hold, but was {text!r:.60}") from None
+
+READERS: dict[str, Callable[[str], Any]] = {
+    "method": lambda text: read_method(text, {}, ()),
+    "methods": _read_methods,
+    "scene": lambda text: load_file(text) if is_path(text) else text,
+}
+"""Readers of options that may be files; figures read all other text."""

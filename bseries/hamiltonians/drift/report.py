@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift.orbits import LINEAR, SQUARE_ROOT, UNDECIDED, RateStatistics
 from bseries.scene_text import place
-from foundation.diagrams import draw_band, draw_legend, write_title
+from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
 from foundation.plotting import BLACK, SKY, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.errors import shorten
@@ -163,7 +163,7 @@ class DriftReport(NamedTuple):
             method = self.perturbation.field.label.removeprefix(MODIFIED)
             about = f"{place(method, self.perturbation.scene)}, h = {h:g}: {self.verdict}"
             write_title(axes, f"{about}, slope {shown_number(slope, LEADING_DIGITS)}" if slope else about)
-            axes.set(xlabel="time t", ylabel="change of the energy since the start")
+            axes.set(xlabel=axis_label("t"), ylabel=axis_label("energy", change=True))
         return axes
 
     def to_dict(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+import bseries as bs
 from bseries.figures import registry, riccati, toda
 from bseries.figures.registry import compute, drawn, figure_file, figure_names
 from bseries.picture_files import data_rows
@@ -30,7 +31,7 @@ def two_figures(monkeypatch):
         return riccati.numbers()
 
     names = {"riccati": riccati, "long": type("Long", (), {**vars(riccati), "numbers": staticmethod(numbers)})}
-    for name in ("columns", "draw"):
+    for name in ("columns", "caption", "draw"):
         setattr(names["long"], name, staticmethod(getattr(riccati, name)))
     monkeypatch.setattr(registry, "figure_names", lambda: list(names))
     monkeypatch.setattr(registry, "figure_file", names.get)
@@ -40,7 +41,7 @@ def two_figures(monkeypatch):
 @pytest.mark.parametrize("ending", BEGINNINGS)
 def test_pictures(answer, tmp_path, ending):
     path = tmp_path / f"picture.{ending}"
-    assert answer("figure", "riccati", "--set", "h=1/50", "-o", str(path)) == f"{riccati.CAPTION}\n"
+    assert answer("figure", "riccati", "--set", "h=1/50", "-o", str(path)) == f"{riccati.caption(riccati.numbers())}\n"
     assert path.read_bytes().startswith(BEGINNINGS[ending])
     assert path.read_bytes() == picture(drawn(figure_file("riccati"), riccati.numbers()), ending)
     assert list(tmp_path.iterdir()) == [path]
@@ -78,11 +79,25 @@ def test_data_on_standard_output(answer, tmp_path):
     assert path.exists()
 
 
+def test_an_animation(answer, tmp_path, monkeypatch):
+    """The file, and the caption; methods may be files."""
+    from bseries.figures import area_patch
+
+    monkeypatch.chdir(tmp_path)
+    tableau = tmp_path / "mine.json"
+    bs.save_method(bs.method("gauss2"), str(tableau))
+    options = ["--set", "methods=mine.json, rk4", "--set", "steps=4"]
+    text = answer("figure", "area-patch", *options, "--animate", "patch.gif")
+    found = area_patch.numbers(methods=[bs.load_method(str(tableau)), "rk4"], steps=4)
+    assert " ".join(text.split()) == area_patch.caption(found)
+    assert (tmp_path / "patch.gif").read_bytes().startswith(b"GIF89a")
+
+
 def test_list(answer):
     lines = answer("figure", "--list").splitlines()[2:]
     assert [line.split()[0] for line in lines] == figure_names()
     shown = {line.split()[0]: line for line in lines}
-    assert shown["truncation"].endswith("h=0.1, terms=3")
+    assert shown["truncation"].endswith("h=0.1, terms=3, methods=explicit-euler,symplectic-euler-p, y0=2,2")
     assert shown["toda"].split()[1] == "9"
 
 
@@ -112,7 +127,7 @@ def test_all(answer, tmp_path, two_figures, ending):
     [
         ([], "one of NAME, --list and --all must be given, but none were"),
         (["riccati", "--all"], "one of NAME, --list and --all must be given, but NAME and --all were"),
-        (["riccati"], "output or data must be given, as in -o riccati.png, but neither was"),
+        (["riccati"], "output, data or animate must be given, as in -o riccati.png, but none was"),
         (["nothing", "-o", "a.png"], "name must be one of riccati, lotka-volterra"),
         (["riccati", "-o", "a.gif"], "the ending of the output 'a.gif' must be one of png, svg, pdf, but was 'gif'"),
         (["riccati", "-o", "-"], "must be one of png, svg, pdf, but was ''"),
@@ -121,13 +136,29 @@ def test_all(answer, tmp_path, two_figures, ending):
         (["riccati", "--data", "."], "data must be a file in a folder that is there, but was '.'"),
         (["riccati", "-o", "a.png", "--format", "png"], "format must be left out without --all"),
         (["riccati", "-o", "a.png", "--set", "h"], "set must be NAME=VALUE, as in h=1/20, but was 'h'"),
-        (["riccati", "-o", "a.png", "--set", "g=1"], "set must be one of h=0.02 for riccati, but was 'g'"),
-        (["toda", "-o", "a.png", "--set", "h=1"], "set must be left out for toda, but was 'h'"),
+        (
+            ["riccati", "-o", "a.png", "--set", "g=1"],
+            "set must be one of h=0.02, method=explicit-euler for riccati, but was 'g'",
+        ),
+        (["toda", "-o", "a.png", "--set", "h=1"], "h must be 2 numbers, but was '1'"),
         (["riccati", "-o", "a.png", "--set", "h=x"], "h must"),
-        (["riccati", "-o", "a.png", "--set", "h=5"], "h must be a number from 0.002 to 0.1, but was 5"),
-        (["riccati", "-o", "a.png", "--set", "h=1e400"], "h must be a number from 0.002 to 0.1, but was 1000"),
-        (["riccati", "-o", "a.png", "--set", "h=10^400+1/3"], "h must be a number that a double can hold, but was"),
-        (["truncation", "-o", "a.png", "--set", "terms=5/2"], "terms must be a whole number from 1 to 6, but was 2.5"),
+        (["riccati", "-o", "a.png", "--set", "h=5"], "h must be a number from 0.002 to 0.1, but was '5'"),
+        (["riccati", "-o", "a.png", "--set", "h=1e400"], "h must be a number from 0.002 to 0.1, but was '1e400'"),
+        (
+            ["riccati", "-o", "a.png", "--set", "h=10^400+1/3"],
+            "h must be a number from 0.002 to 0.1, but was '10^400+1/3'",
+        ),
+        (
+            ["truncation", "-o", "a.png", "--set", "terms=5/2"],
+            "terms must be a whole number from 1 to 6, but was '5/2'",
+        ),
+        (["riccati", "--animate", "a.gif"], "name must be a figure that moves, one of lotka-volterra, area-patch,"),
+        (["area-patch", "--animate", "a.avi"], "animate must be a file that ends in .gif or .mp4, but was 'a.avi'"),
+        (["area-patch", "--animate", "no/a.gif"], "animate must be a file in a folder that is there"),
+        (["area-patch", "-o", "a.png", "--set", "scene=kepler"], "scene must have two variables, but kepler has 4"),
+        (["large-steps", "-o", "a.png", "--set", "method=no.json"], "no.json"),
+        (["large-steps", "-o", "a.png", "--set", "y0=__import__('os')"], "y0 must"),
+        (["--all", "-o", "a", "--animate", "a.gif"], "animate must be left out with --all, but was 'a.gif'"),
         (["--all"], "output must be a folder with --all"),
         (["--all", "-o", "a", "--data", "-"], "output must be a folder with --all"),
         (["--all", "-o", "a", "--set", "h=1"], "set must be left out with --all, but was 'h=1'"),

@@ -100,7 +100,7 @@ class TestLargeSteps:
     def test_conservation_of_the_modified_hamiltonian(self, h):
         for order, key in ((1, "max|H-H0|"), (3, "max|H3-H3_0|"), (5, "max|H5-H5_0|")):
             energy = bs.modified_hamiltonian(bs.method("implicit-midpoint"), bs.scene("pendulum"), order)
-            runs = (energy(large_steps.orbit(float(h), start), float(h)) for start in large_steps.STARTS)
+            runs = (energy(large_steps.orbit(float(h), start), float(h)) for start in numbers_of("large-steps").starts)
             found = [abs(values - values[0]).max() for values in runs]
             np.testing.assert_allclose(found, [row[key] for row in self.ROWS[h]], rtol=1e-4, atol=1e-10)
 
@@ -109,7 +109,7 @@ class TestLargeSteps:
             [float(x.replace("-pi", str(-pi))) for x in start.strip("()").split(",")]
             for start in GIVEN["figure6"]["initial_(p,q)"]
         ]
-        np.testing.assert_array_equal(large_steps.STARTS, given)
+        np.testing.assert_array_equal(numbers_of("large-steps").starts, given)
 
     def test_energies_are_those_of_the_states(self):
         found = numbers_of("large-steps")
@@ -129,7 +129,7 @@ class TestLargeSteps:
     @pytest.mark.parametrize("h", [0.7, 1.0, 1.29, 1.3, 1.45])
     def test_which_orbits_that_swing_are_chaotic(self, h):
         table = list(GIVEN["figure6"]["chaotic_step_sizes_in_0.70..1.60_(grid 0.01)"].values())[:2]
-        starts = np.array(large_steps.STARTS[:2])
+        starts = np.array([[0.0, -1.5], [0.0, -2.5]])
         assert chaos_onset.is_chaotic(starts, h, 20_000 * h).tolist() == [h in row for row in table]
 
     def test_all_steps_are_drawn_and_in_the_picture(self):
@@ -140,7 +140,18 @@ class TestLargeSteps:
             curves = [line.get_xydata().T[::-1] for line in axes.lines if line.get_marker() == "."]
             np.testing.assert_array_equal(curves, states)
         p = found.states[:, :, 0]
-        assert large_steps.BOTTOM < p.min() < p.max() < large_steps.TOP
+        assert found.p[0] < p.min() < p.max() < found.p[-1]
+
+    def test_which_orbits_are_chaotic_in_the_caption(self):
+        found = numbers_of("large-steps")
+        table = list(GIVEN["figure6"]["chaotic_step_sizes_in_0.70..1.60_(grid 0.01)"].values())
+        expected = [[h in row for row in table] for h in found.h]
+        assert found.chaotic.tolist() == expected
+        text = large_steps.caption(found)
+        assert "from (0, −2.5) for h = 1.3" in text
+        assert "None of these orbits" not in text
+        calm = found._replace(chaotic=0 * found.chaotic)
+        assert "None of these orbits is chaotic" in large_steps.caption(calm)
 
 
 class TestChaosOnset:
@@ -265,6 +276,13 @@ class TestLennardJonesDrift:
         law = atoms._replace(deviation=3e-5 * atoms.t**0.5)
         assert (law.exponent, law.coefficient) == (pytest.approx(0.5, abs=1e-4), pytest.approx(3e-5, rel=1e-12))
 
+    def test_the_step_size_at_which_the_lecture_agrees(self, atoms):
+        """By the law h⁴ √t, whatever the step size and the length of the run."""
+        law = atoms._replace(deviation=3.08e-6 * (atoms.h / 0.005) ** 4 * (atoms.t / 2e4) ** 0.5)
+        assert law.lecture_step == pytest.approx(0.005, rel=1e-12)
+        assert atoms.lecture_step == pytest.approx(0.01 * (3.08e-6 / (20e-8 * 2e4**0.5)) ** 0.25, rel=0.1)
+        assert f"{atoms.lecture_step:.2g}" in lennard_jones_drift.caption(atoms)
+
     def test_the_mean_is_zero(self, atoms):
         every = slice(100, None, 100)
         assert (abs(atoms.mean[every]) < 3 * atoms.standard_error[every]).all()
@@ -352,11 +370,10 @@ class TestLinearErrorGrowth:
         assert exponent(found.other_actions) == pytest.approx(1, abs=0.02)
 
     @pytest.mark.parametrize("method", ["lobatto-iiia3", "lobatto-iiia4"])
-    def test_symmetric_methods_on_reversible_systems(self, method, monkeypatch):
+    def test_symmetric_methods_on_reversible_systems(self, method):
         """They are not symplectic, but errors grow like t and not like t², and the actions do not drift."""
-        monkeypatch.setattr(linear_error_growth, "OTHER", method)
         assert not bs.method(method).is_symplectic
-        found = linear_error_growth.numbers(h=0.05)
+        found = linear_error_growth.numbers(h=0.05, method=method)
         assert growth_exponent(found.t, found.other, *LATE) == pytest.approx(1, abs=0.02)
         assert found.other_actions[-1] < 1.01 * np.interp(30, found.t, found.other_actions) + 1e-12
 
@@ -403,11 +420,13 @@ class TestTheorem3:
         early = np.array([np.interp(30, found.t, row) for row in found.growth])
         assert (found.growth[:, -1] < 1.2 * early).all()
 
-    def test_a_method_that_is_not_symplectic(self, monkeypatch):
+    def test_a_method_that_is_not_symplectic(self):
         """Negative control: what symplectic Euler conserves, explicit Euler does not."""
         energy = bs.modified_hamiltonian(bs.method(theorem_3.METHOD), bs.scene("pendulum"), 3)
-        monkeypatch.setattr(theorem_3, "METHOD", "explicit-euler")
-        assert theorem_3.largest_errors(energy, 0.05, 100.0)[2, -1] > 1e3 * numbers_of("theorem-3").errors[2, 6]
+        assert (
+            theorem_3.largest_errors(energy, 0.05, 100.0, "explicit-euler")[2, -1]
+            > 1e3 * numbers_of("theorem-3").errors[2, 6]
+        )
 
 
 class TestSmallDivisors:
