@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from itertools import chain, islice
-from operator import itemgetter
+from operator import add, itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
@@ -29,7 +29,7 @@ from bseries.analysis.stability.field_elements import (
     to_flint,
 )
 from bseries.analysis.structure_conditions import Verdict, verdict
-from bseries.exact.domains import alike, exact_number, interpreted, make_values, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
@@ -350,16 +350,30 @@ def structure_order(method: Method, accuracy: int) -> int:
     return min(max(accuracy + 2, LEAST_NODES), most)
 
 
-def _nearby(s: BSeries) -> Iterator[BSeries]:
-    """Four random perturbations of a series in decimals."""
+def _nearby(s: BSeries) -> list[BSeries]:
+    """Four random perturbations of a series in decimals; none of an exact one."""
     if s.uncertainty is None:
-        return
-    source, scale = random.Random(s.digits), 10 ** ((s.digits or 0) + 6)
-    ranges = [s.uncertainty(at) * scale for at in range(len(s))]
+        return []
+    found = _perturbed(s.stored, s.uncertainty, s.digits or 0)
+    return [BSeries(s.table, values, s.empty, names=s.names) for values in found]
+
+
+@lru_cache(maxsize=2)
+def _perturbed(values: RationalValues, uncertainty: Callable[[int], float], digits: int) -> list[RationalValues]:
+    """Four random perturbations, the same ones for each test."""
+    source, scale = random.Random(digits), 10 ** (digits + 6)
+    ranges = [uncertainty(at) * scale for at in range(len(values.table))]
+    denominators = [math.lcm(d, scale) for d in values.denominators]
+    numerators = [
+        int(x) * (denominators[n] // values.denominators[n])
+        for n, x in zip(values.table.lists[0], values.numerators, strict=True)
+    ]
+    units, found = [d // scale for d in denominators], []
     for _ in range(4):
-        changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
-        changed = make_values(s.table, map(sum, zip(s.stored.coefficients(), changes, strict=True)))
-        yield BSeries(s.table, changed, s.empty, names=s.names)
+        changes = [round(source.uniform(-r, r)) * units[n] for n, r in zip(values.table.lists[0], ranges, strict=True)]
+        changed = list(map(add, numerators, changes))
+        found.append(RationalValues(values.table, changed, denominators, math.lcm(values.step, scale)))
+    return found
 
 
 def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
