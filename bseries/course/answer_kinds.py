@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.course.differential_text import combination, read_differentials
-from bseries.course.equality import AT_POINTS, EXACTLY, equality, factor_between, first_wrong_power, has_digits
+from bseries.course.equality import EXACTLY, equality, factor_between, first_wrong_power, has_digits
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
@@ -201,30 +201,23 @@ def compare(
     given: sympy.Expr, wanted: sympy.Expr, symbols: Sequence[Any], others: Mapping[str, Any], *, constant: bool = False
 ) -> Judgement:
     """Compare two formulas, up to a constant if asked."""
-
-    def pairs(other: Any) -> list[tuple[Any, Any]]:
-        """What must be equal: the formulas, or their derivatives."""
-        return [(given.diff(x), other.diff(x)) for x in symbols] if constant else [(given, other)]
-
-    found = {equality(one, other, symbols) for one, other in pairs(wanted)}
-    if "" not in found:
-        return Judgement(True, EXACTLY if found == {EXACTLY} else AT_POINTS)
+    found = equality(given, wanted, symbols, constant=constant)
+    if found:
+        return Judgement(True, found)
     for sentence, other in others.items():
-        if all(equality(one, two, symbols) for one, two in pairs(other)):
+        if equality(given, other, symbols, constant=constant):
             return Judgement(False, sentence)
-    return Judgement(False, _in_what(pairs(wanted), symbols))
+    return Judgement(False, _in_what(given, wanted, symbols, constant))
 
 
-def _in_what(pairs: Sequence[tuple[Any, Any]], symbols: Sequence[Any]) -> str:
-    """In what formulas differ that are not equal."""
-    if all(equality(one, one * 0, symbols) for one, _ in pairs):
-        return "is zero or a constant" if len(pairs) > 1 else "is zero"
-    factors = {factor_between(one, two, symbols) for one, two in pairs if (one, two) != (0, 0)}
-    if len(factors) == 1 and "" not in factors:
-        factor = factors.pop()
-        if factor == "-1" or symbols:  # of a number, other factors would tell the answer
-            return "has the other sign" if factor == "-1" else f"is {factor} times what is asked"
-    power = min((first_wrong_power(one, two, symbols) for one, two in pairs), default=0)
-    if power > 0:
-        return f"is right through h^{power - 1}, and wrong at h^{power}"
-    return "differs"
+def _in_what(given: Any, wanted: Any, symbols: Sequence[Any], constant: bool) -> str:
+    """In what a formula differs from another one that is not equal."""
+    if equality(given, wanted * 0, symbols, constant=constant):
+        return "is a constant" if constant else "is zero"
+    factor = factor_between(given, wanted, symbols, constant=constant)
+    if factor == "-1":
+        return "has the other sign"
+    if factor and symbols:  # of a number, the factor would tell the answer
+        return f"is {factor} times what is asked"
+    power = 0 if constant else first_wrong_power(given, wanted, symbols)
+    return f"is right through h^{power - 1}, and wrong at h^{power}" if power > 0 else "differs"

@@ -75,13 +75,8 @@ def computed(name: str) -> str:
 
 
 def _field(method: str, scene: str, order: int) -> str:
-    """A modified equation, truncated, as lines of an aligned formula."""
-    return _aligned(bs.modified_field(method, scene, order).to_latex())
-
-
-def _aligned(display: str) -> str:
-    """A display as a part of another one, which may have a number."""
-    return display.strip().replace("{align*}", "{aligned}")
+    """A modified equation, truncated, as lines of a formula that may have a number."""
+    return bs.modified_field(method, scene, order).to_latex().strip().replace("{align*}", "{aligned}")
 
 
 def _hamiltonian(method: str, scene: str, order: int) -> str:
@@ -169,6 +164,7 @@ def _at_any_point(formula: Any) -> str:
 
 
 def _takahashi_imada(*, simplified: bool) -> bs.methods.TakahashiImada:
+    """The method (13) or (14), for any α."""
     return bs.methods.TakahashiImada("alpha", simplified=simplified, parameters=["alpha"])
 
 
@@ -318,15 +314,8 @@ def _symplectic_euler() -> str:
     function, momenta, positions = _any_hamiltonian()
     step = sympy.Symbol("h")
     terms = bs.hamiltonians.generating_hamiltonian(step * function, momenta, positions, 3, h=step)
-    texts = [_partial_derivatives(sympy.factor(term)) for term in terms]
-    return _sum(texts)
-
-
-def _sum(terms: Sequence[str]) -> str:
-    """Terms by powers of h as a sum."""
-    first, *others = terms
-    powers = ("" if k == 1 else f"^{{{k}}}" for k in range(1, len(terms)))
-    return " + ".join([first, *(f"h{power} \\left({term}\\right)" for power, term in zip(powers, others, strict=True))])
+    first, second, third = (_partial_derivatives(sympy.factor(term)) for term in terms)
+    return rf"{first} + h \left({second}\right) + h^2 \left({third}\right)"
 
 
 def _exact_generating_function() -> str:

@@ -52,13 +52,14 @@ class Sample(NamedTuple):
     second: Any
 
 
-def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> str:
+def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False) -> str:
     """How two formulas are found equal, `EXACTLY` or `AT_POINTS`; empty if they differ.
 
     Args:
         first: A formula.
         second: The formula to which it is compared. Points where this one is not real do not count.
         symbols: The variables.
+        constant: Whether they may differ by a constant.
 
     Raises:
         SeriesError: The second formula is real at too few points.
@@ -70,23 +71,33 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
         'equal exactly'
         >>> equality(sympy.log(q**2), 2 * sympy.log(q), [q])
         'equal to 50 digits at 20 random points'
-        >>> equality(sympy.sin(q), q, [q])
-        ''
+        >>> equality(sympy.sin(q), q, [q]), equality(q + 1, q, [q]), equality(q + 1, q, [q], constant=True)
+        ('', '', 'equal exactly')
     """
+    import mpmath
+
     samples = _at_points(first, second, symbols)
-    if not all(sample.first is not None and agree(sample.first, sample.second) for sample in samples):
+    if any(sample.first is None for sample in samples):
         return ""
+    with mpmath.workdps(DIGITS):
+        shift = samples[0].first - samples[0].second if constant else 0
+        if not all(agree(sample.first - shift, sample.second) for sample in samples):
+            return ""
     try:
         ring = DifferentialRing((first, second), symbols, limit=MOST_MONOMIALS)
-        return EXACTLY if ring.is_zero(ring.elements[0] - ring.elements[1]) else AT_POINTS
+        difference = ring.elements[0] - ring.elements[1]
+        zeros = [ring.derivative(difference, i) for i in range(len(symbols))] if constant else [difference]
+        return EXACTLY if all(map(ring.is_zero, zeros)) else AT_POINTS
     except (TooLarge, SeriesError):
         return AT_POINTS
 
 
-def factor_between(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> str:
+def factor_between(
+    first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False
+) -> str:
     """The factor c h^k by which the first formula differs from the second, as text; empty if there is none.
 
-    c is a rational number with a small denominator, and k one of `POWERS` if h is a symbol.
+    c is a rational number with a small denominator, and k one of `POWERS` if h is a symbol. Up to a constant, k is 0.
 
     Example:
         >>> import sympy
@@ -96,13 +107,16 @@ def factor_between(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[symp
     """
     import mpmath
 
-    samples = _at_points(first, second, symbols)
-    if any(sample.first is None or not sample.second for sample in samples):
+    start, *samples = _at_points(first, second, symbols)
+    if start.first is None or any(sample.first is None for sample in samples):
         return ""
-    h = _step(symbols)
+    x0, y0 = (start.first, start.second) if constant else (0, 0)
+    if any(sample.second == y0 for sample in samples):
+        return ""
+    h = None if constant else _step(symbols)
     with mpmath.workdps(DIGITS):
         for k in POWERS if h else (0,):
-            ratios = [x / y / (point[h] ** k if h else 1) for point, x, y in samples]
+            ratios = [(x - x0) / (y - y0) / (point[h] ** k if h else 1) for point, x, y in samples]
             factor = _fraction(ratios[0])
             if factor and all(agree(ratio, ratios[0]) for ratio in ratios):
                 return _monomial(factor, k)

@@ -1,7 +1,7 @@
 """From Markdown to pages: pandoc parses and writes, typst sets PDF; here is what the course adds to both.
 
 The source is pandoc's Markdown. Beyond that, images ``figure:NAME`` are figures of the package, equations may end in
-``\\tag{5}``, and a block ``::: beside`` has two parts side by side.
+``\\tag{5}``, and blocks ``::: solution`` are solutions of exercises.
 """
 
 from __future__ import annotations
@@ -150,10 +150,6 @@ def typst_source(document: Element, title: str, layout: str, pictures: Pictures)
             name, classes = image
             call = f'#picture("{name}.{pictures[name].suffix}", wide: {json.dumps("wide" in classes)})['
             return [_raw("typst", call, "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
-        if "beside" in _classes(element):
-            left, right = (part["c"][1] for part in content[1])
-            marks = (_raw("typst", text, "RawBlock") for text in ("#beside[", "][", "]"))
-            return [next(marks), *left, next(marks), *right, next(marks)]
         if "solution" in _classes(element):
             return [_raw("typst", "#solution[", "RawBlock"), *content[1], _raw("typst", "]", "RawBlock")]
         return None
@@ -217,6 +213,7 @@ def _untagged(formula: Element) -> tuple[Element, str]:
 
 
 def _raw(language: str, text: str, kind: str = "RawInline") -> Element:
+    """Text that pandoc writes as it is if the language is that of the output."""
     return {"t": kind, "c": [language, text]}
 
 

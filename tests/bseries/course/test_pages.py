@@ -120,7 +120,9 @@ def test_sheets_have_pages(name, contents, pictures):
     document = DOCUMENTS[name]
     made = typst_pages(typst_source(contents[name], document.title, "sheets", pictures), pictures)
     assert 4 <= made <= 30
-    assert pdf_pages(contents[name], document.title, "sheets", pictures).startswith(b"%PDF")
+    pdf = pdf_pages(contents[name], document.title, "sheets", pictures)
+    assert pdf.startswith(b"%PDF")
+    assert pdf == pdf_pages(contents[name], document.title, "sheets", pictures), "files are reproducible"
 
 
 def test_html_has_a_section_for_each_slide(contents, texts, pictures):
@@ -139,14 +141,6 @@ def test_solutions_are_left_out():
     assert "How much" in without_them
     assert "#solution[" in typst_source(document, "Sheet", "sheets", {})
     assert "#solution[" not in typst_source(without(document, "solution"), "Sheet", "sheets", {})
-
-
-def test_parts_side_by_side():
-    document = parsed(":::: beside\n::: {}\nleft $x$\n:::\n::: {}\nright\n:::\n::::\n")
-    assert read(html_page(document, "Two", "sheets", {})).count["div"] == 3
-    source = typst_source(document, "Two", "sheets", {})
-    assert re.search(r"#beside\[\s+left \$x\$\s+\]\[\s+right\s+\]", source)
-    assert typst_pages(source, {}) == 1
 
 
 @pytest.mark.parametrize(
