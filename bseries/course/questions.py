@@ -7,10 +7,9 @@ from fractions import Fraction
 from functools import partial as of
 from typing import Any, NamedTuple
 
-from bseries.analysis.structure import symmetry, symplecticity
+import bseries as bs
 from bseries.course import truths
 from bseries.course.answer_kinds import AnswerKind, Choices, Differentials, Formulas, Tableau
-from integrators import method, trace
 
 P_Q, Y_H, X_Y_Z, POLAR = ("p", "q"), ("y", "h"), ("x", "y", "z"), ("p_r", "p_phi", "r", "phi")
 MIDPOINT, EULER, EULER_P, EULER_Q = "implicit-midpoint", "explicit-euler", "symplectic-euler-p", "symplectic-euler-q"
@@ -53,7 +52,7 @@ def _same_as(function: Callable[[], Any]) -> Any:
 
 def _orders() -> tuple[int, ...]:
     """The orders of the steps of exercise 9."""
-    return tuple(truths.order_of(trace(step)) for step in truths.STEPS)
+    return tuple(bs.order_of(bs.trace(step)) for step in truths.STEPS)
 
 
 QUESTIONS = (
@@ -102,20 +101,20 @@ QUESTIONS = (
     Question("8b", "the frequency", Formulas(("omega", "h")), of(truths.numerical_frequency, MIDPOINT)),
     Question("8c", "both radii of convergence", Formulas(count=2), of(truths.radii, (EULER, MIDPOINT))),
     Question("9a", "the orders of the steps A, B, C", Formulas(count=3), _orders),
-    Question("9b", "f_3 of step B", Differentials(), of(_field, of(trace, truths.taylor), 3)),
-    Question("9c", "step C", Tableau(), of(_same_as, of(trace, truths.extrapolated_euler))),
+    Question("9b", "f_3 of step B", Differentials(), of(_field, of(bs.trace, truths.taylor), 3)),
+    Question("9c", "step C", Tableau(), of(_same_as, of(bs.trace, truths.extrapolated_euler))),
     Question(
         "10a", "the term with h^2, without h^2",
         Formulas(P_Q, others={"is the formula of the notes": truths.misprinted_term}),
         of(truths.energy_term, VERLET, 2),
     ),
-    Question("10b", "the 3/8 rule", Tableau(), of(_same_as, of(method, "rk38"))),
+    Question("10b", "the 3/8 rule", Tableau(), of(_same_as, of(bs.method, "rk38"))),
     Question("10c", "the order of the tableau in the notes", Formulas(), truths.order_of_misprint),
     Question("11a", "the adjoint of Ralston's method", Tableau(), of(_same_as, truths.ralston_adjoint)),
     Question("11b", "s_2, s_3, s_4, s_5", Formulas(count=4), truths.adjoint_signs),
     Question("11c", "f_3 of the composition", Differentials(), of(_field, truths.symmetrized_ralston, 3)),
-    Question("12a", "which are symplectic?", Choices(tuple(truths.METHODS)), of(truths.which_are, symplecticity)),
-    Question("12b", "which are symmetric?", Choices(tuple(truths.METHODS)), of(truths.which_are, symmetry)),
+    Question("12a", "which are symplectic?", Choices(tuple(truths.METHODS)), of(truths.which_are, bs.symplecticity)),
+    Question("12b", "which are symmetric?", Choices(tuple(truths.METHODS)), of(truths.which_are, bs.symmetry)),
     Question("12c", "symplectic, not symmetric", Tableau(), lambda: truths.having(1, symplectic=True)),
     Question("12d", "symmetric, not symplectic", Tableau(), lambda: truths.having(1, symplectic=False)),
     Question("12e", "order 3, symplectic, not symmetric", Tableau(), lambda: truths.having(3, symplectic=True)),

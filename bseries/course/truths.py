@@ -7,22 +7,8 @@ from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from bseries.algebra.modified import modified_equation
-from bseries.analysis.order import order_of
-from bseries.analysis.stability.linear_stability import stability_function
-from bseries.analysis.structure import symmetry, symplecticity
+import bseries as bs
 from bseries.course.answer_kinds import MOST_NODES
-from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import modified_field
-from bseries.fields.modified_invariants import divergence, modified_invariant
-from bseries.hamiltonians.action_angle.canonical_transformations import harmonic_action_angle, point_transformation
-from bseries.hamiltonians.action_angle.lindstedt_poincare import lindstedt_poincare
-from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
-from bseries.hamiltonians.closed_forms import closed_hamiltonian
-from bseries.hamiltonians.drift.mean_rates import energy_drift
-from bseries.hamiltonians.drift.perturbations import takahashi_imada_integral
-from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
-from integrators import RungeKutta, Splitting, adjoint_method, composition, method, parse_hamiltonian
 
 if TYPE_CHECKING:
     from integrators.methods.programs.program import Method
@@ -47,7 +33,7 @@ def symbols(names: str) -> Any:
 @cache
 def riccati(name: str) -> tuple[Any, ...]:
     """The coefficients c_0, …, c_4 of the modified equation y' = Σ c_k h^k y^(k+2) of a method for y' = y²."""
-    series, (y,) = modified_field(name, "riccati", 5), symbols("y")
+    series, (y,) = bs.modified_field(name, "riccati", 5), symbols("y")
     return tuple((series.symbolic(k)[0] / y ** (k + 2)).cancel() for k in range(5))
 
 
@@ -59,30 +45,30 @@ def riccati_field(name: str) -> tuple[Any]:
 
 def has_riccati_term(name: str, power: int) -> tuple[str, ...]:
     """Whether this equation has a term with a power of h."""
-    return yes_no([modified_field(name, "riccati", power + 1).symbolic(power)[0] != 0])
+    return yes_no([bs.modified_field(name, "riccati", power + 1).symbolic(power)[0] != 0])
 
 
 def lotka_volterra(power: int, name: str = "symplectic-euler-p") -> tuple[Any]:
     """A term of the first integral of the modified equation of Lotka and Volterra's equations."""
-    return (modified_invariant(modified_field(name, "lotka-volterra", 2)).terms[power],)
+    return (bs.modified_invariant(bs.modified_field(name, "lotka-volterra", 2)).terms[power],)
 
 
 def has_integral(name: str) -> tuple[str, ...]:
     """Whether there is such an integral through h."""
     try:
         return yes_no([bool(lotka_volterra(1, name))])
-    except SeriesError:
+    except bs.SeriesError:
         return yes_no([False])
 
 
 def abc_divergence(name: str, power: int) -> tuple[Any]:
     """The divergence of a term of the modified equation of the ABC flow."""
-    return (divergence(modified_field(name, "abc-flow", power + 1), power),)
+    return (bs.fields.divergence(bs.modified_field(name, "abc-flow", power + 1), power),)
 
 
 def midpoint_preserves_volume() -> tuple[str, ...]:
     """In dimension 2, where the symplectic form is the area, and in dimension 3."""
-    in_plane = symplecticity("implicit-midpoint", MOST_NODES).breaks is None
+    in_plane = bs.symplecticity("implicit-midpoint", MOST_NODES).breaks is None
     return yes_no([in_plane, abc_divergence("implicit-midpoint", 2)[0] == 0])
 
 
@@ -91,7 +77,7 @@ def midpoint_preserves_volume() -> tuple[str, ...]:
 
 def _polar() -> Any:
     new, positions = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
-    return point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
+    return bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
 
 
 def angular_momentum() -> tuple[Any]:
@@ -105,19 +91,19 @@ def angular_momentum() -> tuple[Any]:
 
 def polar_kepler() -> tuple[Any]:
     """The Hamiltonian of Kepler's problem in polar coordinates."""
-    return (_polar().hamiltonian(parse_hamiltonian("(p1^2 + p2^2)/2 - 1/sqrt(q1^2 + q2^2)")).hamiltonian,)
+    return (_polar().hamiltonian(bs.parse_hamiltonian("(p1^2 + p2^2)/2 - 1/sqrt(q1^2 + q2^2)")).hamiltonian,)
 
 
 def logarithmic_kepler() -> tuple[Any]:
     """The Hamiltonian p²/2 − 1/q in Q = log q."""
-    change = point_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"q": "exp(Q)"})
-    return (change.hamiltonian(parse_hamiltonian("p^2/2 - 1/q")).hamiltonian,)
+    change = bs.hamiltonians.point_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"q": "exp(Q)"})
+    return (change.hamiltonian(bs.parse_hamiltonian("p^2/2 - 1/q")).hamiltonian,)
 
 
 def _oscillator(potential: str) -> Any:
     """The Hamiltonian of an oscillator of frequency 2 with a further potential, in action–angle variables."""
-    change = harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
-    return change.hamiltonian(parse_hamiltonian(f"(p^2 + 4*q^2)/2 + {potential}"))
+    change = bs.hamiltonians.harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
+    return change.hamiltonian(bs.parse_hamiltonian(f"(p^2 + 4*q^2)/2 + {potential}"))
 
 
 def quartic_oscillator() -> tuple[Any]:
@@ -129,7 +115,7 @@ def averaged_quartic() -> tuple[Any]:
     """The first term of its normal form."""
     linear = _oscillator("0")
     quartic = quartic_oscillator()[0] - linear.hamiltonian
-    return (lindstedt_poincare(linear, 1, perturbations=[quartic]).symbolic(1),)
+    return (bs.hamiltonians.lindstedt_poincare(linear, 1, perturbations=[quartic]).symbolic(1),)
 
 
 def scaling_factor() -> tuple[Any]:
@@ -142,12 +128,12 @@ def scaling_factor() -> tuple[Any]:
 
 @cache
 def _field_nijhoff() -> Any:
-    return closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
+    return bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
 
 
 def field_nijhoff_term() -> tuple[Any]:
     """The coefficient of h³ of Field and Nijhoff's modified Hamiltonian."""
-    return (modified_hamiltonian("symplectic-euler-p", "field-nijhoff", 4).symbolic(3),)
+    return (bs.modified_hamiltonian("symplectic-euler-p", "field-nijhoff", 4).symbolic(3),)
 
 
 def field_nijhoff() -> tuple[Any]:
@@ -167,13 +153,13 @@ def field_nijhoff_radius() -> tuple[Any]:
 
 def differentials(found: Method | str, nodes: int) -> dict[Tree, Any]:
     """The coefficients of elementary differentials in f_k, k = `nodes`, of the modified equation of a method."""
-    series = modified_equation(found, nodes)
+    series = bs.modified_equation(found, nodes)
     return {tree: series[tree] / tree.symmetry for tree in series if tree.order == nodes}
 
 
-def theta_method() -> RungeKutta:
+def theta_method() -> bs.RungeKutta:
     """y1 = y0 + h f((1 − θ) y0 + θ y1)."""
-    return RungeKutta([["theta"]], ["1"], parameters=["theta"])
+    return bs.RungeKutta([["theta"]], ["1"], parameters=["theta"])
 
 
 def theta_of_order_2() -> tuple[Any, ...]:
@@ -211,20 +197,20 @@ STEPS = (three_stages, taylor, extrapolated_euler)
 
 def adjoint_signs() -> tuple[Any, ...]:
     """The numbers s_j with f_j* = s_j f_j for j = 2, …, 5, of the explicit Euler method."""
-    euler = method("explicit-euler")
-    series, adjoint = modified_equation(euler, 5), modified_equation(adjoint_method(euler), 5)
+    euler = bs.method("explicit-euler")
+    series, adjoint = bs.modified_equation(euler, 5), bs.modified_equation(bs.methods.adjoint_method(euler), 5)
     ratios = {tree.order: adjoint[tree] / series[tree] for tree in series if series[tree]}
     return tuple(ratios[nodes] for nodes in range(2, 6))
 
 
 def ralston_adjoint() -> Method:
     """The adjoint of Ralston's method."""
-    return adjoint_method(method("ralston2"))
+    return bs.methods.adjoint_method(bs.method("ralston2"))
 
 
 def symmetrized_ralston() -> Method:
     """Half a step of this adjoint, then half a step of Ralston's method."""
-    return composition([(ralston_adjoint(), "1/2"), (method("ralston2"), "1/2")])
+    return bs.composition([(ralston_adjoint(), "1/2"), (bs.method("ralston2"), "1/2")])
 
 
 METHODS = {
@@ -246,12 +232,12 @@ def which_are(structure: Callable[[Any, int], Any]) -> tuple[str, ...]:
 # What a tableau lacks.
 
 
-def same_as(wanted: Method) -> Callable[[RungeKutta], str]:
+def same_as(wanted: Method) -> Callable[[bs.RungeKutta], str]:
     """Whether a tableau gives the same steps as a method."""
 
-    def lacks(given: RungeKutta) -> str:
+    def lacks(given: bs.RungeKutta) -> str:
         for nodes in range(1, MOST_NODES + 1):  # most wrong tableaus differ at a small tree
-            one, other = modified_equation(given, nodes), modified_equation(wanted, nodes)
+            one, other = bs.modified_equation(given, nodes), bs.modified_equation(wanted, nodes)
             different = next((tree for tree in other if one[tree] != other[tree]), None)
             if different is not None:
                 return f"is another method: the modified equations differ first at the tree {different}"
@@ -260,13 +246,16 @@ def same_as(wanted: Method) -> Callable[[RungeKutta], str]:
     return lacks
 
 
-def having(order: int, *, symplectic: bool) -> Callable[[RungeKutta], str]:
+def having(order: int, *, symplectic: bool) -> Callable[[bs.RungeKutta], str]:
     """Whether a tableau has at least some order, and is either symplectic or symmetric, but not both."""
 
-    def lacks(given: RungeKutta) -> str:
-        if (found := order_of(given)) < order:
+    def lacks(given: bs.RungeKutta) -> str:
+        if (found := bs.order_of(given)) < order:
             return f"has order {found}, not {order}"
-        for name, test, wanted in (("symplectic", symplecticity, symplectic), ("symmetric", symmetry, not symplectic)):
+        for name, test, wanted in (
+            ("symplectic", bs.symplecticity, symplectic),
+            ("symmetric", bs.symmetry, not symplectic),
+        ):
             breaks = test(given, MOST_NODES).breaks
             if (breaks is None) != wanted:
                 return f"is {name}" if breaks is None else f"is not {name}, as the tree {breaks} shows"
@@ -280,14 +269,14 @@ def having(order: int, *, symplectic: bool) -> Callable[[RungeKutta], str]:
 
 def tall_coefficients(name: str) -> tuple[Any, ...]:
     """The coefficients b_3, b_5 in y' = (A + h b_2 A² + …) y, those of tall trees."""
-    series = modified_equation(name, 5)
+    series = bs.modified_equation(name, 5)
     return tuple(series[tree] for tree in series if tree.order in (3, 5) and tree.height == tree.order - 1)
 
 
 def numerical_frequency(name: str) -> tuple[Any]:
     """The frequency of a method for the oscillator (p² + ω² q²)/2; it is ω times that for ω = 1 with the step ωh."""
     h, omega, p, q = symbols("h omega p q")
-    closed = closed_hamiltonian(name, parse_hamiltonian("(p^2 + q^2)/2")).expression(h)
+    closed = bs.hamiltonians.closed_hamiltonian(name, bs.parse_hamiltonian("(p^2 + q^2)/2")).expression(h)
     return ((closed / ((p**2 + q**2) / 2) * omega).cancel().subs(h, h * omega),)
 
 
@@ -296,7 +285,7 @@ def radii(names: Iterable[str]) -> tuple[Any, ...]:
     import sympy
 
     (z,) = symbols("z")
-    functions = [stability_function(name) for name in names]
+    functions = [bs.stability_function(name) for name in names]
     products = [_polynomial(R.numerator, z) * _polynomial(R.denominator, z) for R in functions]
     return tuple(min(map(abs, sympy.roots(product, z))) for product in products)
 
@@ -314,7 +303,7 @@ def energy_factor(name: str) -> tuple[Any]:
 
     (h,) = symbols("h")
     x = sympy.Symbol("x", real=True)
-    value = sympy.expand(_polynomial(stability_function(name).numerator, sympy.I * x))
+    value = sympy.expand(_polynomial(bs.stability_function(name).numerator, sympy.I * x))
     return (sympy.expand(sympy.re(value) ** 2 + sympy.im(value) ** 2).subs(x, h),)
 
 
@@ -339,18 +328,18 @@ def energy_after(name: str, h: Fraction, steps: int) -> tuple[Any]:
 
 def energy_term(name: str, power: int) -> tuple[Any]:
     """The coefficient of h^power of the modified Hamiltonian of a method on the pendulum."""
-    return (modified_hamiltonian(name, "pendulum", power + 1).symbolic(power),)
+    return (bs.modified_hamiltonian(name, "pendulum", power + 1).symbolic(power),)
 
 
 def misprinted_term() -> tuple[Any]:
     """The formula of exercise 10, in which one sign is wrong."""
-    return (parse_hamiltonian("p^2*cos(q)/12 + sin(q)^2/24").hamiltonian,)
+    return (bs.parse_hamiltonian("p^2*cos(q)/12 + sin(q)^2/24").hamiltonian,)
 
 
 def order_of_misprint() -> tuple[int]:
     """The order of the tableau of exercise 10: the 3/8 rule with a wrong sign."""
     rows = [[0, 0, 0, 0], ["1/3", 0, 0, 0], ["1/3", 1, 0, 0], [1, -1, 1, 0]]
-    return (order_of(RungeKutta(rows, ["1/8", "3/8", "3/8", "1/8"])),)
+    return (bs.order_of(bs.RungeKutta(rows, ["1/8", "3/8", "3/8", "1/8"])),)
 
 
 def largest_energy_error() -> tuple[Any]:
@@ -373,7 +362,7 @@ def splitting_coefficients() -> tuple[Any, ...]:
     """The coefficients of {T,{T,U}} and {U,{U,T}} for kicks γh, (1 − 2γ)h, γh between two drifts h/2."""
     drift = ("q", "1/2")
     flows = [("p", "gamma"), drift, ("p", "1 - 2*gamma"), drift, ("p", "gamma")]
-    brackets = bracket_hamiltonian(Splitting(flows, parameters=["gamma"]), 3)
+    brackets = bs.hamiltonians.bracket_hamiltonian(bs.Splitting(flows, parameters=["gamma"]), 3)
     return brackets["T", "T", "U"], brackets["U", "U", "T"]
 
 
@@ -397,24 +386,24 @@ def gradient_factor() -> tuple[Any]:
 
 def _pendulum(wave: str) -> Any:
     """A pendulum with a further wave in its potential."""
-    return parse_hamiltonian(f"p^2/2 - cos(q) + {wave}")
+    return bs.parse_hamiltonian(f"p^2/2 - cos(q) + {wave}")
 
 
 def third_derivative_integral() -> tuple[Any]:
     """∮ U_qqq U_q² dq for U = −cos q + ε sin 2q, a polynomial of degree 3 in ε, from its values at four of them."""
     import sympy
 
-    values = [(k, takahashi_imada_integral(_pendulum(f"{k}*sin(2*q)"))) for k in range(4)]
+    values = [(k, bs.hamiltonians.takahashi_imada_integral(_pendulum(f"{k}*sin(2*q)"))) for k in range(4)]
     return (sympy.interpolate(values, symbols("eps")[0]),)
 
 
 def gain_per_turn() -> tuple[Any]:
     """The gain of the energy in a forward turn for ε = 1/5, without h⁴."""
-    (turn,) = energy_drift("simplified-takahashi-imada", _pendulum("sin(2*q)/5")).turns
+    (turn,) = bs.energy_drift("simplified-takahashi-imada", _pendulum("sin(2*q)/5")).turns
     return (turn.gain,)
 
 
 def drifting(waves: Iterable[str]) -> tuple[str, ...]:
     """For which waves the energy drifts."""
-    reports = (energy_drift("simplified-takahashi-imada", _pendulum(wave)) for wave in waves)
+    reports = (bs.energy_drift("simplified-takahashi-imada", _pendulum(wave)) for wave in waves)
     return yes_no(report.verdict == "linear drift" for report in reports)
