@@ -49,6 +49,7 @@ class ReferenceSolution(NamedTuple):
         high: The solution rounded to doubles, an array (variables, times).
         low: The remainder.
         error: A bound on the error, from a second solution perturbed in each step by more than rounding errors.
+        source: Where it comes from: Taylor series, or steps of a method for scenes of compiled functions.
 
     Example:
         >>> from integrators import scene
@@ -60,6 +61,7 @@ class ReferenceSolution(NamedTuple):
     high: np.ndarray
     low: np.ndarray
     error: np.ndarray
+    source: str = "Taylor series"
 
     def __repr__(self) -> str:
         variables, times = self.high.shape
@@ -105,6 +107,9 @@ def reference_solution(
     so far, also at times between the start and t, bounds the error at t. The bound is too large where errors shrink
     again, as near a stable equilibrium.
 
+    Compiled functions have no formulas. Their solution comes from steps of dop853 in doubles, halved until the solution
+    settles, and the difference of the last two bounds the error: ask for fewer `digits`, such as 12, or for `full`.
+
     Args:
         scene: The scene; its parameters must be numbers.
         t: The times, in one direction from `t0`; a number counts as one time.
@@ -140,13 +145,49 @@ def reference_solution(
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
     import numpy as np
 
+    start, origin = _read_start(scene, y0, t0)
+    times = _read_times(t, origin)
+    checked, wanted = _with_checks(times, origin)
+    if scene.black_boxes:
+        solution = _by_halving(scene, start, origin, checked, wanted, digits)
+    else:
+        solution = _by_series(scene, start, origin, checked, wanted, digits)
+    if full:
+        return solution
+    _check_certain(solution, scene, np.array([[float(x)] for x in start]), [float(x) for x in times], digits)
+    return solution.high
+
+
+def _by_halving(
+    scene: Scene, start: Sequence[Fraction], origin: Fraction, times: Sequence[Fraction], wanted: list[int], digits: int
+) -> ReferenceSolution:
+    """The solution at the wanted ones of these times, by steps of a method."""
+    import numpy as np
+
+    from integrators.reference.halved_steps import METHOD, solution_by_halving
+
+    high, error = solution_by_halving(
+        scene, [float(x) for x in start], float(origin), [float(x) for x in times], digits
+    )
+    low = np.zeros((len(start), len(wanted)))
+    return ReferenceSolution(high[:, wanted], low, error[:, wanted], f"{METHOD} with halved steps")
+
+
+def _by_series(
+    scene: Scene,
+    start: Sequence[Fraction],
+    origin: Fraction,
+    checked: Sequence[Fraction],
+    wanted: list[int],
+    digits: int,
+) -> ReferenceSolution:
+    """The solution at the wanted ones of these times, by Taylor series."""
+    import numpy as np
+
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
     program = taylor_program(scene)
-    start, origin = _read_start(scene, y0, t0)
-    times = _read_times(t, origin)
-    checked, wanted = _with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
         first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
@@ -155,22 +196,18 @@ def reference_solution(
         end = float(origin) + stuck.args[0]
         raise IntegratorError(
             f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
-            f"but reached to {float(times[-1]):.10g}"
+            f"but reached to {float(checked[-1]):.10g}"
         ) from None
     except TooManySteps as refused:
         needed, most = refused.args
         raise IntegratorError(
-            f"t must end sooner, as the steps of {scene.name} are so short that {float(times[-1]):.10g} would take "
+            f"t must end sooner, as the steps of {scene.name} are so short that {float(checked[-1]):.10g} would take "
             f"about {needed:.1e} of them, and at most {most:.1e} are allowed"
         ) from None
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
     error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), PERTURBATION) * second[..., 2]
-    solution = ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
-    if full:
-        return solution
-    _check_certain(solution, scene, y[:, :1], [float(x) for x in times], digits)
-    return solution.high
+    return ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
 
 
 def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:

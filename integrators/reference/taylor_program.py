@@ -70,6 +70,9 @@ def taylor_program(scene: Scene) -> TaylorProgram:
     """
     import mpmath
 
+    from integrators.scenes.model.black_boxes import check_formulas
+
+    check_formulas((term.formula for term in scene.numeric_terms), "Taylor series")
     operations = Operations(scene.dimension)
     derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]
     try:

@@ -27,10 +27,20 @@ class TooLong(IntegratorError):
 
 
 class DenseReference:
-    """A reference solution as a function of time, from y0 at time 0; `size` is the largest Euclidean norm of the state.
+    """A reference solution as a function of time, from y0 at time 0.
+
+    Args:
+        scene: The scene.
+        y0: The start.
+        span: The length of time.
+        allowed: The relative error allowed, if larger than the precision of doubles.
+
+    Attributes:
+        size: The largest Euclidean norm of the state.
+        source: Where the solution comes from.
 
     Raises:
-        TooLong: The solution is not accurate to the precision of doubles.
+        TooLong: The solution is not accurate enough.
         IntegratorError: The solution ends early.
 
     Example:
@@ -40,13 +50,14 @@ class DenseReference:
         True
     """
 
-    def __init__(self, scene: Scene, y0: np.ndarray, span: float):
+    def __init__(self, scene: Scene, y0: np.ndarray, span: float, allowed: float = 0.0):
         self._scene, self._y0, self._span = scene, y0, span
+        allowed = max(allowed, PRECISION)
         for intervals in INTERVALS:
             uncertainty, error, rounding = self._sample(intervals)
-            if max(uncertainty, error) <= PRECISION + rounding:
+            if uncertainty <= allowed + rounding and error <= PRECISION + rounding + uncertainty:
                 return
-            if uncertainty > PRECISION:
+            if uncertainty > allowed:
                 break
         raise TooLong(f"span must be shorter for a reference solution of {scene.name} in doubles, but was {span:g}")
 
@@ -63,6 +74,7 @@ class DenseReference:
         width = self._span / intervals
         times = ((np.arange(intervals)[:, None] + (1 + places) / 2) * width).ravel()
         found = reference_solution(self._scene, times, y0=self._y0, full=True)
+        self.source = found.source
         values = found.high.reshape(len(self._y0), intervals, DEGREE + 1)
         starts = np.concatenate([np.asarray(self._y0)[:, None], values[:, :-1, -1]], axis=1)
         at_nodes = np.concatenate([starts[:, :, None], np.delete(values, DEGREE // 2, axis=2)], axis=2)

@@ -116,6 +116,9 @@ class WorkPrecision:
             )
         if failed:
             notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
+        if self.scene.black_boxes and self.judge.reference is not None:
+            source = self.judge.reference.source
+            notes.append(f"Errors of the solution are distances from {source}, as there are no formulas.")
         if self.judge.problem:
             notes.append(f"The solution was not measured: {self.judge.problem}.")
         return notes
@@ -275,7 +278,7 @@ def work_precision(
         steps = stepper(candidate.method, scene, solver=candidate.solver)
         with suppress(StepError):  # the first step compiles
             steps.advance(steps.start(h=TRIAL_STEP), 1)
-    judge = _judge(scene, length, measures, limit)
+    judge = _judge(scene, length, measures, finest, limit)
     if not judge.available:
         raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
     swept = []
@@ -304,16 +307,16 @@ def check_errors(errors: Any) -> tuple[float, float]:
     return loosest, finest
 
 
-def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], budget: float) -> Judge:
+def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], finest: float, budget: float) -> Judge:
     """The measurement of errors; a default span, or one too long, is shortened until there is a reference solution."""
     wanted = _rounded(SPAN * time_scale(scene)) if span is None else span
     length = _measurable_span(scene, wanted, measures, budget)
-    judge = Judge(scene, length, measures)
+    judge = Judge(scene, length, measures, finest)
     for _ in range(TRIALS):
         if not judge.problem or not (span is None or judge.is_too_long):
             break
         length = _rounded(length / SHORTER)
-        judge = Judge(scene, length, measures)
+        judge = Judge(scene, length, measures, finest)
     return judge
 
 

@@ -78,8 +78,9 @@ class RunErrors(NamedTuple):
 class Judge:
     """Measurement of errors, some of `MEASURES`: runs of methods on a scene from its start over one span.
 
-    `reference` is the reference solution, if the solution is measured and has one; `problem` says why there is none,
-    `is_too_long` that this is due to the span.
+    `reference` is the reference solution, accurate to the precision of doubles or a hundredth of the smallest error of
+    interest `finest`, if the solution is measured and has one; `problem` says why there is none, `is_too_long` that
+    this is due to the span.
 
     Example:
         >>> import bseries as bs
@@ -91,13 +92,13 @@ class Judge:
         '3.1e-03 2.8e-02'
     """
 
-    def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES):
+    def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES, finest: float = 0.0):
         self.scene, self.span, self.measures = scene, span, measures
         self.reference: DenseReference | None = None
         self.problem, self.is_too_long = "", False
         if SOLUTION in measures:
             try:
-                self.reference = DenseReference(scene, scene.y0, span)
+                self.reference = DenseReference(scene, scene.y0, span, finest / 100)
             except IntegratorError as error:
                 self.problem, self.is_too_long = str(error), isinstance(error, TooLong)
 
