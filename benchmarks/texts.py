@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bseries.advice.predictions.calibration import duration as with_unit
+from bseries.advice.predictions.prediction import duration as with_unit
 
 
 def duration(seconds: float | None) -> str:

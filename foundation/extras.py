@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any
 
 EXTRAS = {"matplotlib": "plot", "scipy": "scipy", "pandas": "frames", "xarray": "frames", "distributed": "cluster"}
-EXTRAS |= dict.fromkeys(("bokeh", "jinja2"), "explore")
+EXTRAS |= dict.fromkeys(("bokeh", "jinja2"), "explore") | dict.fromkeys(("pypandoc", "typst"), "course")
 """The extra of this distribution that installs a package."""
 
 

@@ -105,10 +105,11 @@ class TreeTable(Sequence[Tree]):
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
         self._trees: dict[int, Tree] = {}
-        self._enumerate()
+        # For the loop that enumerates, and that of the splits.
+        self._enumerate(compiling_pays(1e-6 * self.max_order * sum(map(sum, self._counts))))
 
-    def _enumerate(self) -> None:
-        """Allocate and fill the columns, in small tables as Python lists."""
+    def _enumerate(self, compiled: bool) -> None:
+        """Allocate and fill the columns, as Python lists if not for compiled kernels."""
         order, colors = self.max_order, self.colors
         self.block = [0]
         for row in self._counts[1:]:
@@ -120,7 +121,7 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self.compiled = compiling_pays(1e-6 * order * size)  # for this loop and that of the splits
+        self.compiled = compiled
         limits = [bound for row in self.limits for bound in row]
         self.columns = Columns(
             self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
@@ -132,11 +133,14 @@ class TreeTable(Sequence[Tree]):
     def choose_kernels(self, seconds: float) -> None:
         """Make the columns anew for compiled kernels if these now pay (see `trees.compiled.compiling_pays`)."""
         if not self.compiled and compiling_pays(seconds):
-            compiled = TreeTable(self.max_order, self.colors, self.limits).__dict__
+            made = object.__new__(TreeTable)
+            made.__dict__.update({name: self.__dict__[name] for name in ("max_order", "colors", "limits", "_counts")})
+            made.__dict__["_trees"] = {}
+            made._enumerate(True)
             for name, value in vars(TreeTable).items():
                 if isinstance(value, cached_property):
                     self.__dict__.pop(name, None)
-            self.__dict__.update(compiled)
+            self.__dict__.update(made.__dict__)
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_complete" in self.__dict__:

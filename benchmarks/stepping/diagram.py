@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bseries.advice.work_precision.diagram import name_curves
+from bseries.advice.work_precision.precision_curves import name_curves
 from bseries.advice.work_precision.sweeps import pareto_front
 
 from .precision import OURS, Curve

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 SOLUTION, ENERGY = MEASURES = ("solution", "energy")
 ROUNDING = 1e-9
@@ -44,15 +42,11 @@ def whole_steps(span: float, h: float) -> int:
 
 def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
     """The rows of states (variables, n) except that of the time, which has no error."""
-    import numpy as np
-
     return y if TIME not in scene.places else np.delete(y, scene.places[TIME], axis=0)
 
 
 def norms(y: np.ndarray) -> np.ndarray:
     """The Euclidean norms of states (variables, n), without overflow or underflow."""
-    import numpy as np
-
     scales = np.abs(y).max(axis=0)
     scales[scales == 0] = 1.0
     return np.linalg.norm(y / scales, axis=0) * scales
@@ -71,8 +65,6 @@ def relative_distances(y: np.ndarray, reference: np.ndarray, size: float | None 
         >>> relative_distances(np.array([[3.0, 0.0], [4.0, 1.0]]), np.array([[0.0, 0.0], [4.0, 2.0]])).tolist()
         [0.75, 0.25]
     """
-    import numpy as np
-
     return np.linalg.norm((y - reference) / (largest_size(reference) if size is None else size), axis=0)
 
 
@@ -96,8 +88,6 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
         >>> [energy_size(bs.scene("pendulum"), np.array([0.0, q])) for q in (np.pi / 3, np.pi / 2)]
         [0.5000000000000001, 1.0]
     """
-    import numpy as np
-
     energy = observers(scene, "energy")
     start = float(energy(0.0, y0)[0])
     with np.errstate(over="ignore", invalid="ignore"):

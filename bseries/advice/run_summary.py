@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.advice.measures import energy_size
 from bseries.scene_text import head, place
 from foundation.table import Table, number_column
-from integrators.runs.trajectory import START_AND_END
-
-if TYPE_CHECKING:
-    from integrators import Scene, Trajectory
+from integrators.runs.trajectory import START_AND_END, Trajectory
+from integrators.scenes.scene import Scene
 
 MOST_ROWS = 60
 """The most rows of printed tables; JSON has all."""

@@ -15,15 +15,14 @@ from statistics import median, quantiles
 from time import thread_time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.steppers.states import StepError
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
 
 PACKAGES = ("bseries-engine", "numpy", "numba", "sympy")
 
@@ -64,18 +63,11 @@ MOST_STEPS = 2**20
 
 @dataclass(frozen=True)
 class Timing:
-    """A measured time.
+    """A measured time."""
 
-    Attributes:
-        seconds: The median of all rounds.
-        low: The lower quartile.
-        high: The upper quartile.
-        rounds: The number of rounds.
-    """
-
-    seconds: float
-    low: float
-    high: float
+    seconds: float  # the median of all rounds
+    low: float  # the lower quartile
+    high: float  # the upper quartile
     rounds: int
 
     @property

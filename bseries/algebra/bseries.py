@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm, known_digits
 from bseries.exact import recursions
-from bseries.exact.domains import alike, apply, as_floats, exact_number, make_values
+from bseries.exact.domains import Values, alike, apply, as_floats, exact_number, make_values
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import primes_up_to
 from bseries.exceptions import SeriesError
-from foundation.table import MOST_ROWS, LazyRows, Tabular, short_latex
+from foundation.table import MOST_ROWS, LazyRows, Table, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
 from trees.counting import check_order
 from trees.errors import TreeError
@@ -24,8 +24,7 @@ from trees.table import TreeTable, tree_table
 from trees.tree import Tree
 
 if TYPE_CHECKING:
-    from bseries.exact.domains import Coefficient, Values
-    from foundation.table import Table
+    from bseries.exact.domains import Coefficient
 
 EMPTY = "∅"
 

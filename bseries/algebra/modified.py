@@ -12,19 +12,17 @@ from typing import TYPE_CHECKING, Any
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import FlowChain, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
-from bseries.exact.domains import apply
+from bseries.exact.domains import Values, apply
 from bseries.exact.operations import Operation, log_denominator, wider_step
 from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import RepeatedProgram
+from integrators.methods.programs.program import Method, RepeatedProgram
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import FloatStages, MethodStages
-    from bseries.exact.domains import Values
-    from integrators.methods.programs.program import Method
+    from bseries.algebra.stages import MethodStages
 
 
 def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
@@ -56,12 +54,14 @@ def series(method: Method | str, order: int | TreeTable, *, max_children: Any = 
     def expression(arithmetic: Any, weights: Any) -> Any:
         return weights(field=False)
 
+    def operation(inputs: MethodStages | FlowChain) -> Operation:
+        return Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, passes=inputs.passes)
+
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
         one = series(method.step, table).scale_step(Fraction(1, method.count))
         return (one**method.count).with_label(method.name)
-    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False)
-    return of_method(method, table, lambda _: operation, 1, inputs_of(method, table.max_order))
+    return of_method(method, table, operation, 1, inputs_of(method, table.max_order))
 
 
 def modified_equation(
@@ -104,7 +104,8 @@ def modified_equation(
         return recursions.logarithm(weights(field=True), table, arithmetic)
 
     def operation(inputs: MethodStages | FlowChain) -> Operation:
-        return Operation(expression, log_denominator, wider_step, field=True, units=inputs.units)
+        facts: dict[str, Any] = {"units": inputs.units, "passes": inputs.passes}
+        return Operation(expression, log_denominator, wider_step, field=True, **facts)
 
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
@@ -129,9 +130,6 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
         colors: Number of colours of the trees.
         max_children: Which trees to include, as for `trees.TreeTable`.
         names: Names of the colours.
-
-    Returns:
-        The flow series with coefficients 1/γ(τ).
 
     Raises:
         TreeError: An argument is out of its range.
@@ -204,7 +202,7 @@ def of_method(
 
     values, digits, uncertainty = values_of(inputs), method.digits, None
     if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
-        uncertainty = Uncertainty(inputs, values_of, digits)
+        uncertainty = Uncertainty(inputs, lambda inputs: values_of(inputs).coefficients(), digits)
     return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
 
 
@@ -223,18 +221,18 @@ class Uncertainty:
     def __init__(
         self,
         inputs: RationalStages | FlowChain,
-        values_of: Callable[[FloatStages | FlowChain], Values],
+        coefficients_of: Callable[[Any], list[float]],
         digits: int,
     ):
-        self._compute = (inputs, values_of, digits)
+        self._compute = (inputs, coefficients_of, digits)
 
     @cached_property
     def _spread(self) -> list[float]:
-        inputs, values_of, digits = self._compute
+        inputs, coefficients_of, digits = self._compute
         largest: list[float] = []
         sources = [(random.Random(digits), change) for change in (self.CHANGE, -self.CHANGE)]  # of the same signs
         for _ in range(3):
-            up, down = (values_of(inputs.perturbed(*source)).coefficients() for source in sources)
+            up, down = (coefficients_of(inputs.perturbed(*source)) for source in sources)
             changes = [abs(x - y) for x, y in zip(up, down, strict=True)]
             largest = list(map(max, largest or changes, changes))
         factor = 3 * 5 * 10.0**-digits / (2 * self.CHANGE)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number, number_text
 from foundation.table import Column, LazyRows, Table, listed
 from trees.drawing import svg
-
-if TYPE_CHECKING:
-    from trees.table import TreeTable
-    from trees.tree import Tree
+from trees.table import TreeTable
+from trees.tree import Tree
 
 
 class SeriesTerm(NamedTuple):

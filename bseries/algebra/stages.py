@@ -19,13 +19,14 @@ import math
 import random
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
     RingValues,
+    Values,
     alike,
     as_floats,
     as_ring,
@@ -40,14 +41,12 @@ from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
-from integrators.methods.programs.program import Average, Derivative, Field, Flow, Method, Program
+from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
 from trees.counting import check_order
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
-    from bseries.exact.domains import Values
     from integrators import StageAlgebra
-    from integrators.methods.programs.program import Evaluation
-    from trees.table import TreeTable
 
     MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
@@ -56,7 +55,7 @@ class _StagesBase:
     """Base class of all kinds of stages."""
 
     stages: Stages
-    units = 1
+    units = passes = 1
 
     def weight_sums(self, colors: int) -> list[Any]:
         """For each colour the sum of the weights: the coefficient of the single node."""
@@ -229,10 +228,7 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     rings: list[Any] = [x.ring for x in (stages, *operands) if isinstance(x, RingStages | RingValues)]
     if not rings:
         return stages, operands
-    ring = rings[0]
-    for other in rings[1:]:
-        ring = ring.unify(other)
-    field = ring.get_field()
+    field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
     return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
@@ -392,19 +388,12 @@ def _add(row: Row, other: Row, factor: Any) -> None:
 
 
 class FlowSteps(NamedTuple):
-    """The flows of a splitting method, in order, with their times in one domain.
+    """The flows of a splitting method, in order, with their times in one domain."""
 
-    Attributes:
-        parts: The part of each flow; None: all.
-        times: The times.
-        kind: The domain of the times: rational, ring or float.
-        ring: For the kind ring, the field of the times.
-    """
-
-    parts: Sequence[int | None]
+    parts: Sequence[int | None]  # the part of each flow; None: all
     times: Sequence[Any]
-    kind: str
-    ring: Any = None
+    kind: str  # the domain of the times: rational, ring or float
+    ring: Any = None  # for the kind ring, the field of the times
 
 
 @lru_cache(maxsize=64)
@@ -449,15 +438,23 @@ class FlowChain:
 
     def __init__(self, steps: FlowSteps, order: int):
         self._steps = steps
-        self._order = order
+        self.order = order
         self.kind, self.ring = steps.kind, steps.ring
+
+    @property
+    def passes(self) -> int:
+        """A recursion for each flow."""
+        return len(self._steps.times)
+
+    @cached_property
+    def denominator(self) -> int:
+        """The common denominator of rational times; 1 in other domains."""
+        return math.lcm(*(time.denominator for time in self._steps.times)) if self.kind == "rational" else 1
 
     @property
     def step(self) -> Any:
         """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
-        if self.kind == "ring":
-            return self.ring.one
-        return math.lcm(*(time.denominator for time in self._steps.times)) * primorial(self._order)
+        return self.ring.one if self.kind == "ring" else self.denominator * primorial(self.order)
 
     @property
     def exponent(self) -> int:
@@ -467,7 +464,31 @@ class FlowChain:
     def perturbed(self, source: random.Random, change: float) -> FlowChain:
         """The same flows in floats, every time t replaced by t (1 ± change)."""
         times = [to_float(time) * (1 + source.choice((-change, change))) for time in self._steps.times]
-        return FlowChain(self._steps._replace(times=times, kind="float"), self._order)
+        return FlowChain(self._steps._replace(times=times, kind="float"), self.order)
+
+    def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
+        """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.
+
+        α(w) is the coefficient of the word w of letters (parts) c in the product of the exponentials exp(t c) of the
+        flows. Words are sorted, and the first flow gives the letters in front. a(τ) is the sum of α over the orders of
+        the nodes of τ in which children precede their parents, and a tall tree has one only: all order conditions up to
+        n nodes hold if and only if α(w) = 1/|w|! for all words up to n letters, of which there are far fewer.
+
+        References:
+            A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
+        """
+        found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
+        for part, time in zip(self._steps.parts, self._steps.times, strict=True):
+            powers = [arithmetic.number(1)]
+            for _ in range(self.order):
+                powers.append(powers[-1] * arithmetic.number(time * self.denominator))
+            for n in range(self.order, 0, -1):
+                for k in range(1, n + 1):
+                    factor, count = math.comb(n, k) * powers[k], colors**k
+                    for end in range(count) if part is None else [part * sum(colors**i for i in range(k))]:
+                        longer = zip(found[n][end::count], found[n - k], strict=True)
+                        found[n][end::count] = [x + factor * y for x, y in longer]
+        return found
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The coefficients of the method."""

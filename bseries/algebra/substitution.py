@@ -24,12 +24,12 @@ from bseries.exact.rationals import RationalValues, twos
 from bseries.exact.recursions import solved_denominators, substituted_denominators
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
     from bseries.algebra.stages import MethodStages
-    from integrators.methods.programs.program import Method
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -170,9 +170,6 @@ def substitution_inverse(b: BSeries) -> BSeries:
 
     Args:
         b: A field with b(•) ≠ 0, on all trees of a table.
-
-    Returns:
-        The inverse.
 
     Raises:
         SeriesError: b is no field, vanishes at a single node, or its table is restricted.

@@ -9,29 +9,37 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
-from bseries.algebra.modified import exact_values, series, series_to
-from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_steps
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.analysis.stability.field_elements import from_flint, to_flint
+from bseries.analysis.stability.field_elements import (
+    RealAlgebraic,
+    from_element,
+    from_flint,
+    real_algebraic,
+    sign,
+    to_flint,
+)
 from bseries.analysis.structure_conditions import Verdict, verdict
-from bseries.exact.domains import alike, exact_number, make_values, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, interpreted, make_values, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import as_decimals
+from integrators.methods.programs.program import RepeatedProgram, as_decimals
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
+    from bseries.algebra.stages import FlowSteps
     from integrators.methods.programs.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
@@ -52,12 +60,20 @@ FLOAT_DIGITS = 15
 class ErrorCoefficients(NamedTuple):
     """The terms of the local error with one power of h, by default the leading one.
 
-    `terms` pairs each tree of order p+1 with e(τ) = (a(τ) − 1/γ(τ)) / σ(τ); the local error is
-    h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)). `names` are those of the colours, if there are several.
+    The local error is h^(p+1) Σ e(τ) F(τ) + O(h^(p+2)).
+
+    Attributes:
+        order: The order p.
+        terms: Each tree of order p+1 with e(τ) = (a(τ) − 1/γ(τ)) / σ(τ).
+        norm_squared: Σ e(τ)²: the square of the principal error norm, exact where the method is.
+        largest: max |e(τ)|; None where it depends on symbols.
+        names: The names of the colours, if there are several.
     """
 
     order: int
     terms: tuple[tuple[Tree, Any], ...]
+    norm_squared: Any
+    largest: Any
     names: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
@@ -77,25 +93,12 @@ class ErrorCoefficients(NamedTuple):
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
     @property
-    def norm_squared(self) -> Any:
-        """Σ e(τ)²: the square of the principal error norm, exact where the method is."""
-        return sum((e * e for _, e in self.terms), start=Fraction(0))
-
-    @property
     def norm(self) -> float | None:
         """The principal error norm as a float; None where it depends on symbols or exceeds floats."""
-        square = self.norm_squared
         try:
-            return None if getattr(square, "free_symbols", None) else math.sqrt(square)
+            return None if getattr(self.norm_squared, "free_symbols", None) else math.sqrt(self.norm_squared)
         except OverflowError:
             return None
-
-    @property
-    def largest(self) -> Any:
-        """max |e(τ)|; None where it depends on symbols."""
-        if any(getattr(e, "free_symbols", None) for _, e in self.terms):
-            return None
-        return max(abs(e) for _, e in self.terms)
 
 
 def order_of(method: Method | BSeries | str, max_order: int | None = None) -> int:
@@ -174,12 +177,46 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
         proved = simplifying_assumptions(method, limit).order(method)
         if proved is not None:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
-    limit = affordable_order(len(method.names)) if max_order is None else max_order
+    if isinstance(method, RepeatedProgram):  # equal steps have the order of one
+        method = method.step
+    colors, flows = len(method.names), _flows_of(method)
+    if max_order is not None:
+        limit = max_order
+    else:
+        limit = affordable_order(colors) if flows is None else max(n for n in range(13) if colors**n <= MOST_TREES)
     for tested_to in chain(range(4, limit, 2), [limit]):
-        order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
+        if flows is not None and colors**tested_to <= MOST_TREES:
+            order = _order_by_words(FlowChain(flows, tested_to), colors, method.digits)
+        else:
+            order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
         if order < tested_to:
             return order, tested_to
     return limit, limit
+
+
+def _flows_of(method: Method) -> FlowSteps | None:
+    """The flows of a splitting method for all fields; None for other methods."""
+    if isinstance(method, RungeKutta | PartitionedRungeKutta) or method.max_children is not None:
+        return None
+    return None if auxiliary_colors(method) else flow_steps(method.program)
+
+
+def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
+    """The order of a splitting method, as far as its words show it (see `FlowChain.words`)."""
+
+    def residuals(flows: FlowChain) -> list[Any]:
+        arithmetic, step = interpreted(flows), flows.denominator
+        words = enumerate(flows.words(colors, arithmetic))
+        return [arithmetic.element(x - step**n) for n, row in words for x in row]
+
+    uncertainty = None if digits is None else Uncertainty(flows, residuals, digits)
+    found, step = enumerate(residuals(flows)), flows.denominator
+    for n in range(flows.order + 1):
+        exact = step**n
+        for at, residual in islice(found, colors**n):
+            if residual and (uncertainty is None or abs(residual) > to_flint(Fraction(uncertainty(at))) * exact):
+                return n - 1
+    return flows.order
 
 
 def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
@@ -229,16 +266,40 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     method = as_method(method)
     order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
-    exact = _exact(s.table, auxiliary_colors(method))
-    ids = s.table.ids(order + 1)
-    terms = tuple((s.table[at], (s.stored[at] - exact[at]) / s.table[at].symmetry) for at in ids)
-    names = s.names if s.table.colors > 1 else None
-    return ErrorCoefficients(order, tuple((tree, _simple(e)) for tree, e in terms), names)
+    exact, ids = _exact(s.table, auxiliary_colors(method)), s.table.ids(order + 1)
+    values: Any = s.stored
+    if values.kind == "ring" and values.ring.is_AlgebraicField:
+        values = values.reduced
+        values = dict(zip(ids, real_algebraic(values.ring, values.elements[ids.start : ids.stop]), strict=True))
+    errors = [_simple((values[at] - exact[at]) / s.table[at].symmetry) for at in ids]
+    has_symbols = any(getattr(e, "free_symbols", None) for e in errors)
+    return ErrorCoefficients(
+        order,
+        tuple((s.table[at], _public(e)) for at, e in zip(ids, errors, strict=True)),
+        _public(sum((e * e for e in errors), start=Fraction(0))),
+        None if has_symbols else _public(_largest(errors)),
+        s.names if s.table.colors > 1 else None,
+    )
+
+
+def _largest(numbers: Sequence[Any]) -> Any:
+    """The largest absolute value."""
+    found: Any = Fraction(0)
+    for number in numbers:
+        size = -number if sign(number) < 0 else number
+        if sign(size - found) > 0:
+            found = size
+    return found
+
+
+def _public(number: Any) -> Any:
+    """An element of a number field as a SymPy expression or a `Fraction`; other numbers are unchanged."""
+    return from_element(number) if isinstance(number, RealAlgebraic) else number
 
 
 def _simple(value: Any) -> Any:
-    """Simplify a SymPy expression; numbers are unchanged."""
-    if isinstance(value, Fraction | float):
+    """Simplify a SymPy expression; other numbers are unchanged."""
+    if isinstance(value, Fraction | float | RealAlgebraic):
         return value
     import sympy
 

@@ -35,6 +35,7 @@ VERBS = {
     "figure": "figure",
     "explore": "explore",
     "report": "explore",
+    "course": "course",
     "completion": "completion",
 }
 """The verbs and their modules."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from bseries.scene_text import with_effects
 from foundation.table import Table, paragraphs
 from integrators import PartitionedRungeKutta, RungeKutta, catalogue, scene_catalogue
-from integrators.scenes.scene import typed_value
+from integrators.scenes.scene import Scene, typed_value
 
 if TYPE_CHECKING:
-    from integrators import Method, Scene
+    from integrators import Method
 
 
 def method_table(method: Method) -> Table:

@@ -146,3 +146,14 @@ def _check_folder(path: str) -> None:
     if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         what = "a folder" if os.path.isdir(path) else f"in {folder!r:.60}, where no file can be made"
         raise Refusal(f"output must be a file that can be written, but was {what}")
+
+
+def make_folder(path: str, argument: str) -> None:
+    """Make a folder for several files, or refuse one in which none can be made, before the computation."""
+    try:
+        os.makedirs(path, exist_ok=True)
+    except OSError as error:
+        what = f"{path!r:.60} was not: {error.strerror}"
+        raise Refusal(f"{argument} must be a folder that can be made, but {what}") from None
+    if not os.access(path, os.W_OK):
+        raise Refusal(f"{argument} must be a folder that can be written to, but was {path!r:.60}")

@@ -10,19 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR
+import numpy as np
+
+from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
 from bseries.conditions.exact_values import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
 from trees.compiled import kernel
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.conditions.condition_program import ConditionProgram
-
-    Tables = tuple[np.ndarray, ...]
+Tables = tuple[np.ndarray, ...]
 
 
 @kernel
@@ -109,8 +106,6 @@ class Unknown(NamedTuple):
 
 
 def _floats(array: Any, name: str) -> np.ndarray:
-    import numpy as np
-
     try:
         return np.asarray(array, float)
     except (TypeError, ValueError):
@@ -119,8 +114,6 @@ def _floats(array: Any, name: str) -> np.ndarray:
 
 def _columns(rows: Sequence[Sequence[tuple[float, ...]]], width: int) -> Tables:
     """Where each row of terms begins, their factors, and their other entries, which are offsets."""
-    import numpy as np
-
     factor, *offsets = np.array([term for row in rows for term in row]).reshape(-1, width).T
     starts = np.cumsum([0, *map(len, rows)], dtype=np.uint64)
     return starts, factor.copy(), *(column.astype(np.uint64) for column in offsets)
@@ -150,8 +143,6 @@ class CompiledConditions:
     """
 
     def __init__(self, program: ConditionProgram, stages: int):
-        import numpy as np
-
         self.stages = stages
         self._program, self._arguments = program, program.arguments
         entries = named_blocks(program, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
@@ -179,8 +170,6 @@ class CompiledConditions:
             >>> A.tolist(), b.tolist()
             ([[0.0, 0.0], [0.5, 0.0]], [0.0, 1.0])
         """
-        import numpy as np
-
         given = np.asarray(unknowns, float)
         if given.shape != (len(self.unknowns),):
             raise SeriesError(f"unknowns must be {len(self.unknowns)} numbers, but had the shape {given.shape}")
@@ -203,8 +192,6 @@ class CompiledConditions:
         Raises:
             SeriesError: The arrays do not fit.
         """
-        import numpy as np
-
         operations, terms, right = self._residual_tables
         coefficients, value = self._evaluated(arrays, operations)
         result = -right
@@ -216,8 +203,6 @@ class CompiledConditions:
 
         The arrays are those of `residual`. There is a row for each condition, a column for each unknown.
         """
-        import numpy as np
-
         operations, terms = self._jacobian_tables
         _, value = self._evaluated(arrays, operations)
         result = np.empty((len(self._program.equations), len(self.unknowns)))
@@ -227,14 +212,10 @@ class CompiledConditions:
 
     def _read(self, arrays: Sequence[Any]) -> np.ndarray:
         """All entries of all arrays."""
-        import numpy as np
-
         return np.concatenate([x.ravel() for x in read_arrays(self._program, arrays, self.stages, _floats)])
 
     def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, followed by the stage matrices, and the values of operations."""
-        import numpy as np
-
         flat = self._read(arrays)
         if len(self._excluded):
             flat[self._excluded] = 0.0
@@ -248,8 +229,6 @@ class CompiledConditions:
     @cached_property
     def _residual_tables(self) -> tuple[Tables, Tables, np.ndarray]:
         """The tables of `stage_vectors` and `sums`, and the right-hand sides."""
-        import numpy as np
-
         s, starts, equations = self.stages, self._starts, self._program.equations
         rows = [[(float(x.factor), starts[x.block], x.value * s) for x in e.summands] for e in equations]
         return self._operations(self._program.size), _columns(rows, 3), np.array([float(x.right) for x in equations])
@@ -266,8 +245,6 @@ class CompiledConditions:
 
     def _operations(self, count: int) -> Tables:
         """Kinds of the first operations, and offsets of their operands."""
-        import numpy as np
-
         rows = []
         for kind, x, y in self._program.operations[:count]:
             left = x * self.stages

@@ -106,10 +106,8 @@ class Equation(NamedTuple):
 class ConditionProgram:
     """Operations on stage vectors, without duplicates, and the equations between them.
 
-    Args:
-        arguments: The arrays of coefficients.
-        operators: The stage matrices.
-        structures: The structure of each stage matrix among the arguments.
+    The arguments are the arrays of coefficients, the operators the stage matrices; each of the arguments that is a
+    matrix has a structure.
     """
 
     def __init__(

@@ -11,16 +11,21 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from bseries.conditions.condition_program import BANDS, ONE, PRODUCT, VECTOR
+from bseries.conditions.condition_program import (
+    BANDS,
+    ONE,
+    PRODUCT,
+    VECTOR,
+    CoefficientBlock,
+    ConditionProgram,
+    Equation,
+)
 from bseries.exceptions import SeriesError
 from trees.counting import check_order
 
-if TYPE_CHECKING:
-    from bseries.conditions.condition_program import CoefficientBlock, ConditionProgram, Equation
-
-    Blocks = Sequence[Any]
+Blocks = Sequence[Any]
 
 MOST_STAGES = 1000
 

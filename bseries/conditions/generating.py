@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES
 from bseries.conditions.exact_values import check_stages
-from bseries.conditions.kinds import KINDS
+from bseries.conditions.kinds import KINDS, MethodKind
 from bseries.conditions.listing import OrderConditions, Request
 from bseries.exceptions import SeriesError
 from integrators.core.errors import suggestion
@@ -16,10 +16,7 @@ from trees.counting import check_size, count_trees, normal_limits
 from trees.lyndon_words import count_lyndon_words
 from trees.notation import default_names
 from trees.table import tree_table
-
-if TYPE_CHECKING:
-    from bseries.conditions.kinds import MethodKind
-    from trees.tree import Tree
+from trees.tree import Tree
 
 SCALAR = ("autonomous", "nonautonomous")
 
@@ -60,9 +57,6 @@ def order_conditions(
             Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
         symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
         max_children: Which trees to include, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
-
-    Returns:
-        The conditions.
 
     Raises:
         SeriesError: The kind is unknown, an argument does not apply to it, or there are too many conditions.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import groupby, product
 from math import factorial, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.conditions.condition_program import (
     DIAGONALLY_IMPLICIT,
@@ -18,9 +18,7 @@ from bseries.conditions.condition_program import (
     StageMatrix,
 )
 from trees.lyndon_words import lyndon_trees
-
-if TYPE_CHECKING:
-    from trees.tree import Tree
+from trees.tree import Tree
 
 Sums = Callable[["Tree"], "tuple[EquationTerm, ...]"]
 Coefficients = tuple[Sequence[CoefficientArray], Sequence[StageMatrix]]

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from fractions import Fraction
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from bseries.conditions.condition_program import BANDS, IMAGE, ONE, PRODUCT, VECTOR
+from bseries.conditions.condition_program import BANDS, IMAGE, ONE, PRODUCT, VECTOR, CoefficientBlock, ConditionProgram
 from bseries.conditions.exact_values import check_stages, equations, named_blocks
 from bseries.exceptions import SeriesError
 
-if TYPE_CHECKING:
-    from bseries.conditions.condition_program import CoefficientBlock, ConditionProgram
-
-    Shape = tuple[int, ...]
+Shape = tuple[int, ...]
 
 LANGUAGES = ("numpy", "c", "julia")
 

@@ -8,6 +8,7 @@ with different exponents for flows and fields (see `Wrapped`); the others do not
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 PRIME_BITS = 30
 """Primes are just below 2^30, residues below (1/2 + 2^−17) p: the sum of `MOST_TERMS` products fits in int64."""
 MOST_TERMS = 30
+FEW_TREES = 100
+"""Fractions for so many trees take about 15 ms; flint loads in 25 ms."""
 MOST_STAGES = 1000
 """Up to this many stages, rounding errors of `Majorant` stay within its allowance."""
 
@@ -75,6 +78,10 @@ class Exact:
     def number(self, value: Any) -> Any:
         """An exact number as an element of the ring."""
         return value if self._element is None else self._element(value)
+
+    def element(self, value: Any) -> Any:
+        """A result as an element of the ring."""
+        return value
 
     def vector(self, values: Sequence[Any]) -> Any:
         """A vector of exact numbers."""
@@ -330,8 +337,13 @@ class WrappedStages(Wrapped):
         return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
 
 
+def rationals(trees: float = math.inf) -> Exact:
+    """Exact rational arithmetic: for few trees, Fractions take less time than loading flint."""
+    return Exact() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
+
+
 # One object for each set of arguments, so that caches can be keyed by arithmetic.
-rationals = lru_cache(maxsize=1)(Rationals)
+_flint = lru_cache(maxsize=1)(Rationals)
 floats = lru_cache(maxsize=1)(Float)
 float_lists = lru_cache(maxsize=1)(FloatLists)
 prime_field = lru_cache(maxsize=1024)(Prime)

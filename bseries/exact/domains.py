@@ -27,34 +27,28 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
-from bseries.exact.arithmetic import Exact, float_lists, floats
+from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
 from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.number_text import nearest_double
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import sympy
-
-    from trees.table import TreeTable
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
 
 
 class Values(Protocol):
-    """The coefficients of all trees of a table, in one domain.
+    """The coefficients of all trees of a table, in one domain."""
 
-    Attributes:
-        kind: The domain: ``rational``, ``ring`` or ``float``.
-        table: The trees.
-    """
-
-    kind: str
+    kind: str  # the domain: ``rational``, ``ring`` or ``float``
     table: TreeTable
 
     @property
@@ -224,6 +218,8 @@ class RingValues:
         """The same values in the field of fractions, without a common denominator."""
         field = self.ring.get_field()
         step = converted(self.step, self.ring, field)
+        if field == self.ring and step == field.one:
+            return self
         elements = [
             converted(x, self.ring, field) / step ** int(n)
             for x, n in zip(self.elements, self.table.columns.order, strict=True)
@@ -240,6 +236,8 @@ class RingValues:
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
+        if (ring, step) == (self.ring, self.step):
+            return self
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
@@ -378,9 +376,7 @@ def alike(operands: Sequence[Values]) -> list[Any]:
     if all(isinstance(values, RationalValues) for values in operands):
         return list(operands)
     rings = [as_ring(values) for values in operands]
-    ring = rings[0].ring
-    for other in rings[1:]:
-        ring = ring.unify(other.ring)
+    ring = reduce(lambda ring, other: ring.unify(other), (values.ring for values in rings))
     step = ring.one
     for values in rings:
         step = ring.lcm(step, converted(values.step, values.ring, ring)) if not ring.is_Field else ring.one
@@ -404,22 +400,26 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
     first = operands[0]
     by_order = first.kind == "rational" and works_by_order(table, operation)
     if first.kind != "ring":
-        table.choose_kernels(interpreted_seconds(table) / (BY_ORDER if by_order else 1))
+        table.choose_kernels(interpreted_seconds(table, operation) / (BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return evaluate(table, operands, operation)
-    if first.kind == "float":
-        arithmetic = floats() if table.compiled else float_lists()
-    elif first.ring.is_AlgebraicField:
-        arithmetic = NumberField(first.ring)
-    else:
-        arithmetic = Exact(partial(ring_element, first.ring))
+    arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "float":
         if not _all_finite(raw):
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
         return FloatValues(table, raw)
-    elements = list(map(arithmetic.element, raw)) if isinstance(arithmetic, NumberField) else raw
-    return RingValues(table, first.ring, elements, first.step).narrowed()
+    return RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step).narrowed()
+
+
+def interpreted(operand: Any) -> Exact:
+    """The arithmetic in which the interpreter computes with stages, flows or values."""
+    if operand.kind == "rational":
+        return rationals()
+    if operand.kind == "float":
+        return float_lists()
+    ring = operand.ring
+    return NumberField(ring) if ring.is_AlgebraicField else Exact(partial(ring_element, ring))
 
 
 class NumberField(Exact):

@@ -17,6 +17,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
 from operator import add
@@ -73,26 +74,20 @@ class Source(Protocol):
 class Operation(NamedTuple):
     """An operation on series, with the facts that prove its result.
 
-    Attributes:
-        expression: expression(arithmetic, *loaders) is the raw result; loader(field=…) gives an operand's raw values.
-        denominator: denominator(n, L) is the denominator bound D_n.
-        step: step(order, L) is some L for the result.
-        field: Whether the raw result is scaled as a field (see `Wrapped`).
-        units: A number a power of which every denominator of the operation's own factors divides, apart from j!. If it
-            is even, nothing runs modulo 2^64.
-        avoid: A number divided by: its prime factors are not used as moduli.
-        bounds: log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run.
-        integers: The arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`).
+    expression(arithmetic, *loaders) is the raw result; loader(field=…) gives an operand's raw values. Except
+    for j!, all denominators of the operation's own factors divide a power of `units`; if that is even, nothing runs
+    modulo 2^64.
     """
 
     expression: Callable[..., Any]
-    denominator: Callable[[int, int], int]
-    step: Callable[[int, int], int]
-    field: bool
+    denominator: Callable[[int, int], int]  # denominator(n, L) is the denominator bound D_n
+    step: Callable[[int, int], int]  # step(order, L) is some L for the result
+    field: bool  # whether the raw result is scaled as a field (see `Wrapped`)
     units: int = 1
-    avoid: int = 1
-    bounds: Sequence[float] | None = None
-    integers: Wrapped | None = None
+    avoid: int = 1  # a number divided by: its prime factors are not used as moduli
+    bounds: Sequence[float] | None = None  # log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run
+    integers: Wrapped | None = None  # the arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`)
+    passes: int = 1  # about how many recursions over all trees the operation takes
 
 
 def log_denominator(n: int, step: int) -> int:
@@ -129,12 +124,12 @@ def evaluate(table: TreeTable, sources: Sequence[Source], operation: Operation) 
         numerators = None
         if bits is not None:
             numerators = _numerators(
-                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation.field
+                table, run, bits, common * operation.units * operation.avoid, denominators, integers, operation
             )
         if numerators is not None:
             return RationalValues(table, numerators, denominators, step)
     with interpreting():
-        values = run(rationals())
+        values = run(rationals(len(table)))
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
@@ -154,35 +149,38 @@ def _excess_twos(integers: Wrapped, denominators: tuple[int, ...], field: bool) 
 
 def _numerators(
     table: TreeTable, run: Callable[[Exact], Any], bits: Sequence[float], avoid: int, denominators: Sequence[int],
-    integers: Wrapped | None, field: bool,
+    integers: Wrapped | None, operation: Operation,
 ) -> Any:  # fmt: skip
     """The numerators, found modulo 2^64 if they fit there with their powers of two, else modulo primes.
 
     None without compiled kernels, which the residues modulo primes need.
     """
-    if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), field))) < 62:
-        return _run_wrapped(table, run, integers, denominators, field)
-    table.choose_kernels(interpreted_seconds(table))
+    if integers and max(map(add, bits, _excess_twos(integers, tuple(denominators), operation.field))) < 62:
+        return _run_wrapped(table, run, integers, denominators, operation.field)
+    table.choose_kernels(interpreted_seconds(table, operation))
     return _run_primes(table, run, max(bits), avoid, denominators) if table.compiled else None
 
 
-def interpreted_seconds(table: TreeTable) -> float:
-    """About the time of one operation on series in the interpreter."""
-    return 4e-6 * table.max_order * len(table)
+def interpreted_seconds(table: TreeTable, operation: Operation) -> float:
+    """About the time of an operation on series in the interpreter."""
+    return 4e-6 * table.max_order * len(table) * operation.passes
 
 
 def works_by_order(table: TreeTable, operation: Operation) -> bool:
     """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
-    return bool(operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table)))
+    return bool(
+        operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table, operation))
+    )
 
 
 def _integer(value: Any) -> int:
-    """A rational number of flint, or an int, as an integer."""
+    """A whole rational number, of Python or of flint, as an integer."""
     if isinstance(value, int):
         return value
-    if value.q != 1:
+    numerator, denominator = value.as_integer_ratio() if isinstance(value, Fraction) else (value.p, value.q)
+    if denominator != 1:
         raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
-    return int(value.p)
+    return int(numerator)
 
 
 def _bits(

@@ -11,15 +11,12 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.exact import kernels, whole_orders
 from bseries.exact.arithmetic import Exact, factorial_weights
 from trees.counting import memory_estimate, refuse_table_beyond_memory
-from trees.table import partitions_of
-
-if TYPE_CHECKING:
-    from trees.table import TreeTable
+from trees.table import TreeTable, partitions_of
 
 
 class Stages:

@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators import integrate, method, stepper
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import StepError
 
 FLOW = "dop853"
 """The method for exact and modified flows."""
@@ -24,8 +25,6 @@ FAR = 1e6
 @contextmanager
 def quiet() -> Iterator[None]:
     """Without warnings of overflow, which a page shows as a curve that ends."""
-    import numpy as np
-
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
@@ -42,11 +41,6 @@ def orbit(
         >>> y.shape[1] < 20, bool(y.max() < FAR)
         (True, True)
     """
-    import numpy as np
-
-    from integrators import integrate
-    from integrators.steppers.states import StepError
-
     with quiet():
         try:
             run = integrate(method, scene, h=h, steps=steps, y0=y0, save_every=every)
@@ -57,23 +51,10 @@ def orbit(
 
 
 def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, counts: Sequence[int]) -> np.ndarray:
-    """Points moved by steps of a method; not numbers after a failure.
+    """Points (variables, points) moved by steps of a method: (times, variables, points), not numbers after a failure.
 
-    Args:
-        method: The method.
-        scene: The scene.
-        points: The starts, (variables, points).
-        h: The step size.
-        counts: The steps between the times wanted.
-
-    Returns:
-        An array (times, variables, points), with the starts first.
+    The first of the times is that of the starts; `counts` are the steps between them.
     """
-    import numpy as np
-
-    from integrators import stepper
-    from integrators.steppers.states import StepError
-
     steps, moved = stepper(method, scene), np.full((len(counts) + 1, *points.shape), np.nan)
     moved[0] = points
     for k, point in enumerate(points.T):
@@ -90,15 +71,8 @@ def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, c
 def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, times: Any, longest: float) -> Any:
     """Points moved by the flow of y' = field(y, h), with explicit steps of order 8 for all points at once.
 
-    Args:
-        field: A function of states (variables, points) and h.
-        h: The second argument of the field.
-        points: The starts, (variables, points).
-        times: The times wanted; the first is that of the starts.
-        longest: The longest step.
-
-    Returns:
-        An array (times, variables, points); not numbers after a failure.
+    The result has the shape (times, variables, points), with the starts (variables, points) first; it is not numbers
+    after a failure. `longest` is the longest step.
 
     Example:
         >>> import numpy as np
@@ -107,8 +81,6 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
         >>> moved[1].round(9).ravel().tolist()
         [-1.0, 0.0]
     """
-    import numpy as np
-
     (A, b), shape = _tableau(), points.shape
     moved = np.full((len(times), *shape), np.nan)
     moved[0] = points
@@ -130,10 +102,6 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
 
 @cache
 def _tableau() -> tuple[Any, Any]:
-    import numpy as np
-
-    from integrators import method
-
     tableau: Any = method(FLOW)
     tableau = tableau.to_float()
     return np.array(tableau.A, float), np.array(tableau.b, float)
@@ -147,8 +115,6 @@ def crossings(states: np.ndarray, through: int) -> np.ndarray:
         >>> crossings(np.array([[-1.0, 3.0, -1.0], [0.0, 1.0, 2.0]]), 0).tolist()
         [[0.0], [0.25]]
     """
-    import numpy as np
-
     before, after = states[through, :-1], states[through, 1:]
     at = np.flatnonzero((before < 0) & (after >= 0))
     part = before[at] / (before[at] - after[at])
@@ -157,6 +123,4 @@ def crossings(states: np.ndarray, through: int) -> np.ndarray:
 
 def padded(values: np.ndarray, count: int) -> np.ndarray:
     """The array with nan behind its last axis, up to a length."""
-    import numpy as np
-
     return np.concatenate([values, np.full((*values.shape[:-1], count - values.shape[-1]), np.nan)], axis=-1)

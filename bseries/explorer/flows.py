@@ -5,23 +5,107 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit, padded, quiet
-from bseries.explorer.planes import angles, area_primitive, enclosed_area, largest_step, plane_of
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
-from integrators import stepper
+from integrators import reference_solution, stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    import numpy as np
+OSCILLATION = 2.0
+"""The largest h is this over the size of the Jacobian at the start: where Störmer–Verlet becomes unstable."""
+RESOLVED = 1e-3
+"""Of a resolved curve, coefficients in the upper third of frequencies are as much smaller than the largest."""
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+
+class Plane(NamedTuple):
+    """Variables of a scene, by their indices."""
+
+    x: int | None  # the variable across in pictures of orbits; None for the time
+    y: int  # the variable upwards
+    conjugate: tuple[int, int] | None  # (q, p), around which a patch of initial values lies; None for one variable
+    pairs: tuple[tuple[int, int], ...]  # all (q, p), over which areas are summed; none where areas have no meaning
+
+
+def plane_of(scene: Scene) -> Plane:
+    """The plane of a scene: (q, p) for one degree of freedom, (q1, q2) for more, else the first two variables.
+
+    Example:
+        >>> import bseries as bs
+        >>> plane_of(bs.scene("pendulum")), plane_of(bs.scene("kepler")).conjugate
+        (Plane(x=1, y=0, conjugate=(1, 0), pairs=((1, 0),)), (2, 0))
+    """
+    if scene.dimension == 1:
+        return Plane(None, 0, None, ())
+    if scene.canonical_pair is None:
+        return Plane(0, 1, (1, 0), ((1, 0),) if scene.dimension == 2 else ())
+    momenta, positions = (range(block.offset, block.end) for block in scene.canonical_pair)
+    pairs = tuple(zip(positions, momenta, strict=True))
+    x, y = pairs[0] if len(pairs) == 1 else positions[:2]
+    return Plane(x, y, pairs[0], pairs)
+
+
+def angles(scene: Scene) -> tuple[int, ...]:
+    """The variables that the field depends on with period 2π.
+
+    Example:
+        >>> import bseries as bs
+        >>> angles(bs.scene("pendulum")), angles(bs.scene("kepler"))
+        ((1,), ())
+    """
+    field = sympy.Tuple(*scene.field)
+    found = [i for i, symbol in enumerate(scene.symbols) if symbol in field.free_symbols]
+    return tuple(i for i in found if field.xreplace({scene.symbols[i]: scene.symbols[i] + 2 * sympy.pi}) == field)
+
+
+def area_primitive(scene: Scene) -> Any:
+    """The formula A(p, q) with ∂A/∂p = 1/B, for two variables with the Poisson structure B; None for any other scene.
+
+    The flow of a Poisson system preserves the integral of dp dq/B.
+
+    Example:
+        >>> import bseries as bs
+        >>> area_primitive(bs.scene("lotka-volterra"))
+        log(p)/q
+    """
+    if scene.poisson is None or scene.dimension != 2:
+        return None
+    return sympy.integrate(1 / scene.poisson[1][0], scene.symbols[0])
+
+
+def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
+    """The integral ∮ form dq along a smooth closed curve; not a number if the curve is not resolved.
+
+    Values are those at points with equal differences of the curve's parameter.
+
+    Example:
+        >>> import numpy as np
+        >>> angle = np.arange(16) * np.pi / 8
+        >>> round(enclosed_area(3 * np.sin(angle), np.cos(angle)) / np.pi, 12)
+        -3.0
+    """
+    waves = np.fft.rfft([form, q])
+    sizes = abs(waves[:, 1:])
+    if not (sizes[:, 2 * sizes.shape[1] // 3 :].max() <= RESOLVED * sizes.max()):
+        return math.nan
+    slope = np.fft.irfft(1j * np.arange(waves.shape[1]) * waves[1], n=len(q))
+    return float(2 * math.pi * np.mean(form * slope))
+
+
+def largest_step(jacobian: np.ndarray) -> float:
+    """The largest step size of a page, of one digit, from the Jacobian of the field at the start."""
+    size = max(abs(np.linalg.eigvals(jacobian))) if np.isfinite(jacobian).all() else 1.0
+    return float(f"{min(OSCILLATION / max(size, 1e-3), 2.0):.1g}")
+
 
 View = dict[str, dict[str, Any]]
 """Columns of `curve`, `patch` and `area`."""
@@ -42,33 +126,19 @@ NEAR = 4.0
 
 
 class SceneShape(NamedTuple):
-    """What a page says of a scene before it has curves, all of it plain text and numbers.
+    """What a page says of a scene before it has curves, all of it plain text and numbers."""
 
-    Attributes:
-        title: The method and the scene.
-        start: The start as text.
-        span: The length of time.
-        largest: The largest step size.
-        terms: The most terms of the modified equation.
-        energy_terms: The most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian.
-        axes: The names on the axes of curves.
-        patch_axes: Those of patches; None without patches.
-        orbit_axes: Those of many orbits.
-        section: The variable that is zero where many orbits are shown; None if they are shown everywhere.
-        area: What areas are; empty if they have no meaning.
-    """
-
-    title: str
-    start: str
-    span: float
-    largest: float
-    terms: int
-    energy_terms: int
-    axes: tuple[str, str]
-    patch_axes: tuple[str, str] | None
-    orbit_axes: tuple[str, str]
-    section: str | None
-    area: str
+    title: str  # the method and the scene
+    start: str  # the start as text
+    span: float  # the length of time
+    largest: float  # the largest step size
+    terms: int  # the most terms of the modified equation
+    energy_terms: int  # the most terms of the modified Hamiltonian, 1 if it is H; 0 without a Hamiltonian
+    axes: tuple[str, str]  # the names on the axes of curves
+    patch_axes: tuple[str, str] | None  # those of patches; None without patches
+    orbit_axes: tuple[str, str]  # those of many orbits
+    section: str | None  # the variable that is zero where many orbits are shown; None if they are shown everywhere
+    area: str  # what areas are; empty if they have no meaning
 
 
 class SceneFlows:
@@ -108,8 +178,6 @@ class SceneFlows:
         self._last: tuple[Any, Any] = (), ()
 
     def _jacobian(self) -> np.ndarray:
-        import numpy as np
-
         width = 1e-6 * (1 + abs(self.scene.y0).max())
         shifts, start, f = width * np.eye(self.scene.dimension), self.scene.y0[:, None], self.field(1)
         with quiet():
@@ -151,8 +219,6 @@ class SceneFlows:
 
     def exact(self, h: float, scale: float) -> View:
         """The exact solution; its column error is the distance of the numerical one."""
-        from integrators import reference_solution
-
         t, states = self._states(h, scale)
         last, start, longest = int((t == t).sum()), scale * self.scene.y0, self.span / SAMPLES
         try:
@@ -167,15 +233,7 @@ class SceneFlows:
         return {"curve": self._compared(t, padded(exact, len(t)), states), **self._patch(moved, self._patch_times(h))}
 
     def modified(self, h: float, scale: float, terms: int) -> View:
-        """The solution of the modified equation; its columns are error, and energy: H̃(y) − H̃(y0) of the numerical one.
-
-        Args:
-            h: The step size.
-            scale: The factor of the start.
-            terms: The number of terms of the modified equation.
-        """
-        import numpy as np
-
+        """The modified equation's solution; its columns are error, and energy: H̃(y) − H̃(y0) of the numerical one."""
         t, states = self._states(h, scale)
         last, longest = int((t == t).sum()), self.span / SAMPLES
         points = np.column_stack([scale * self.scene.y0, self._circle(scale)])
@@ -188,8 +246,6 @@ class SceneFlows:
 
     def orbits(self, h: float) -> dict[str, Any]:
         """Columns x and y: states of many numerical orbits, or with two degrees of freedom their section q1 = 0."""
-        import numpy as np
-
         section = self.section
         steps, kept = (ORBIT_STEPS, ORBIT_STEPS + 1) if section is None else (SECTION_STEPS, MOST_CROSSINGS)
         columns = np.full((2, ORBITS, kept), np.nan)
@@ -234,8 +290,6 @@ class SceneFlows:
 
     def _energy_change(self, terms: int, h: float, states: np.ndarray) -> np.ndarray:
         """The change of the truncated modified Hamiltonian; not numbers where it does not exist."""
-        import numpy as np
-
         if terms > self.energy_terms:
             return np.full(states.shape[1], np.nan)
         with quiet():
@@ -247,8 +301,6 @@ class SceneFlows:
 
     def _compared(self, t: np.ndarray, flow: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
         """A flow, and its distance from the numerical solution; zero has no place in a logarithmic scale."""
-        import numpy as np
-
         distance = np.sqrt(((states - flow) ** 2).sum(axis=0))
         return {**self._curve(t, flow), "error": np.where(distance > 0, distance, np.nan)}
 
@@ -273,19 +325,13 @@ class SceneFlows:
 
     def _samples(self, h: float) -> list[int]:
         """The stored states from one time of the patch to the next."""
-        import numpy as np
-
         return np.diff(np.round(np.linspace(0, self._grid(h)[1], PATCHES + 1)).astype(int)).tolist()
 
     def _patch_times(self, h: float) -> np.ndarray:
-        import numpy as np
-
         return h * self._grid(h)[0] * np.cumsum([0, *self._samples(h)])
 
     def _circle(self, scale: float) -> np.ndarray:
         """Points around the start in the plane of conjugate variables, (variables, points)."""
-        import numpy as np
-
         start, angle = scale * self.scene.y0, np.arange(CIRCLE) * (2 * np.pi / CIRCLE)
         circle = np.tile(start[:, None], CIRCLE)
         conjugate = list(self.plane.conjugate or ())
@@ -296,8 +342,6 @@ class SceneFlows:
 
     def _patch(self, moved: np.ndarray, times: np.ndarray) -> View:
         """Closed curves separated by nan, and their areas relative to the first."""
-        import numpy as np
-
         nowhere = np.full((len(times), CIRCLE + 2), np.nan)
         if self.plane.conjugate is None:
             x = y = nowhere

@@ -1,21 +1,23 @@
-"""What a page shows of a method: its tableau, order and structure, and the terms of its modified equation."""
+"""What a page shows of a method: tableau, order and structure, modified equation, stability region and order star."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from bseries.algebra.modified import modified_equation
+from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
+from bseries.analysis.stability import linear_stability
 from bseries.exceptions import SeriesError
+from integrators.core.errors import IntegratorError
+from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, tableau_html
 from trees.counting import count_trees
 from trees.drawing import svg
-
-if TYPE_CHECKING:
-    from bseries.algebra.presentation import SeriesTerm
-    from integrators.methods.programs.program import Method
 
 MOST_TREES = 300
 """Of a page: eight nodes without colours, five with two."""
@@ -136,3 +138,64 @@ def _tableau(method: Method) -> str:
     return "".join(
         f"<p>{name}</p>{tableau_html(part)}" for name, part in zip(method.names, method.partitions, strict=True)
     )
+
+
+POINTS = 161
+"""On each side of the grid."""
+LEAST, MOST = 4.0, 60.0
+"""Bounds of the half width of the window."""
+
+
+class StabilityShapes(NamedTuple):
+    """Where a method is stable."""
+
+    formula: str  # the stability function R as text
+    axis: np.ndarray  # real parts, and imaginary parts, of the grid
+    growth: np.ndarray  # log |R(z)| at x + iy, (imaginary parts, real parts); not positive in the stability region
+    star: np.ndarray  # log |R(z) e^(−z)|; positive in the order star
+    poles: tuple[complex, ...]  # the poles of R in the window
+
+
+def stability_shapes(method: Any) -> StabilityShapes:
+    """The values of log |R| and log |R e^(−z)| in a window about the stability region.
+
+    Args:
+        method: A Runge–Kutta method without symbols.
+
+    Raises:
+        IntegratorError: The method is not given by one tableau.
+        SeriesError: The tableau has symbols.
+
+    Example:
+        >>> shapes = stability_shapes("implicit-midpoint")
+        >>> stable = shapes.growth <= 0
+        >>> bool(stable[:, shapes.axis < 0].all()), bool(stable[:, shapes.axis > 0].any()), len(shapes.poles)
+        (True, False, 1)
+
+    References:
+        G. Wanner, E. Hairer, S. P. Nørsett, Order stars and stability theorems, BIT 18 (1978) 475–489,
+        doi:10.1007/BF01932026.
+    """
+    R = linear_stability.stability_function(method)
+    if R.parameters:
+        raise SeriesError(f"method must have numbers for {', '.join(R.parameters)} to have a stability region")
+    intervals = linear_stability.real_stability_interval(R), linear_stability.imaginary_stability_interval(R)
+    ends = [end for end in intervals if end is not None and math.isfinite(end)]
+    radius = min(1.2 * max([LEAST, *ends]), MOST)
+    axis = np.linspace(-radius, radius, POINTS)
+    z = axis + 1j * axis[:, None]
+    with np.errstate(divide="ignore"):
+        parts = [np.log(abs(np.polyval([float(a) for a in reversed(p)], z))) for p in (R.numerator, R.denominator)]
+    growth = np.clip(parts[0] - parts[1], -50, 50)
+    poles = tuple(z for z in map(complex, R.poles) if max(abs(z.real), abs(z.imag)) < radius)
+    return StabilityShapes(str(R), axis, growth, np.clip(growth - z.real, -50, 50), poles)
+
+
+def region_of(method: Method) -> StabilityShapes | str:
+    """The stability region of a method, or a sentence on why there is none."""
+    if not isinstance(method, RungeKutta):
+        return f"There is no stability region of {method.name}, which is not given by one tableau."
+    try:
+        return stability_shapes(method)
+    except (IntegratorError, SeriesError) as error:
+        return f"There is no stability region: {error}."

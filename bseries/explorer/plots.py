@@ -1,8 +1,10 @@
-"""The pictures of a page, with the sources of data that a move of a slider replaces."""
+"""The page of a method and a scene: its template, and its pictures with the data that a move of a slider replaces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foundation.extras import optional_module
@@ -10,7 +12,7 @@ from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
     from bseries.explorer.flows import SceneShape
-    from bseries.explorer.stability_shapes import StabilityShapes
+    from bseries.explorer.method_facts import MethodFacts, StabilityShapes
 
 HEIGHT = 300
 COLOURS = {"exact": BLACK, "modified": VERMILION, "numerical": BLUE}
@@ -27,23 +29,15 @@ COLUMNS = {
 
 
 class ScenePlots(NamedTuple):
-    """The pictures of a scene.
+    """Pictures of a scene, the sliders h, scale and terms, and the button `sweep` that moves h through its range."""
 
-    Attributes:
-        sources: The source of data for each key of `COLUMNS`.
-        figures: The pictures, by the names under which a page has them.
-        h, scale, terms: The sliders.
-        sweep: The button that moves h through its range.
-        sentence: A line of text for what cannot be shown.
-    """
-
-    sources: dict[str, Any]
-    figures: dict[str, Any]
+    sources: dict[str, Any]  # the source of data for each key of `COLUMNS`
+    figures: dict[str, Any]  # the pictures, by the names under which a page has them
     h: Any
     scale: Any
     terms: Any
     sweep: Any
-    sentence: Any
+    sentence: Any  # a line of text for what cannot be shown
 
     @property
     def roots(self) -> dict[str, Any]:
@@ -77,12 +71,9 @@ def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
 
 
 def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float]) -> ScenePlots:
-    """The pictures of a scene, still without data.
+    """The pictures of a scene, still without data, and sliders for the number `steps` of step sizes.
 
-    Args:
-        scene: The scene.
-        steps: The number of step sizes on the slider.
-        scales: The least and the largest factor of the start, and the distance between two.
+    `scales` are the least and the largest factor of the start, and the distance between two.
     """
     models = optional_module("bokeh.models", "explore")
     sources = {name: models.ColumnDataSource({key: [] for key in keys}) for name, keys in COLUMNS.items()}
@@ -190,3 +181,37 @@ def _figure(title: str, x: str, y: str, **options: Any) -> Any:
     picture.toolbar.logo = None
     picture.toolbar.autohide = True
     return picture
+
+
+@cache
+def template() -> Any:
+    """The template of pages, in which text is escaped."""
+    jinja2 = optional_module("jinja2", "explore")
+    text = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
+    return jinja2.Environment(autoescape=True).from_string(text)
+
+
+def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[str, Any]:
+    """What the template says about a method."""
+    title = f"{facts.name}: order {facts.order}"
+    if isinstance(region, str):
+        return {"title": title, "facts": facts, "stability_sentence": region}
+    return {"title": title, "facts": facts, "stability_formula": region.formula}
+
+
+def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any]:
+    """What the template says about a scene."""
+    notes = [f"Start: {scene.start}. Times to {scene.span:g}."]
+    if not scene.energy_terms:
+        notes.append("The scene has no Hamiltonian, so no energy is shown.")
+    elif scene.energy_terms == 1:
+        notes.append("The method has no modified Hamiltonian on this scene: H̃ is shown for one term only, as H.")
+    elif scene.energy_terms < scene.terms:
+        notes.append(f"The modified Hamiltonian ends: H̃ is shown for up to {scene.energy_terms} terms.")
+    if scene.area:
+        notes.append(f"The area is {scene.area}; it is left out where the boundary is too long for its points.")
+    notes.append(
+        "The modified equation is a truncated asymptotic series: more terms help for small h only, and where h "
+        "sweeps into chaos none do."
+    )
+    return {"scene": scene.title, "pictures": list(pictures), "scene_notes": notes}

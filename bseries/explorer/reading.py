@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from bseries.exceptions import SeriesError
+from integrators import RungeKutta, TableauWarning, method, parse_hamiltonian, parse_scene, scene
 from integrators.core.arguments import split_row
 from integrators.core.errors import IntegratorError
-
-if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.exact.arguments import read_number
+from integrators.methods.programs.program import Method
+from integrators.methods.tableaux.files import loads_method
+from integrators.scenes.scene import Scene
+from integrators.scenes.text import read_values
 
 MOST_CHARACTERS = 4_000
 """Of a text in a form."""
@@ -22,21 +24,13 @@ NAME = re.compile(r"[\w. ()+-]+")
 
 
 class Request(NamedTuple):
-    """What a page is asked for, as text; empty for the default.
+    """What a page is asked for, as text; empty for the default."""
 
-    Attributes:
-        method: A name of the catalogue, JSON or TOML of a tableau file, or the rows of a tableau.
-        scene: A name of the catalogue, equations such as ``p' = -sin(q); q' = p``, or a Hamiltonian.
-        start: Start values by block, such as ``p=0; q=-3/2``.
-        order: The largest number of nodes of trees.
-        span: The length of time.
-    """
-
-    method: str = "rk4"
-    scene: str = "pendulum"
-    start: str = ""
-    order: str = ""
-    span: str = ""
+    method: str = "rk4"  # a name of the catalogue, JSON or TOML of a tableau file, or the rows of a tableau
+    scene: str = "pendulum"  # a name of the catalogue, equations such as ``p' = -sin(q); q' = p``, or a Hamiltonian
+    start: str = ""  # start values by block, such as ``p=0; q=-3/2``
+    order: str = ""  # the largest number of nodes of trees
+    span: str = ""  # the length of time
 
     def checked(self) -> Request:
         """The request without spaces around, unless a text is too long."""
@@ -64,9 +58,6 @@ def read_method(text: str) -> Method:
         >>> read_method("0 | 0 0\\n1/2 | 1/2 0\\n  | 0 1").A
         ((Fraction(0, 1), Fraction(0, 1)), (Fraction(1, 2), Fraction(0, 1)))
     """
-    from integrators import TableauWarning, method
-    from integrators.methods.tableaux.files import loads_method
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", TableauWarning)  # the page lists `issues`
         if not text:
@@ -88,8 +79,6 @@ def checked_method(method: Method) -> Method:
 
 
 def _method_of_rows(rows: list[list[str]]) -> Method:
-    from integrators import RungeKutta
-
     *matrix, weights = rows
     lengths, stages = {len(row) for row in matrix}, len(weights)
     if len(matrix) != stages or lengths not in ({stages}, {stages + 1}):
@@ -123,9 +112,6 @@ def read_scene(text: str, start: str = "") -> Scene:
         >>> read_scene("p^2/2 + q^4/4", "p=0; q=1").y0
         array([0., 1.])
     """
-    from integrators import parse_hamiltonian, parse_scene, scene
-    from integrators.scenes.text import read_values
-
     if "'" in text:
         found = parse_scene(text)
     elif NAME.fullmatch(text) and not re.search(r"[+(]", text):
@@ -167,8 +153,6 @@ def read_integer(text: str, argument: str, default: int, most: int) -> int:
 
 def read_positive(text: str, argument: str, default: float, most: float) -> float:
     """A positive number; the default for an empty text."""
-    from integrators.exact.arguments import read_number
-
     if not text:
         return default
     value = read_number(text, argument)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from bseries.explorer.flows import SPAN, SceneFlows
-from bseries.explorer.method_facts import method_facts
-from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import COLUMNS, scene_plots, stability_plots, view_columns
+from bseries.explorer.method_facts import method_facts, region_of
+from bseries.explorer.plots import (
+    COLUMNS,
+    ScenePlots,
+    method_variables,
+    scene_plots,
+    scene_variables,
+    stability_plots,
+    template,
+    view_columns,
+)
 from bseries.explorer.reading import checked_method, checked_scene
-from bseries.explorer.stability_shapes import region_of
 from foundation.extras import optional_module
-
-if TYPE_CHECKING:
-    from bseries.explorer.plots import ScenePlots
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 STEPS, SCALES = 12, (0.5, 1.5, 0.5)
 """Step sizes and starts of the frames; their product with the numbers of terms decides the size of the file."""
@@ -88,8 +94,6 @@ def report_html(
 
 def _add_frames(plots: ScenePlots, flows: SceneFlows, progress: Callable[[int, int], object] | None) -> None:
     """Compute all frames, and let the sliders choose among them."""
-    import numpy as np
-
     models = optional_module("bokeh.models", "report")
     scales = np.arange(SCALES[0], SCALES[1] + SCALES[2] / 2, SCALES[2])
     grids: dict[str, list[Any]] = {name: [] for name in COLUMNS}
@@ -137,7 +141,5 @@ def _views(flows: SceneFlows, h: float, scale: float) -> Iterator[tuple[str, Any
 
 def _joined(name: str, frames: list[Any]) -> dict[str, Any]:
     """The columns of all frames, one after the other."""
-    import numpy as np
-
     shown = [view_columns(name, columns) for columns in frames]
     return {key: np.concatenate([columns[key] for columns in shown]) for key in COLUMNS[name]}

@@ -8,24 +8,25 @@ from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache, lru_cache, partial
 from html import escape
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows
+from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows, SceneShape
 from bseries.explorer.flows import SCALES as FACTORS
-from bseries.explorer.method_facts import MOST_TREES, method_facts
-from bseries.explorer.page import method_variables, scene_variables, template
-from bseries.explorer.plots import scene_plots, stability_plots, view_columns
+from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
+from bseries.explorer.plots import (
+    ScenePlots,
+    method_variables,
+    scene_plots,
+    scene_variables,
+    stability_plots,
+    template,
+    view_columns,
+)
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
-from bseries.explorer.stability_shapes import region_of
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
-
-if TYPE_CHECKING:
-    from bseries.explorer.flows import SceneShape
-    from bseries.explorer.method_facts import MethodFacts
-    from bseries.explorer.plots import ScenePlots
-    from bseries.explorer.stability_shapes import StabilityShapes
+from integrators import catalogue, scene_catalogue
 
 ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
@@ -113,11 +114,7 @@ class Answer(NamedTuple):
 
 
 class Explorer:
-    """Answers to requests, each computed once, and the pages that show them.
-
-    Args:
-        workers: What computes.
-    """
+    """Answers to requests, each computed once, and the pages that show them."""
 
     def __init__(self, workers: Workers):
         self.workers = workers
@@ -279,8 +276,6 @@ def read_arguments(arguments: Any) -> Request:
 @cache
 def _choices() -> dict[str, Any]:
     """The names in the form."""
-    from integrators import catalogue, scene_catalogue
-
     methods = [f"{entry.name}{entry.least_stages}" if entry.is_family else entry.name for entry in catalogue()]
     return {"methods": methods, "scenes": [entry.name for entry in scene_catalogue()]}
 

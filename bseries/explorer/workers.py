@@ -117,11 +117,7 @@ def _work(pipe: Any, most_bytes: int) -> None:
 
 
 class Workers:
-    """Some workers, and a queue for them. Whoever has computed for a key before computes for it again, if free.
-
-    Args:
-        count: The number of workers.
-    """
+    """Some workers, and a queue for them. Whoever has computed for a key before computes for it again, if free."""
 
     def __init__(self, count: int = 2):
         self._idle = [Worker() for _ in range(count)]

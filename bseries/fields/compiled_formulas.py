@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy
 
 from bseries.fields.inputs import in_threads
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.printer import operation_cost, source_lines
-
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
 
 CONTRACTION_NANOSECONDS = 15
 OPERATION_NANOSECONDS = 1
@@ -78,8 +76,6 @@ class CompiledFormulas:
     """
 
     def __init__(self, symbols: Sequence[sympy.Symbol], columns: Sequence[Sequence[sympy.Expr]]):
-        import sympy
-
         self.symbols, self.columns = tuple(symbols), tuple(map(tuple, columns))
         h = sympy.Dummy("h")
         sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
@@ -119,8 +115,6 @@ class CompiledFormulas:
 
     def values(self, states: np.ndarray, step: float, workers: int = 1) -> np.ndarray:
         """The sums at the rows of `states`, one row for each state."""
-        import numpy as np
-
         out = np.empty((len(states), len(self.columns)))
         in_threads(lambda k: self.module.many(states[k], step, out[k]), len(states), workers)
         return out

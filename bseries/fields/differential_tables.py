@@ -11,20 +11,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bseries.fields import taylor_polynomials
 from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
 from bseries.fields.taylor_polynomials import InstructionList, monomial_count
-from integrators.scenes.model.system import VALUE
+from integrators.scenes.model.system import VALUE, LocalTerm, System
 from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
-
-if TYPE_CHECKING:
-    from integrators.scenes.model.system import LocalTerm, System
-    from trees.table import TreeTable
-
+from trees.table import TreeTable
 
 Forest = int
 """The index of a forest of children; 0 is the empty forest."""

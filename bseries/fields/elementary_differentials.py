@@ -6,25 +6,24 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+import sympy
+
+from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.polynomials import Element, TooLarge
 from trees.counting import check_order
 from trees.tree import Tree
 
-if TYPE_CHECKING:
-    Key: TypeAlias = tuple[int, tuple[int, ...]]
-    Tensor: TypeAlias = dict[Key, Element]
-    """{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
+Key: TypeAlias = tuple[int, tuple[int, ...]]
+Tensor: TypeAlias = dict[Key, Element]
+"""{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
 
-    import sympy
 
-    from bseries.algebra.bseries import BSeries
-
-    Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
-    Formulas: TypeAlias = tuple[sympy.Expr, ...]
+Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
+Formulas: TypeAlias = tuple[sympy.Expr, ...]
 
 
 class DerivativeTowers:
@@ -121,8 +120,6 @@ class SymbolicSeries:
     def __init__(
         self, series: BSeries, fields: Fields, variables: Iterable[sympy.Symbol], *, limit: int = MOST_MONOMIALS
     ):
-        import sympy
-
         self.series, self._limit = series, limit
         self._coefficients = series.coefficients()
         rows, symbols = _checked(fields, variables, series.table.colors)
@@ -174,8 +171,6 @@ def _checked(
     fields: Fields, variables: Iterable[sympy.Symbol], colors: int
 ) -> tuple[list[Formulas], tuple[sympy.Symbol, ...]]:
     """The formulas of each field, one for each variable, and the variables."""
-    import sympy
-
     symbols = tuple(variables)
     if not symbols or len(set(symbols)) < len(symbols) or not all(isinstance(x, sympy.Symbol) for x in symbols):
         raise SeriesError(f"variables must be different SymPy symbols, but were {symbols!s:.60}")
@@ -191,8 +186,6 @@ def _checked(
 
 def _formula(value: object) -> Any:
     """A number or expression as a SymPy expression."""
-    import sympy
-
     if isinstance(value, Real | sympy.Expr) and not isinstance(value, bool):
         return sympy.sympify(value, strict=True)
     raise SeriesError(f"fields must hold SymPy expressions or numbers, but one was {value!r:.60}")

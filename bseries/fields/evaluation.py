@@ -14,6 +14,7 @@ from functools import cache, cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import mpmath
 import numpy as np
 
 from bseries.exact.domains import to_float
@@ -222,8 +223,6 @@ class PreciseSeries:
     """
 
     def __init__(self, series: SeriesOnScene, digits: int):
-        import mpmath
-
         self.series, self.arithmetic = series, Arithmetic(digits)
         with self.arithmetic.working():
             values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)
@@ -246,8 +245,6 @@ class PreciseSeries:
             return self._terms(self.arithmetic.read(y, "y"))
 
     def _terms(self, y: Any) -> list[list[Any]]:
-        import mpmath
-
         size, ints = self.series.dimension, self._ints
         if len(y) != size:
             raise SeriesError(f"y must have {size} values, but had {len(y)}")

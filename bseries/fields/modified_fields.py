@@ -27,6 +27,7 @@ from bseries.scene_text import field_equations, first_powers, formula_notes, hea
 from foundation.table import PRINT_WIDTH, Column, Table, listed
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic
 from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.catalogue.registry import as_scene
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     import sympy
 
     from bseries.fields.evaluation import CompiledSeries, PreciseSeries
-    from integrators.methods.programs.program import Method
 
 
 ROUTES = ("auto", "towers", "symbolic")
@@ -296,9 +296,7 @@ def modified_field(
     References:
         HLW, section IX.1, theorem IX.9.2.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, modified_equation, "the modified equation")
+    return _make(as_method(method), as_scene(scene), order, parts, route, modified_equation, "the modified equation")
 
 
 def modifying_field(
@@ -331,9 +329,9 @@ def modifying_field(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, modifying_integrator, "the modifying integrator")
+    return _make(
+        as_method(method), as_scene(scene), order, parts, route, modifying_integrator, "the modifying integrator"
+    )
 
 
 def series_map(
@@ -362,9 +360,7 @@ def series_map(
         >>> step([1.0], 0.5)
         array([1.5])
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    return _make(method, scene, order, parts, route, series, "the series")
+    return _make(as_method(method), as_scene(scene), order, parts, route, series, "the series")
 
 
 def _make(

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
+from sympy.polys.matrices import DomainMatrix
+from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import check_power, power_sum
-from bseries.fields.modified_fields import check_field
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
+from bseries.fields.modified_fields import SceneSeries, check_field
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.integration import potential
+from bseries.fields.symbolic.polynomials import Element
 from bseries.scene_text import power_table
 from foundation.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
-
-if TYPE_CHECKING:
-    import sympy
-
-    from bseries.fields.modified_fields import SceneSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 
 class ModifiedInvariant(NamedTuple):
@@ -84,9 +82,6 @@ def modified_invariant(f: SceneSeries) -> ModifiedInvariant:
 
     Args:
         f: A field such as a `modified_field`, of an exact method.
-
-    Returns:
-        The integral.
 
     Raises:
         SeriesError: `f` is not an exact field, its scene has no invertible structure matrix, a term is not Hamiltonian
@@ -153,8 +148,6 @@ def divergence(f: SceneSeries, k: int) -> sympy.Expr:
     References:
         HLW, section VI.9 and lemma VI.9.1; E. Hairer, lecture on long-time behaviour, exercise 6.
     """
-    import sympy
-
     check_power(k, check_field(f).order - 1)
     ring, field = f.formulas.ring, f.formulas.elements(k + 1)
     with refusing_large(MOST_MONOMIALS):
@@ -179,10 +172,6 @@ def is_gradient(ring: DifferentialRing, components: list[Element]) -> bool:
 
 def inverse_structure(f: SceneSeries) -> list[list[Element]]:
     """The inverse structure matrix B(y)^(−1) of the scene."""
-    import sympy
-    from sympy.polys.matrices import DomainMatrix
-    from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
-
     matrix = sympy.Matrix(structure_matrix(f.scene))
     try:
         inverse = DomainMatrix.from_Matrix(matrix).to_field().inv().to_Matrix()

@@ -15,17 +15,16 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import SymbolicSeries
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
+from integrators.scenes.scene import Scene
 from trees.counting import count_trees
 from trees.free_trees import grafting
 from trees.table import TreeTable, tree_table
 
 if TYPE_CHECKING:
     import sympy
-
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 
 class SceneTrees(NamedTuple):

@@ -15,13 +15,12 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations_with_replacement
 from math import comb, factorial, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.generators import check_smooth
-
-if TYPE_CHECKING:
-    import sympy
 
 CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
 """The operations, implemented by `differential_kernels.evaluate_polynomials`."""
@@ -214,8 +213,6 @@ class _InstructionBuilder:
         return at
 
     def _power(self, base: sympy.Expr, exponent: sympy.Expr) -> int:
-        import sympy
-
         if base == sympy.E:
             return self.function(EXP, self.visit(exponent))
         if exponent.free_symbols:
@@ -229,8 +226,6 @@ class _InstructionBuilder:
         return self.function(POWER, at, halves, number=exponent)
 
     def _function(self, formula: sympy.Expr) -> int:
-        import sympy
-
         name, argument = formula.func.__name__, formula.args[0]
         if name == "exp":
             return self.function(EXP, self.visit(argument))
@@ -258,8 +253,6 @@ class _InstructionBuilder:
 
     def _pair(self, name: str, argument: Any) -> int:
         """sin and cos, or sinh and cosh, computed together as two adjacent polynomials."""
-        import sympy
-
         pair = (sympy.sin, sympy.cos) if name in ("sin", "cos") else (sympy.sinh, sympy.cosh)
         key = ("pair", pair, argument)
         if key not in self.known:

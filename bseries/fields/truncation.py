@@ -13,6 +13,8 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.analysis.stability.linear_stability import stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
@@ -21,13 +23,11 @@ from bseries.fields.modified_fields import SceneSeries, check_field, modified_fi
 from foundation.diagrams import draw_legend, write_title
 from foundation.plotting import BLUE, VERMILION, drawing
 from integrators.core.errors import shown
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
-
-    from integrators import RungeKutta
 
 
 CANCELLATION = 1e-6
@@ -218,10 +218,7 @@ class Reach(NamedTuple):
         """The sizes of the nonzero terms against the power of h, with the optimal truncation.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.
@@ -346,8 +343,6 @@ def _warning(found: Reach) -> str:
 
 def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
     """The Euclidean norms of the terms: 0 if all coefficients are, or if a term varies by its own size near y."""
-    import numpy as np
-
     states, shape = read_states(y, f.dimension)
     if shape != (f.dimension,):
         raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
@@ -370,8 +365,6 @@ def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:
     """Euclidean norms along axis 1; entries are scaled, so that squares neither overflow nor underflow."""
-    import numpy as np
-
     largest = np.abs(vectors).max(axis=1, keepdims=True)
     scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
     with np.errstate(over="ignore"):
@@ -380,8 +373,6 @@ def _lengths(vectors: np.ndarray) -> np.ndarray:
 
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:
     """The spectral radius of A on a scene y' = Ay + b; None for others. It checks that f belongs to the method."""
-    import numpy as np
-
     degree = degrees(f.scene, [Piece()])[0][0]
     if degree is None or degree > 1:
         return None

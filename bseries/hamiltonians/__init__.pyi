@@ -10,15 +10,15 @@ from .brackets.campbell_hausdorff import bch as bch
 from .brackets.campbell_hausdorff import bracket_hamiltonian as bracket_hamiltonian
 from .closed_forms import ClosedHamiltonian as ClosedHamiltonian
 from .closed_forms import closed_hamiltonian as closed_hamiltonian
-from .drift.forms import takahashi_imada_integral as takahashi_imada_integral
 from .drift.mean_rates import energy_drift as energy_drift
+from .drift.perturbations import takahashi_imada_integral as takahashi_imada_integral
 from .drift.report import DriftReport as DriftReport
 from .generating_functions import GeneratingFunction as GeneratingFunction
 from .generating_functions import exact_generating_function as exact_generating_function
 from .generating_functions import generating_function as generating_function
 from .generating_functions import generating_hamiltonian as generating_hamiltonian
+from .generating_functions import variational_generating_function as variational_generating_function
 from .modified_hamiltonian import ModifiedHamiltonian as ModifiedHamiltonian
 from .modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
-from .variational import variational_generating_function as variational_generating_function
 from .verdicts import HamiltonianVerdict as HamiltonianVerdict
 from .verdicts import hamiltonian_verdict as hamiltonian_verdict

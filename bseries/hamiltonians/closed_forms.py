@@ -18,7 +18,12 @@ import cmath
 import math
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import mpmath
+import numpy as np
+import sympy
+from sympy.polys.matrices import DomainMatrix
 
 from bseries.algebra.stages import check_method
 from bseries.analysis.stability.linear_stability import stability_function
@@ -29,16 +34,10 @@ from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entr
 from integrators import RungeKutta
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
-
+from integrators.scenes.scene import Scene
 
 DIGITS = 60
 """Digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many."""
@@ -52,8 +51,6 @@ class OscillatorStep:
     """Step of a method for the harmonic oscillator: the `entries` a, b, c, d as exact functions of s = x²."""
 
     def __init__(self, entries: Sequence[sympy.Expr], s: sympy.Symbol):
-        import sympy
-
         self.s = s
         self.entries: tuple[Any, ...] = tuple(sympy.cancel(entry) for entry in entries)
         self.cosine: Any = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
@@ -62,8 +59,6 @@ class OscillatorStep:
     @classmethod
     def of_runge_kutta(cls, method: RungeKutta) -> OscillatorStep:
         """The step of a Runge–Kutta method: even and odd part of R(z) with z² = −s."""
-        import sympy
-
         s, z = sympy.symbols("s z")
         R = stability_function(method)
         above, below = (
@@ -83,9 +78,6 @@ class OscillatorStep:
         The values z at the stages (Q_i for kicks, P_i for drifts) satisfy z = z_0 + x N z, so that the step is
         1 + x E (1 − xN)⁻¹ z_0.
         """
-        import sympy
-        from sympy.polys.matrices import DomainMatrix
-
         rows = stages.stages
         s, x = sympy.Symbol("s"), sympy.Symbol("x")
 
@@ -118,8 +110,6 @@ class OscillatorStep:
 
     def formulas(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
         """θ/sin θ times b, c and (d − a)/h at x = h √κ, on the branch from h = 0 while tan(θ/2) is real."""
-        import sympy
-
         s = h**2 * kappa
         a, b, c, d = (entry.subs(self.s, s) for entry in self.entries)
         if s == 0:
@@ -134,8 +124,6 @@ class OscillatorStep:
 
     def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
         """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; for κ < 0 without the factors i."""
-        import sympy
-
         squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
         rational = h * sympy.sqrt(abs(kappa) if kappa.is_negative else kappa)
         root = sympy.sqrt(squared.subs(self.s, 0))
@@ -179,8 +167,6 @@ class OscillatorStep:
 
     def _candidates(self) -> list[tuple[complex, bool]]:
         """Poles of the step and points with cos θ = ±1 other than 0, by distance from 0."""
-        import sympy
-
         zeros = [(sympy.numer(sympy.cancel(self.cosine - sign)), False) for sign in (1, -1)]
         poles = [(sympy.denom(entry), True) for entry in self.entries]
         found: list[tuple[complex, bool]] = []
@@ -202,8 +188,6 @@ class OscillatorStep:
 
 def quadratic_form(scene: Scene) -> Any:
     """The matrix S of H = ½ yᵀSy; None if H is not quadratic, or has symbols."""
-    import sympy
-
     H, y = scene.hamiltonian, scene.symbols
     if H is None or not H.is_polynomial(*y) or H.free_symbols - set(y):
         return None
@@ -222,8 +206,6 @@ class LinearHamiltonian:
     kind = "linear"
 
     def __init__(self, method: Method, scene: Scene, form: Any, parts: Any = None):
-        import sympy
-
         self._scene, size = scene, scene.dimension
         energy: Any = scene.hamiltonian
         self.constant = energy.subs(dict.fromkeys(scene.symbols, 0))
@@ -248,9 +230,6 @@ class LinearHamiltonian:
     @cached_property
     def _eigensystem(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Eigenvalues κ and eigenvectors of K, and the inverse of the matrix of eigenvectors."""
-        import mpmath
-        import numpy as np
-
         with mpmath.workdps(DIGITS):
             values, vectors = mpmath.eig(mpmath.matrix(self._square.evalf(DIGITS).tolist()))
             found = values, vectors.tolist(), (vectors**-1).tolist()
@@ -260,8 +239,6 @@ class LinearHamiltonian:
     @cached_method
     def matrix(self, h: float) -> np.ndarray:
         """The matrix G of H̃ = yᵀGy."""
-        import numpy as np
-
         values, vectors, inverse = self._eigensystem
         roots = np.sqrt(values)
         b, c, mixed = np.array([self._step.coefficients(h * root) for root in roots]).T
@@ -280,8 +257,6 @@ class LinearHamiltonian:
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
-        import sympy
-
         y = sympy.Matrix(self._scene.symbols)
         total: Any = sympy.Integer(0)
         for kappa, projection in self._projections:
@@ -296,8 +271,6 @@ class LinearHamiltonian:
     @cached_property
     def _projections(self) -> list[tuple[Any, Any]]:
         """The exact eigenvalues κ of K, and the projections on their modes, which are polynomials in K."""
-        import sympy
-
         factors = [factor for factor, _ in self._polynomial.factor_list()[1] if factor.degree() <= 2]
         roots = [root for factor in factors for root in sympy.roots(factor)]
         if len(roots) < self._polynomial.degree():
@@ -314,8 +287,6 @@ class LinearHamiltonian:
 
 def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
     """Check that a method consists of kicks by U(q) and drifts by T(p)."""
-    import sympy
-
     parts = {stage.hamiltonian for stage in stages.stages}
     mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
     if mixed or sympy.expand(sympy.Add(*parts) - scene.hamiltonian).free_symbols:
@@ -327,8 +298,6 @@ def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
 
 def _minimal_polynomial(square: Any, name: str) -> Any:
     """The minimal polynomial of −A², which must have simple roots."""
-    import sympy
-
     polynomial = sympy.Poly(square.charpoly().as_expr(), extension=True).sqf_part()
     value = sympy.zeros(square.rows)
     for coefficient in polynomial.all_coeffs():
@@ -347,8 +316,6 @@ class FieldNijhoff:
     kind = "field-nijhoff"
 
     def __init__(self, scene: Scene, invariant: Any, c: Any, sign: int):
-        import sympy
-
         self._invariant, self._c, self._sign = invariant, c, sign
         self.radius = invariant / abs(c)
         energy: Any = scene.hamiltonian
@@ -358,8 +325,6 @@ class FieldNijhoff:
     @classmethod
     def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
         """The closed form of a symplectic Euler method on a scene of this kind; None for others."""
-        import sympy
-
         pairs, stages = canonical_pairs(scene), symplectic_stages(method, scene, parts)
         kicks, drifts = ([one for one in stages.stages if getattr(one, kind)] for kind in ("kicks", "drifts"))
         if (len(pairs), len(stages.stages), len(kicks), len(drifts)) != (1, 2, 1, 1):
@@ -376,8 +341,6 @@ class FieldNijhoff:
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula for a step size."""
-        import sympy
-
         i, u = self._invariant, self._sign * self._c * h
         return self._c * ((i * sympy.log(i) - (i - u) * sympy.log(i - u)) / u - 1)
 
@@ -387,8 +350,6 @@ class FieldNijhoff:
 
     def values(self, y: np.ndarray, h: float) -> np.ndarray:
         """Values of H̃, without cancellation for small steps."""
-        import numpy as np
-
         i, c = self._numeric(*y.T), float(self._c)
         u = self._sign * c * h / i
         return c * (np.log(i) - ((1 / u - 1) * np.log1p(-u) + 1 if h else 0))
@@ -434,8 +395,6 @@ class ClosedHamiltonian:
     @property
     def _shown_formula(self) -> str | None:
         """The formula as text; None without one."""
-        import sympy
-
         try:
             return str(self.expression(sympy.Symbol("h")))
         except SeriesError:

@@ -15,12 +15,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
+
+import mpmath
+import numpy as np
+import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.analysis.order import trusted
 from bseries.analysis.structure import hamiltonian_field
+from bseries.analysis.structure_conditions import Verdict
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas
@@ -28,27 +33,19 @@ from bseries.fields.elementary_differentials import SymbolicSeries
 from bseries.fields.modified_fields import SceneSeries
 from bseries.fields.scene_trees import SceneTrees, flat_fields, mapped_uncertainty, trees_of_method, trees_of_series
 from integrators import IntegratorError
-from integrators.methods.programs.program import common_bounds
+from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.system import VALUE, Output, Place, System
+from integrators.scenes.model.system import VALUE, LocalTerm, Output, Place, System
 from integrators.scenes.particles.local_form import constant_terms
 from integrators.scenes.particles.parts import Piece, degrees
+from integrators.scenes.scene import Scene
 from trees.counting import count_trees
 from trees.free_trees import grafting
 from trees.kernels import OUTSIDE
 from trees.table import TreeTable, tree_table
 
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
-    from bseries.analysis.structure_conditions import Verdict
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.model.system import LocalTerm
-
-    Bounds = list[list[int | None]]
+Bounds = list[list[int | None]]
 
 
 class EnergyScene(System):
@@ -115,15 +112,11 @@ class EnergyScene(System):
     @cached_property
     def constant(self) -> sympy.Expr:
         """The constant of H, which the energies do not contain."""
-        import sympy
-
         return sympy.Add(*(_flat_formula(term, self.scene) for term in constant_terms(self.scene)))
 
     @cached_property
     def energies(self) -> tuple[sympy.Expr, ...]:
         """The formulas of the energies."""
-        import sympy
-
         terms = [
             (place.offset, _flat_formula(term, self.scene))
             for term, place in zip(self.scene.local_terms, self._places, strict=True)
@@ -139,8 +132,6 @@ class EnergyScene(System):
     @cached_property
     def fields(self) -> list[tuple[sympy.Expr, ...]]:
         """The field of each piece, one formula for each variable; that of an energy is the energy itself."""
-        import sympy
-
         zero, size = sympy.Integer(0), len(self.energies)
         fields = [(*field, *[zero] * size) for field in flat_fields(self.scene, self.field_pieces)]
         for k, energy in enumerate(self.energies):
@@ -150,8 +141,6 @@ class EnergyScene(System):
 
 def _flat_formula(term: LocalTerm, scene: Scene) -> sympy.Expr:
     """The sum of a term's formula over its sites, in the variables of the scene."""
-    import sympy
-
     symbols, formulas = scene.symbols, []
     for row in term.sites.rows():
         here: dict[Any, Any] = {**term.data_at(row)}
@@ -229,9 +218,6 @@ class EnergyFormulas:
 
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
         """The sum at one point, in the current precision of mpmath, which exceeds `digits`."""
-        import mpmath
-        import sympy
-
         # Dummy symbols, since a variable may have the name of a function of mpmath.
         terms = sympy.lambdify(self.symbols, list(self.formulas), "mpmath", cse=True, dummify=True)
         try:
@@ -310,7 +296,6 @@ class EnergySeries:
     @cached_property
     def compiled(self) -> Callable[[Any, float], float]:
         """The sum as a numba function (y, h)."""
-        import numpy as np
         from numba import njit
 
         field, constant, size, dimension = self.series.compiled, self._constant, self._size, self.scene.dimension
@@ -337,8 +322,6 @@ class EnergySeries:
 
     def terms(self, states: np.ndarray, workers: int = 1) -> np.ndarray:
         """The terms at the rows of `states`, one row for each power of h."""
-        import numpy as np
-
         extended = np.zeros((len(states), self.scene.dimension))
         extended[:, : self._size] = states
         found = self.series.evaluator.terms_at(extended, workers)[:, :, self._size :].sum(axis=2)
@@ -347,9 +330,6 @@ class EnergySeries:
 
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
         """The sum at one point, in numbers of mpmath."""
-        import mpmath
-        import sympy
-
         extended = self.series.precise([*y, *[0] * (self.scene.dimension - self._size)], h, digits)
         constant = sympy.lambdify([], self.scene.constant, "mpmath")()
         return mpmath.fsum([*extended[self._size :], constant])

@@ -1,4 +1,4 @@
-"""Generating functions of symplectic methods, and modified Hamiltonians from them.
+"""Generating functions of symplectic methods and of variational integrators, and modified Hamiltonians from them.
 
 A symplectic map (p, q) ↦ (P, Q) near the identity is p = P + S_q(P, q), Q = q + S_P(P, q). For Runge–Kutta methods, and
 others made of evaluations of the field, S is a formula in H at the stages (theorem 5 of the lecture). So the modified
@@ -16,12 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import power_sum
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
 from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries, combination
 from bseries.hamiltonians.symplectic_stages import (
     Stages,
@@ -35,16 +38,11 @@ from foundation.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from trees.counting import check_order
-
-if TYPE_CHECKING:
-    import sympy
-
-    from bseries.fields.symbolic.polynomials import Element
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 
 class GeneratingFunction(NamedTuple):
@@ -76,8 +74,6 @@ class GeneratingFunction(NamedTuple):
 
     def hamiltonian(self) -> tuple[sympy.Expr, ...]:
         """The terms H_1, H_2, … of the modified Hamiltonian."""
-        import sympy
-
         h = sympy.Dummy("h")
         return generating_hamiltonian(self.expression(h), self.momenta, self.positions, len(self.terms), h=h)
 
@@ -219,8 +215,7 @@ def generating_hamiltonian(
 
     Args:
         S: The generating function: a formula in P, q and h that is a power series in h, zero at h = 0.
-        momenta: The symbols of P.
-        positions: The symbols of q.
+        momenta, positions: The symbols of P and of q.
         order: The number N of terms.
         h: The symbol of the step size; by default ``Symbol("h")``.
 
@@ -258,8 +253,6 @@ def _expanded_formula(
     h: sympy.Symbol | None,
 ) -> tuple[DifferentialRing, PowerSeries, HamiltonJacobi]:
     """A formula in momenta, positions and h in powers of h, with its ring and the recursion in these variables."""
-    import sympy
-
     check_order(order)
     step = sympy.Symbol("h") if h is None else h
     symbols = check_symbols(momenta, positions, step)
@@ -280,16 +273,12 @@ def _expanded_formula(
 
 def check_formula(formula: Any, name: str) -> None:
     """Check that an argument is an exact formula."""
-    import sympy
-
     if not isinstance(formula, sympy.Expr) or formula.has(sympy.Float):
         raise SeriesError(f"{name} must be a SymPy expression without floats, but was {formula!r:.60}")
 
 
 def check_symbols(momenta: Any, positions: Any, *others: Any) -> tuple[sympy.Symbol, ...]:
     """Check that momenta and positions are different symbols, in equal numbers."""
-    import sympy
-
     for name, given in (("momenta", momenta), ("positions", positions)):
         if not isinstance(given, Sequence) or isinstance(given, str) or not given:
             raise SeriesError(f"{name} must be a list of SymPy symbols, but was {given!r:.60}")
@@ -452,3 +441,125 @@ class _StageSeries:
     def _derivative(self, k: int, place: int) -> PowerSeries:
         """The derivative of H^k in a variable at stage k."""
         return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))
+
+
+def variational_generating_function(
+    lagrangian: sympy.Expr,
+    start: Sequence[sympy.Symbol],
+    end: Sequence[sympy.Symbol],
+    momenta: Sequence[sympy.Symbol],
+    order: int,
+    *,
+    h: sympy.Symbol | None = None,
+    velocity: Sequence[sympy.Expr] | None = None,
+) -> GeneratingFunction:
+    """The generating function of the variational integrator p = −∂L_h/∂q, P = ∂L_h/∂Q with a discrete Lagrangian L_h.
+
+    L_h(q, Q) generates the map in the variables q and Q. With Q = q + h v and ℓ(q, v, h) = L_h(q, q + h v)/h,
+
+        S(P, q, h) = h (Pᵀv − ℓ(q, v, h))   at the v for which P = ∂ℓ/∂v,
+
+    a Legendre transformation in powers of h.
+
+    Args:
+        lagrangian: L_h, an approximation of the action ∫ L(q, q̇) dt over a step from q to Q.
+        start, end, momenta: The symbols of q, of Q, and for P.
+        order: The number of terms S_1, S_2, …
+        h: The symbol of the step size; by default ``Symbol("h")``.
+        velocity: q̇ as formulas in P and q, from P = ∂L/∂q̇; needed where L is not quadratic in q̇.
+
+    Returns:
+        The generating function; its `hamiltonian` gives the modified Hamiltonian.
+
+    Raises:
+        SeriesError: The symbols do not fit, ℓ is not a power series in h, or `velocity` does not solve ∂L/∂q̇ = P.
+
+    Example:
+        The trapezoidal rule for the action gives the Störmer–Verlet method, kick–drift–kick:
+
+        >>> import sympy
+        >>> q, Q, p, h = sympy.symbols("q Q p h")
+        >>> L = ((Q - q) / h) ** 2 * h / 2 + h * (sympy.cos(q) + sympy.cos(Q)) / 2
+        >>> variational_generating_function(L, [q], [Q], [p], 3).hamiltonian()
+        (p**2/2 - cos(q), 0, p**2*cos(q)/12 - sin(q)**2/24)
+
+    References:
+        HLW, sections VI.5.3 and VI.6.2; J. E. Marsden, M. West, Acta Numerica 10 (2001) 357–514,
+        doi:10.1017/S096249290100006X.
+    """
+    check_order(order)
+    step = sympy.Symbol("h") if h is None else h
+    check_symbols(start, end, *momenta, step)
+    check_symbols(momenta, start)
+    check_formula(lagrangian, "lagrangian")
+    if velocity is not None:
+        if not isinstance(velocity, Sequence) or len(velocity) != len(start):
+            raise SeriesError(f"velocity must be a list of {len(start)} formulas, but was {velocity!r:.60}")
+        for x in velocity:
+            check_formula(x, "velocity")
+    with refusing_large(MOST_MONOMIALS):
+        terms = _Legendre(lagrangian, start, end, step).terms(momenta, velocity, order)
+    return GeneratingFunction("a variational integrator", tuple(momenta), tuple(start), terms)
+
+
+class _Legendre:
+    """Legendre transformation Pᵀv − ℓ(q, v, h) in powers of h."""
+
+    def __init__(self, lagrangian: Any, start: Sequence[Any], end: Sequence[Any], h: sympy.Symbol):
+        self._q = tuple(start)
+        self._v = tuple(sympy.Dummy(f"v{i}") for i in range(1, len(start) + 1))
+        self._h = h
+        moved = {Q: q + h * x for Q, q, x in zip(end, start, self._v, strict=True)}
+        self._mean = lagrangian.xreplace(moved) / h
+        try:
+            expansion = self._expansion(self._v, (*self._q, *self._v))
+            point = _point(expansion, self._q, [[expansion.ring.element(x)] for x in self._v])
+            at_zero = point(expansion.elements[0])[0]
+        except SeriesError as error:
+            raise SeriesError(f"lagrangian must be {h} times a power series for Q = q + {h} v, but {error}") from None
+        self._L: Any = expansion.ring.to_expression(at_zero)
+
+    def terms(self, momenta: Sequence[Any], velocity: Any, order: int) -> tuple[sympy.Expr, ...]:
+        """The terms S_1, S_2, …; since S is stationary in v, v to h^m gives S to h^(2m+2)."""
+        mass: Any = sympy.hessian(self._L, self._v)
+        if mass.det().equals(0):
+            raise SeriesError("lagrangian must have an invertible matrix ∂²L/∂v², but its determinant is 0")
+        start = self._solved(mass, momenta) if velocity is None else tuple(velocity)
+        inverse = mass.inv().xreplace(dict(zip(self._v, start, strict=True)))
+        expansion = self._expansion(start, (*momenta, *self._q), *inverse)
+        ring, (ell,) = expansion.ring, expansion.elements
+        P = [ring.element(x) for x in momenta]
+        rows = [[ring.element(x) for x in row] for row in inverse.tolist()]
+        gradient = [expansion.formulas.derivative(ell, len(self._q) + i) for i in range(len(self._v))]
+        v = [[ring.element(x)] for x in start]
+        point = _point(expansion, self._q, v)
+        if not all(ring.is_zero(point(D)[0] - x) for D, x in zip(gradient, P, strict=True)):
+            raise SeriesError(f"velocity must solve P = ∂L/∂v, but {start!s:.60} does not")
+        for m in range(1, (order + 1) // 2):
+            gap = [point(D)[m] for D in gradient]
+            for x, row in zip(v, rows, strict=True):
+                x.append(-ring.dot(zip(row, gap, strict=True)))
+            point = _point(expansion, self._q, v)
+        total = point(ell)
+        work = [ring.dot((y, x[n]) for y, x in zip(P, v, strict=True) if n < len(x)) for n in range(order)]
+        return tuple(ring.to_expression(work[n] - total[n]) for n in range(order))
+
+    def _expansion(self, velocity: Sequence[Any], variables: Sequence[Any], *others: Any) -> Expansion:
+        """ℓ as a power series, for a velocity at h = 0."""
+        start = {**{q: q for q in self._q}, **dict(zip(self._v, velocity, strict=True)), self._h: sympy.Integer(0)}
+        return Expansion([self._mean], start, variables, [*velocity, *others])
+
+    def _solved(self, mass: Any, momenta: Sequence[Any]) -> tuple[Any, ...]:
+        """The velocities as functions of momenta and positions, from P = ∂L/∂v linear in v."""
+        if mass.free_symbols & set(self._v):
+            raise SeriesError("velocity must be given where L is not quadratic in velocities, but was None")
+        at_rest = [self._L.diff(x).xreplace({x: sympy.Integer(0) for x in self._v}) for x in self._v]
+        return tuple(mass.inv() * (sympy.Matrix(momenta) - sympy.Matrix(at_rest)))
+
+
+def _point(expansion: Expansion, q: Sequence[Any], v: Sequence[Sequence[Element]]) -> Composition:
+    """The composition with q, v = v_0 + h v_1 + … and h."""
+    ring = expansion.ring
+    positions = [PowerSeries.polynomial(ring.element(x)) for x in q]
+    velocities = [PowerSeries.polynomial(*x) for x in v]
+    return expansion.at([*positions, *velocities, PowerSeries.polynomial(ring.zero, ring.coerce(1))])

@@ -8,14 +8,17 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
+import numpy as np
+import sympy
+
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
-from bseries.fields.modified_fields import modified_field, read_order
+from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
-from bseries.hamiltonians.from_trees import EnergyFormulas, energy_series, energy_trees
+from bseries.hamiltonians.from_trees import EnergyFormulas, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
 from bseries.hamiltonians.verdicts import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
 from bseries.scene_text import (
@@ -35,20 +38,16 @@ from integrators.core.errors import IntegratorError, shown
 from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
-    import numpy as np
-    import sympy
     from matplotlib.axes import Axes
 
-    from bseries.fields.modified_fields import SceneSeries
-    from bseries.hamiltonians.from_trees import EnergySeries
-    from integrators.methods.programs.program import Method
-    from integrators.runs.trajectory import Trajectory
-    from integrators.scenes.scene import Scene
 
 POINTS, LEVELS = 200, 15
 """Of a plot: points in each direction, and level curves."""
@@ -238,8 +237,6 @@ class ModifiedHamiltonian:
         Returns:
             An array of the shape of `y`.
         """
-        import numpy as np
-
         if isinstance(self._energy, EnergyFormulas):
             states, shape = read_states(y, self.scene.dimension)
             return self._energy.gradient(states, read_step(h), workers).T.reshape(shape)
@@ -258,15 +255,12 @@ class ModifiedHamiltonian:
         Other variables are those of the run's first state, or of the scene's start.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             h: The step size.
             run: A run of the method, whose states are drawn as points.
             x: The variable across; by default the first position.
             y: The variable upwards; by default the first momentum.
             window: The ends (left, right, bottom, top) of the axes; by default those of the run with some space.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: A variable is unknown, there is neither a run nor a window, or `ax` is no axes.
@@ -281,8 +275,6 @@ class ModifiedHamiltonian:
             >>> axes.get_xlabel(), axes.get_ylabel()
             ('q', 'p')
         """
-        import numpy as np
-
         i, j = self._plane(x, y)
         if run is not None and getattr(run, "variables", None) != tuple(self.variables):
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
@@ -323,8 +315,6 @@ class ModifiedHamiltonian:
 
     def to_latex(self) -> str:
         """The formula as LaTeX, without zero terms, with a note on where the modified Hamiltonian ends."""
-        import sympy
-
         terms = [(k, sympy.latex(self.symbolic(k))) for k in range(self.order) if self.symbolic(k) != 0]
         powers = {0: "", 1: "h ", **{k: f"h^{{{k}}} " for k, _ in terms if k > 1}}
         formula = " + ".join(f"{powers[k]}\\left({text}\\right)" if k else text for k, text in terms) or "0"

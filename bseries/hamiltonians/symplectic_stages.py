@@ -12,22 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import cancels, multiply_entries, sum_entries
-from integrators.methods.programs.evaluations import Field, Flow
+from integrators.methods.programs.evaluations import Evaluation, Field, Flow, LinearForm
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian
 from integrators.scenes.particles.parts import Piece, pieces_of
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    import sympy
-
-    from integrators.methods.programs.evaluations import Evaluation, LinearForm
-    from integrators.methods.programs.program import Method
 
 Multiples = Mapping[int, Any]
 """The factors of h H_q or h H_p at a stage in the evaluations k_e of a program."""
@@ -128,8 +125,6 @@ def _stages_at(
 
 def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, bool, bool]]:
     """T(p), U(q), mixed terms and constant of (a part of) a Hamiltonian, with their dependence on q and on p."""
-    import sympy
-
     momenta, positions = (
         {scene.symbols[place] for place in places} for places in zip(*canonical_pairs(scene), strict=True)
     )
@@ -150,8 +145,6 @@ def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, boo
 
 def hamiltonian_constant(scene: Scene) -> sympy.Expr:
     """The constant terms of a Hamiltonian, which the stages lack."""
-    import sympy
-
     return sympy.Add(*(formula for formula, kicks, drifts in _separated(scene, None) if not (kicks or drifts)))
 
 

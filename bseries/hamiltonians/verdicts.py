@@ -14,14 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from random import Random
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import mpmath
+import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
 from bseries.analysis.order import order_of, samples_of, trusted
 from bseries.analysis.structure import hamiltonian_field
-from bseries.analysis.structure_conditions import SEPARABLE, failing
+from bseries.analysis.structure_conditions import SEPARABLE, Verdict, failing
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
@@ -31,15 +34,11 @@ from bseries.scene_text import with_effects
 from foundation.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import common_bounds
+from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import degrees
+from integrators.scenes.scene import Scene
 from trees.table import tree_table
-
-if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Verdict
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
 
 DIGITS = 100
 STEP = "1e-33"
@@ -171,9 +170,6 @@ def hamiltonian_verdict(
         order: The largest number of nodes; by default the order of a series, or three more than the order of a method.
         parts: As for `modified_field`.
 
-    Returns:
-        A `HamiltonianVerdict`.
-
     Raises:
         SeriesError: The scene has no structure matrix, or an argument is out of range.
 
@@ -261,8 +257,6 @@ def hamiltonian_order(f: SceneSeries) -> int:
 
 def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
     """The power of h of the first term with a defect at a random point; the order if there is none."""
-    import mpmath
-
     with mpmath.workdps(DIGITS):
         samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
         residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
@@ -271,9 +265,6 @@ def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
     """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
-    import mpmath
-    import sympy
-
     terms, entries = f.at_digits(DIGITS).terms, sympy.lambdify(f.scene.symbols, structure, "mpmath", dummify=True)
     random, step = Random(1), mpmath.mpf(STEP)
     centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
+from bseries.shadow.sources import Columns, Source
 from bseries.shadow.states import AHEAD, BEHIND, FULL, MIDDLE, States, longest
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.shadow.sources import Columns, Source
 
 CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
 """Largest unexplained part of a step for a valid diagnosis: for ratios, for long steps, and for exact definitions."""
@@ -26,8 +24,6 @@ def check_columns(
     columns: Columns, before: float | None, h: float, first: int, tolerance: float, source: Source
 ) -> None:
     """Check that columns are finite and times advance by h."""
-    import numpy as np
-
     for role, rows in columns.items():
         check_finite(rows.T, PLURALS.get(role, "forces"), first, source)
     if "t" not in columns:
@@ -49,8 +45,6 @@ def check_columns(
 
 def check_finite(array: np.ndarray, name: str, first: int, source: Source) -> None:
     """Check that numbers are finite."""
-    import numpy as np
-
     finite = np.isfinite(array)
     if not finite.all():
         n = int(np.argmin(finite.reshape(-1, array.shape[-1]).all(axis=0)))
@@ -64,8 +58,6 @@ def refuse_thinned(source: Source, what: str) -> NoReturn:
 
 def check_steps(states: States, h: float, first: int, tolerance: float, source: Source, layout: str) -> float:
     """Check that states, from number `first` on, are consecutive steps; returns the energy of the largest distance."""
-    import numpy as np
-
     q, p, g, u = states
     for array, name in ((q, "positions"), (p, "momenta"), (g, "forces"), (u, "potentials")):
         check_finite(array, name, first, source)
@@ -89,8 +81,6 @@ def check_steps(states: States, h: float, first: int, tolerance: float, source: 
 
 def _steps(states: States, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The changes of positions and of momenta from state to state, each with what a step makes of it."""
-    import numpy as np
-
     q, p, g, _ = states
     return np.diff(q), h * (p[:, :-1] - 0.5 * h * g[:, :-1]), np.diff(p), -0.5 * h * (g[:, 1:] + g[:, :-1])
 
@@ -102,8 +92,6 @@ def _on_rounding(distance: float) -> str:
 
 def check_potential(states: States, tolerance: float, source: Source) -> None:
     """Check that the potential changes by the work of the forces."""
-    import numpy as np
-
     work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)
     size = float(np.sqrt(work @ work))
     if not size:
@@ -149,16 +137,12 @@ def _diagnosis(states: States, h: float, layout: str, n: int, q_holds: bool, p_h
 
 def _unexplained(found: np.ndarray, expected: np.ndarray) -> float:
     """The median of the unexplained part of differences, relative to that of the differences."""
-    import numpy as np
-
     size = float(np.median(np.abs(found)))
     return float(np.median(np.abs(found - expected))) / size if size else float("inf")
 
 
 def _ratios(found: np.ndarray, expected: np.ndarray) -> np.ndarray | None:
     """The factor for each coordinate; None if factors do not explain the differences."""
-    import numpy as np
-
     squares, products = np.sum(expected * expected, axis=1), np.sum(found * expected, axis=1)
     if not (np.all(squares > 0) and np.all(products)):
         return None

@@ -9,6 +9,8 @@ from itertools import pairwise
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.statistics import OrderStatistics, Statistics
@@ -19,7 +21,6 @@ from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
 
@@ -253,15 +254,11 @@ class ShadowReport:
     @property
     def times(self) -> np.ndarray:
         """The times of `values`."""
-        import numpy as np
-
         count = self._statistics.count
         return self.start + self.h * (np.arange(count) + (self.states - count) // 2)
 
     def blocks(self) -> tuple[np.ndarray, np.ndarray]:
         """Times (blocks,), and mean, least and largest values there, (orders, blocks, 3), less the first value."""
-        import numpy as np
-
         found, size = self._statistics.blocks(), self._statistics.size
         reach = (self.states - self._statistics.count) // 2
         return self.start + self.h * (reach + size * (np.arange(found.shape[1]) + 0.5) - 0.5), found
@@ -308,11 +305,8 @@ class ShadowReport:
         """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             orders: The orders; by default 2, which is the energy, to the best one, six at most.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: An order is not in the report, or `ax` is no axes.
@@ -325,8 +319,6 @@ class ShadowReport:
             >>> [text.get_text() for text in axes.get_legend().get_texts()]
             ['order 2: energy', 'order 6', 'order 10', 'order 14', 'order 16']
         """
-        import numpy as np
-
         known = [row.order for row in self.rows]
         for order in items(orders or (), "orders"):
             if order not in known:

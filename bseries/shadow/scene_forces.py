@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
 from integrators import Scene
 from integrators.compile.modules import load_module
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, field_lines
+from integrators.scenes.model.blocks import Block
 from integrators.scenes.particles.parts import Piece, degrees
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.scenes.model.blocks import Block
 
 FORMULAS = '''\
 """Potentials and their gradients.
@@ -38,22 +36,12 @@ for k in range(positions.shape[0]):
 
 
 class SceneForces:
-    """Potentials and their gradients of a scene with H = pᵀM⁻¹p/2 + U(q).
+    """Potentials and their gradients of a scene with H = pᵀM⁻¹p/2 + U(q); others are refused.
 
-    Args:
-        scene: The scene.
-
-    Attributes:
-        names: The names of momenta and of positions.
-        inverse_masses: The matrix M⁻¹.
-
-    Raises:
-        SeriesError: The scene has no such Hamiltonian.
+    `names` are those of momenta and of positions, and `inverse_masses` is the matrix M⁻¹.
     """
 
     def __init__(self, scene: Scene):
-        import numpy as np
-
         self._p, self._q = _blocks(scene)
         self.names = self._p.variables, self._q.variables
         self._module = _module(scene)
@@ -73,8 +61,6 @@ class SceneForces:
 
     def __call__(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The gradients (steps, coordinates) and the potentials (steps,) at positions (steps, coordinates)."""
-        import numpy as np
-
         gradients, potentials = np.empty(positions.shape), np.empty(len(positions))
         places = self._q.offset, self._p.offset
         self._module.sweep(positions, self._state, self._out, *places, gradients, potentials)

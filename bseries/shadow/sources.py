@@ -13,20 +13,18 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import chain, islice
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import IO, Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.scene_forces import SceneForces
 from integrators.core.text_files import read_lines
+from integrators.runs.trajectory import Trajectory
 from integrators.scenes.files import scene_from_table
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators import Trajectory
-
-    Columns: TypeAlias = Mapping[str, np.ndarray]
-    """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
+Columns: TypeAlias = Mapping[str, np.ndarray]
+"""Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""
 
 MEANINGS = {"q": "positions", "p": "momenta", "v": "velocities", "U": "the potential", "F": "forces"}
 MEANINGS |= {"gradU": "the potential's gradient"}
@@ -98,8 +96,6 @@ def open_source(trajectory: Any, columns: Mapping[str, Any] | None = None, force
 
 def _stored(path: str, label: str) -> Any:
     """What a file holds: a `Trajectory`, the arrays of NumPy, or text, of which this is the path."""
-    import numpy as np
-
     from integrators import load_trajectory
 
     if not os.path.isfile(path):  # the folder of a run, also of an unfinished one
@@ -121,8 +117,6 @@ def _stored(path: str, label: str) -> Any:
 
 def _by_name(data: Any, label: str) -> Mapping[str, Any]:
     """Arrays by name: those of a mapping or data frame, or the fields or columns of one array."""
-    import numpy as np
-
     if hasattr(data, "to_records"):  # a frame of pandas, with its index
         data = data.to_records()
     if isinstance(data, Mapping):
@@ -139,8 +133,6 @@ def _by_name(data: Any, label: str) -> Mapping[str, Any]:
 
 def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
     """The source of a trajectory of this package, which stores its scene."""
-    import numpy as np
-
     if columns is not None:
         raise SeriesError("columns must be left out for a Trajectory, which has names of its own, but was given")
     if forces is None:
@@ -175,8 +167,6 @@ def _places(names: Sequence[str], variables: Sequence[str]) -> slice | list[int]
 
 def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
     """The source of a table: names of columns in the first line, unless `columns` has places, then a line per state."""
-    import numpy as np
-
     lines = _lines(file, label)
     heading = next(lines, "")
     separator = next((mark for mark in ",;\t" if mark in heading), None)
@@ -316,8 +306,6 @@ def _of_arrays(
     arrays: Mapping[str, Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None
 ) -> Source:
     """The source of arrays, (variables, times) or (times, …) each: (times, …) if both axes are as long as the times."""
-    import numpy as np
-
     by_text = {str(name): name for name in arrays}
     found = find_roles([str(name) for name in arrays], columns, label, forces)
     numbers = {role: [_array(arrays, by_text[name], label) for name in names] for role, names in found.items()}
@@ -354,8 +342,6 @@ def _check_width(role: str, width: int, dimension: int) -> None:
 
 def _array(arrays: Mapping[str, Any], name: Any, label: str) -> np.ndarray:
     """A stored array of real numbers."""
-    import numpy as np
-
     try:
         array = np.asanyarray(arrays[name])
     except DAMAGE as error:
@@ -369,8 +355,6 @@ def _array(arrays: Mapping[str, Any], name: Any, label: str) -> np.ndarray:
 
 def _step(h: np.ndarray) -> float:
     """The step size, which may be repeated for each step."""
-    import numpy as np
-
     if not h.size or np.any(h != h.flat[0]):  # true for nan
         raise SeriesError(f"h must be one finite number, but was {np.array2string(h, threshold=5):.60}")
     return float(h.flat[0])

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.shadow.sources import Columns, Source
+from bseries.shadow.sources import Columns, Source
 
 FULL, BEHIND, AHEAD, MIDDLE = "full", "half-behind", "half-ahead", "drift-kick-drift"
 LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
@@ -18,7 +16,10 @@ LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
 
 
 class States(NamedTuple):
-    """Consecutive states, mass-weighted as in `kernels`: arrays (coordinates, steps), and (steps,) for u."""
+    """Consecutive states: arrays (coordinates, steps), and (steps,) for u.
+
+    They are mass-weighted, q̂ = M^(1/2) q, p̂ = M^(−1/2) p, ĝ = M^(−1/2) ∇U, so that masses do not appear.
+    """
 
     q: np.ndarray
     p: np.ndarray
@@ -30,8 +31,6 @@ class Masses:
     """The kinetic energy, as the factor L of M⁻¹ = L Lᵀ, for M⁻¹ or its diagonal: mass-weighted momenta are Lᵀp."""
 
     def __init__(self, inverse: np.ndarray):
-        import numpy as np
-
         if inverse.ndim == 2 and not np.any(inverse - np.diag(np.diag(inverse))):
             inverse = np.diag(inverse)
         try:
@@ -57,8 +56,6 @@ class Masses:
 
 def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
     """The columns of rows times a factor, which is a matrix or its diagonal."""
-    import numpy as np
-
     if factor.ndim == 1:
         return np.multiply(rows.T, factor[:, None], order="C")
     return np.ascontiguousarray((rows @ factor).T)
@@ -68,8 +65,6 @@ def read_states(
     blocks: Iterator[Columns], masses: Masses, h: float, source: Source, layout: str, period: Any
 ) -> Iterator[States]:
     """The states of successive blocks of columns; `period` is the box for each coordinate, or None."""
-    import numpy as np
-
     last, crossings = None, 0.0
     for columns in blocks:
         p = masses.of_momenta(columns["p"]) if "p" in columns else masses.of_positions(columns["v"])
@@ -94,16 +89,12 @@ def read_states(
 
 def longest(columns: np.ndarray) -> float:
     """The length of the longest column, without overflow."""
-    import numpy as np
-
     most = float(np.max(np.abs(columns)))
     return most * float(np.sqrt(np.max(np.sum((columns / most) ** 2, axis=0)))) if most else 0.0
 
 
 def positive_numbers(value: Any, argument: str, dimension: int) -> np.ndarray:
     """One positive number, or one for each particle, dimension of space or coordinate."""
-    import numpy as np
-
     try:
         values = np.asarray(value, dtype=float).reshape(-1)
     except (TypeError, ValueError, OverflowError):

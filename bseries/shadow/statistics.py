@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from bseries.shadow import kernels
+import numpy as np
 
-if TYPE_CHECKING:
-    import numpy as np
+from trees.compiled import float_kernel
 
 BLOCKS = 2048
 LEAST_BLOCKS = 16
@@ -18,33 +17,51 @@ WANDERS = 2.5
 
 
 class OrderStatistics(NamedTuple):
-    """Statistics of the shadow energy of one order along a trajectory.
+    """Statistics of the shadow energy of one order along a trajectory."""
 
-    Attributes:
-        order: The order; 2 is the energy itself.
-        mean: Its mean.
-        deviation: Half its range.
-        scatter: Its standard deviation about a straight line in time.
-        gap: Half the range of its difference to the order before; None for order 2.
-        drift: The slope of the line by least squares, in energy per time.
-        drift_error: The standard error of the slope, with correlations in time taken into account.
+    order: int  # the order; 2 is the energy itself
+    mean: float  # its mean
+    deviation: float  # half its range
+    scatter: float  # its standard deviation about a straight line in time
+    gap: float | None  # half the range of its difference to the order before; None for order 2
+    drift: float  # the slope of the line by least squares, in energy per time
+    drift_error: float  # the standard error of the slope, with correlations in time taken into account
+
+
+@float_kernel
+def add_values(values, first, moments, blocks, position, size):
+    """Add values (orders, steps) to the statistics.
+
+    Args:
+        values: Values at consecutive steps.
+        first: The value of step 0 for each order, which is subtracted.
+        moments: For each order the sums of v, n v and v², the extremes of v, and those of its difference to the order
+            before.
+        blocks: For each order and block the sum and the extremes of v.
+        position: The number of the first step.
+        size: The number of steps in a block.
     """
-
-    order: int
-    mean: float
-    deviation: float
-    scatter: float
-    gap: float | None
-    drift: float
-    drift_error: float
+    orders, steps = values.shape
+    for order in range(orders):
+        total, sums, before = moments[order], blocks[order], max(order - 1, 0)
+        for k in range(steps):
+            n = position + k
+            v = values[order, k] - first[order]
+            lower = values[before, k] - first[before]
+            total[0] += v
+            total[1] += n * v
+            total[2] += v * v
+            total[3], total[4] = min(total[3], v), max(total[4], v)
+            total[5], total[6] = min(total[5], v - lower), max(total[6], v - lower)
+            block = sums[n // size]
+            block[0] += v
+            block[1], block[2] = min(block[1], v), max(block[2], v)
 
 
 class Statistics:
     """Statistics of the shadow energies of several orders after any number of steps, in constant memory."""
 
     def __init__(self, orders: tuple[int, ...]):
-        import numpy as np
-
         self.orders, self.count, self.size = orders, 0, 1
         self.first = np.zeros(len(orders))
         self._moments = np.zeros((len(orders), 7))
@@ -60,14 +77,12 @@ class Statistics:
             if self.count == BLOCKS * self.size:
                 self._merge()
             taken = values[:, done : done + BLOCKS * self.size - self.count]
-            kernels.add_values.compiled(taken, self.first, self._moments, self._blocks, self.count, self.size)
+            add_values.compiled(taken, self.first, self._moments, self._blocks, self.count, self.size)
             self.count += taken.shape[1]
             done += taken.shape[1]
 
     def _merge(self) -> None:
         """Merge blocks in pairs."""
-        import numpy as np
-
         pairs, merged = self._blocks, _empty(len(self.orders), BLOCKS)
         one, other, half = pairs[:, ::2], pairs[:, 1::2], BLOCKS // 2
         merged[:, :half, 0] = one[..., 0] + other[..., 0]
@@ -123,8 +138,6 @@ def slope_error(means: np.ndarray) -> float:
 
 def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
     """The residuals of the least-squares line through values, and the sum of squares of their places."""
-    import numpy as np
-
     places = np.arange(len(means)) - 0.5 * (len(means) - 1)
     spread = float(places @ places)
     return means - np.mean(means) - places * (float(places @ means) / spread), spread
@@ -132,16 +145,12 @@ def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _diffusion(rest: np.ndarray) -> float:
     """The variance that a random walk gains per block; zero if differences do not grow with distance."""
-    import numpy as np
-
     far = len(rest) // 4
     near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
     return (distant - near) / (far - 1) if distant > WANDERS * near else 0.0
 
 
 def _empty(orders: int, blocks: int) -> np.ndarray:
-    import numpy as np
-
     table = np.zeros((orders, blocks, 3))
     table[..., 1], table[..., 2] = np.inf, -np.inf
     return table

@@ -5,25 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
-from bseries.shadow import kernels
 from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
 from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import open_source
+from bseries.shadow.sources import Columns, Source, open_source
 from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, States, longest, positive_numbers, read_states
 from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.shadow.sources import Columns, Source
+from trees.compiled import float_kernel
 
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""
@@ -73,9 +70,6 @@ def shadow_energy(
         keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
-    Returns:
-        The report.
-
     Raises:
         SeriesError: Data are missing, or not consecutive steps of this method; the message contains a diagnosis.
         IntegratorError: A file, a scene, a number or `progress` cannot be used.
@@ -91,8 +85,6 @@ def shadow_energy(
         Skeel, Hardy, SIAM J. Sci. Comput. 23 (2001) 1172, doi:10.1137/S106482750138318X; Engle, Skeel, Drees, J.
         Comput. Phys. 206 (2005) 432, doi:10.1016/j.jcp.2004.12.009.
     """
-    import numpy as np
-
     if order is not None:
         check_order(order)
     check_progress(progress)
@@ -122,8 +114,6 @@ def shadow_energy(
 
 def _masses(source: Source, mass: Any) -> Masses:
     """The masses of a scene, or those given or stored with the columns."""
-    import numpy as np
-
     dimension = source.dimension
     if source.forces is None:
         given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
@@ -142,8 +132,6 @@ def _masses(source: Source, mass: Any) -> Masses:
 
 def _edges(period: Any, dimension: int) -> np.ndarray | None:
     """The edge of the box for each coordinate; None if positions are not wrapped."""
-    import numpy as np
-
     if period is None:
         return None
     edges = positive_numbers(period, "period", dimension)
@@ -192,8 +180,6 @@ def _measure(
     progress: Callable[[int, int], object] | None,
 ) -> ShadowReport:
     """The report on states, in one pass; `check` refuses wrong ones and returns the energy's rounding error."""
-    import numpy as np
-
     head = next(pieces)
     orders = _orders(order, head.u.size, source)
     statistics, offset, kept = Statistics(orders), float(head.u[0]), list[np.ndarray]()
@@ -213,7 +199,7 @@ def _measure(
         if steps > halo:
             work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
             out = np.empty((len(orders), steps - halo))
-            kernels.shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
+            shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
             middle = done - steps + halo // 2
             check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
             statistics.add(out)
@@ -227,10 +213,52 @@ def _measure(
     return ShadowReport(source.label, h, start, done, statistics, offset, most_rounding, values)
 
 
-def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The arrays `weights`, `works` and `products` of `kernels.shadow_values` for several orders."""
-    import numpy as np
+@float_kernel
+def shadow_values(h, p, g, u, weights, works, products, power, product, out):
+    """Write the shadow energies at all steps but the first and last few to out, (orders, steps − 2 reach).
 
+    The formulas are rows: weights of potentials and `works` from the middle outwards, and for each lag the factors of
+    g_i·g_(i + lag) from i = −reach to reach. Scalar products are computed once for all orders, in `power` (shifts,
+    steps) and `product` (lags, steps).
+    """
+    coordinates, steps = p.shape
+    orders, reach = weights.shape[0], weights.shape[1] - 1
+    power[:, :] = 0.0
+    product[:, :] = 0.0
+    for d in range(coordinates):
+        for n in range(steps):
+            power[0, n] += 0.5 * p[d, n] * p[d, n]
+        for i in range(1, power.shape[0]):
+            for n in range(i, steps - i):
+                power[i, n] += p[d, n] * (g[d, n + i] - g[d, n - i])
+        for lag in range(product.shape[0]):
+            for n in range(steps - lag):
+                product[lag, n] += g[d, n] * g[d, n + lag]
+    width = steps - 2 * reach
+    for order in range(orders):
+        row = out[order]
+        for n in range(width):
+            row[n] = power[0, n + reach] + weights[order, 0] * u[n + reach]
+        for i in range(1, reach + 1):
+            weight = weights[order, i]
+            if weight != 0.0:
+                for n in range(width):
+                    row[n] += weight * (u[n + reach + i] + u[n + reach - i])
+        for i in range(1, power.shape[0]):
+            factor = h * works[order, i]
+            if factor != 0.0:
+                for n in range(width):
+                    row[n] += factor * power[i, n + reach]
+        for lag in range(product.shape[0]):
+            for i in range(2 * reach + 1):
+                factor = h * h * products[order, lag, i]
+                if factor != 0.0:
+                    for n in range(width):
+                        row[n] += factor * product[lag, n + i]
+
+
+def formula_arrays(formulas: Sequence[ShadowFormula]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arrays `weights`, `works` and `products` of `shadow_values` for several orders."""
     reach = max(1, *(formula.reach for formula in formulas))  # at least 1, so that neighbouring pieces overlap
     shifts = max(len(formula.works) for formula in formulas) + 1
     lags = max((j - i for formula in formulas for i, j in formula.products), default=0) + 1

@@ -7,7 +7,7 @@ are ours.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.integrate import RK45
@@ -15,14 +15,11 @@ from scipy.integrate import RK45
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import round_entry, sum_entries
 from integrators.methods.catalogue.registry import catalogue
-from integrators.methods.tableaux.continuous_extensions import continuous_extension
+from integrators.methods.tableaux.continuous_extensions import ContinuousExtension, continuous_extension
 from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_difference, order_of_weights
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
-if TYPE_CHECKING:
-    from integrators.methods.tableaux.continuous_extensions import ContinuousExtension
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
-
-    Array = np.ndarray[Any, Any]
+Array = np.ndarray[Any, Any]
 
 MOST_ESTIMATES = 2
 SECOND_ERROR = 0.1

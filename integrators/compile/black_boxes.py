@@ -15,8 +15,10 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from typing import Any, NoReturn, cast
 from weakref import WeakValueDictionary
+
+import numpy as np
 
 from foundation.extras import optional_module
 from integrators.compile.modules import load_module
@@ -24,12 +26,8 @@ from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, box_of
 from integrators.scenes.model.formulas import as_float
+from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.scenes.model.system import System
 
 _DISPATCHERS: WeakValueDictionary[int, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
@@ -128,8 +126,6 @@ def _compiled(box: BlackBox) -> tuple[Any, Any]:
 
     @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
     def report(numbers: Any) -> None:
-        import numpy as np
-
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
         try:
             evaluated(box, values)
@@ -220,8 +216,6 @@ def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
 
 def evaluated(box: BlackBox, values: np.ndarray) -> np.ndarray:
     """The value of a black box, with the errors that it raises."""
-    import numpy as np
-
     numbers = np.concatenate([values, np.empty(box.size)])
     _compiled(box)[0](numbers)
     return numbers[box.inputs :]
@@ -253,8 +247,6 @@ def check_start(scene: System) -> None:
     Raises:
         IntegratorError: One raises an error there, or is not finite.
     """
-    import numpy as np
-
     values = {symbol: as_float(value) for symbol, value in zip(scene.symbols, scene.start or (), strict=True)}
     entries = {x.args[0]: x for summand in scene.summands for x in summand.formula.atoms(Entry)}
     for entry in entries.values():

@@ -22,19 +22,16 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.arithmetic import Exact
 from integrators.exact.expressions import ELEMENTARY
 
-if TYPE_CHECKING:
-    import sympy
-
-    from integrators.exact.number_text import Coefficient
-
-    Term = tuple[Coefficient, int]
-
-    Product = tuple[Coefficient, Counter[int], Counter[int]]
+Term = tuple[Exact, int]
+Product = tuple[Exact, Counter[int], Counter[int]]
 
 
 ONE = 0
@@ -66,7 +63,7 @@ class OperationGraph:
 
     def sum(self, terms: Iterable[Term]) -> Term:
         """The sum of terms, with the sign of the first and a common absolute value factored out."""
-        collected: dict[int, Coefficient] = {}
+        collected: dict[int, Exact] = {}
         for coefficient, node in terms:
             collected[node] = simplest(collected[node] + coefficient) if node in collected else coefficient
         kept = [(coefficient, node) for node, coefficient in sorted(collected.items()) if coefficient != 0]
@@ -94,12 +91,12 @@ class OperationGraph:
         return [(child, 1) for _, child in terms]
 
 
-def simplest(number: Any) -> Coefficient:
+def simplest(number: Any) -> Exact:
     """Convert a rational number to a `Fraction`."""
     return Fraction(int(number.p), int(number.q)) if getattr(number, "is_Rational", False) else number
 
 
-def is_negative(number: Coefficient) -> bool:
+def is_negative(number: Exact) -> bool:
     """Whether an exact number is below zero."""
     return number < 0 if isinstance(number, Fraction) else bool(number.evalf() < 0)
 
@@ -166,16 +163,12 @@ class Reader:
         return _root(scale, power), self.graph.product({node: power})
 
 
-def _root(number: Coefficient, power: Fraction) -> Coefficient:
-    import sympy
-
+def _root(number: Exact, power: Fraction) -> Exact:
     return simplest(sympy.sympify(number, strict=True) ** sympy.Rational(power.numerator, power.denominator))
 
 
-def exact_number(expression: Any) -> Coefficient:
+def exact_number(expression: Any) -> Exact:
     """The value of an expression without symbols; a float has its exact value."""
-    import sympy
-
     if not getattr(expression, "is_number", False):
         raise IntegratorError(
             f"formula must be made of + * ** and {', '.join(CALLED)}, but has {shorten(str(expression))!r}"
@@ -232,7 +225,7 @@ class _Expansion:
             return self.result.sum(self._horner(products) if self.horner else map(self._term, products))
         return Fraction(1), self.result.node(kind, *(x if isinstance(x, str) else self.expand(x) for x in content))
 
-    def _factors(self, coefficient: Coefficient, node: int) -> Product:
+    def _factors(self, coefficient: Exact, node: int) -> Product:
         kind, *content = self.graph.nodes[node]
         if kind == "product":
             scale, above, below = self._powers(content[0])

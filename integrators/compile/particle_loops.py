@@ -7,19 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
-from integrators.compile.printer import count_operations, indented, source_lines
-from integrators.scenes.model.system import Argument, Place
+from integrators.compile.printer import ModuleText, count_operations, indented, source_lines
+from integrators.scenes.model.system import Argument, Data, LocalTerm, Place, System
 from integrators.scenes.model.terms import Sites
-
-if TYPE_CHECKING:
-    import sympy
-
-    from integrators.compile.printer import ModuleText
-    from integrators.scenes.model.system import Data, LocalTerm, System
-
 
 INDICES = ("i", "j", "k", "l")
 """The loop variables for the sites of a row, by role."""
@@ -51,24 +46,18 @@ class SiteSum:
 
     def add(self, term: LocalTerm, outputs: Iterable[tuple[Any, sympy.Expr]]) -> None:
         """Add formulas in the local variables and data of a term."""
-        import sympy
-
         names: dict[Any, Any] = {sympy.Symbol(f"x{k}"): self._argument(x) for k, x in enumerate(term.arguments)}
         names |= {sympy.Symbol(f"d{k}"): self._datum(data) for k, data in enumerate(term.data)}
         for key, formula in outputs:
             self.outputs[key] = self.outputs.get(key, sympy.Integer(0)) + formula.xreplace(names)
 
     def _argument(self, argument: Argument) -> sympy.Symbol:
-        import sympy
-
         plus, minus = argument
         name = f"y{plus.offset}" if minus is None and plus.stride == 0 else f"x{len(self.arguments)}"
         return self.arguments.setdefault(argument, sympy.Symbol(name))
 
     def _datum(self, data: Data) -> sympy.Expr:
         """The symbol of a parameter of particles; its value if it is the same for all."""
-        import sympy
-
         if len(set(data.values)) == 1:
             return data.values[0]
         return self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}"))
@@ -304,8 +293,6 @@ def _pairs_of_sites(ring: Ring, n: int) -> Iterable[tuple[list[int], list[bool]]
 
 
 def _term(value: str, signs: Sequence[str], module: ModuleText) -> str:
-    import sympy
-
     if len(set(signs)) == 1:
         return value if signs[0] == "+" else f"-{value}"
     return f"{module.numbers([sympy.Integer(f'{sign}1') for sign in signs])}[i]*{value}"

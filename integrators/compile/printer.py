@@ -12,24 +12,24 @@ from fractions import Fraction
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+import sympy
+
 from integrators.compile.operation_graph import (
     ONE,
     OperationGraph,
     Reader,
+    Term,
     expand_powers,
     is_negative,
     reachable,
     simplest,
 )
 from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import Exact
 from integrators.exact.expressions import ELEMENTARY
 from integrators.exact.number_text import ATOM, PRODUCT, SUM, literal, within
 
 if TYPE_CHECKING:
-    import sympy
-
-    from integrators.compile.operation_graph import Term
-    from integrators.exact.number_text import Coefficient
     from integrators.scenes.model.system import System
 
 FUNCTIONS = (*ELEMENTARY, "sqrt")
@@ -62,8 +62,6 @@ def source_lines(
         out[0] = -x*c1
         out[1] = -y*c1
     """
-    import sympy
-
     assignments = list(assignments)
     graph = OperationGraph()
     reader = Reader(graph, names)
@@ -205,7 +203,7 @@ class _Printer:
             text += f" {'-' if negative else '+'} {part}" if text else f"{'-' if negative else ''}{part}"
         return text
 
-    def scaled(self, coefficient: Coefficient, node: int) -> tuple[str, int]:
+    def scaled(self, coefficient: Exact, node: int) -> tuple[str, int]:
         """The text of a positive number times a node."""
         if coefficient == 1 and node != ONE:
             return self.node(node)
@@ -226,7 +224,7 @@ class _Printer:
                     side.extend(texts * times)
         return above, below
 
-    def quotient(self, coefficient: Coefficient, above: list[Any], below: list[Any]) -> tuple[str, int]:
+    def quotient(self, coefficient: Exact, above: list[Any], below: list[Any]) -> tuple[str, int]:
         """The text of a positive number times a quotient; x/3 is rounded once, x·(1/3) twice."""
         if above and coefficient != 1 and self.divides(coefficient):
             below = [(literal(1 / coefficient), ATOM), *below]
@@ -238,7 +236,7 @@ class _Printer:
         divisor = "*".join(within(factor, PRODUCT) for factor in below)
         return f"{text}/{divisor if len(below) == 1 and below[0][1] != PRODUCT else f'({divisor})'}", PRODUCT
 
-    def divides(self, coefficient: Coefficient) -> bool:
+    def divides(self, coefficient: Exact) -> bool:
         """Whether 1/n is written as a division, because n is a double and 1/n is not."""
         if not isinstance(coefficient, Fraction) or coefficient.numerator != 1 or coefficient.denominator == 1:
             return False

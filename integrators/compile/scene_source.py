@@ -8,19 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
 from integrators.compile.printer import KEPT, ModuleText
-from integrators.scenes.model.system import output_formula
+from integrators.scenes.model.system import LocalTerm, Output, System, output_formula
 from integrators.scenes.particles.expansion import filled, flat_hamiltonian
 from integrators.scenes.particles.local_form import constant_terms
-
-if TYPE_CHECKING:
-    import sympy
-
-    from integrators.scenes.model.system import LocalTerm, Output, System
 
 
 def compiled_scene(scene: System) -> ModuleType:
@@ -103,8 +100,6 @@ def energy_lines(scene: System, writer: ModuleText) -> list[str]:
 
 def _constant(scene: System) -> sympy.Expr:
     """The constant part of the Hamiltonian, which local terms omit because the field does not need it."""
-    import sympy
-
     constants: list[Any] = []
     for term in constant_terms(scene):
         constants += [term.formula.xreplace(term.data_at(row)) for row in term.sites.rows()]

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from math import lcm, prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
     import sympy
 
-    Exact = Fraction | sympy.Expr
+Exact: TypeAlias = "Fraction | sympy.Expr"
 
 MAX_DIGITS = 4000
 """Below Python's limit of 4300 digits for conversion to and from text."""

@@ -8,7 +8,7 @@ from decimal import Decimal
 from fractions import Fraction
 from math import fsum, inf, isfinite
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
@@ -17,9 +17,7 @@ from integrators.exact.expressions import parse_number
 if TYPE_CHECKING:
     import sympy
 
-    Entry = Fraction | float | sympy.Expr
-
-
+Entry: TypeAlias = "Fraction | float | sympy.Expr"
 FLOAT_PRECISION = 2.0**-50
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 

@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
+from integrators.exact.arithmetic import Exact
 
 if TYPE_CHECKING:
     import sympy
-
-    from integrators.exact.arithmetic import Exact
 
 T = TypeVar("T")
 

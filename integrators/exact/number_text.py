@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shorten
-
-if TYPE_CHECKING:
-    import sympy
-
-    Coefficient: TypeAlias = Fraction | sympy.Expr
+from integrators.exact.arithmetic import Exact
 
 SUM, PRODUCT, ATOM = range(3)
 """Precedence of the outermost operation of a text."""
 
 
-def literal(value: Coefficient) -> str:
+def literal(value: Exact) -> str:
     """The nearest double to an exact number, as text.
 
     Example:

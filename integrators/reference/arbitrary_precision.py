@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
+
+import mpmath
+import numpy as np
 
 from integrators.core.arguments import check_digits, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import is_sympy, read_entry
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    Vector: TypeAlias = "np.ndarray[Any, Any]"
+Vector = np.ndarray[Any, Any]
 
 GUARD_DIGITS = 10
 """Extra digits of mpmath numbers."""
@@ -42,8 +42,6 @@ class Arithmetic:
     """
 
     def __init__(self, digits: int | None = None) -> None:
-        import mpmath
-
         check_digits(digits)
         self.digits = digits
         self.decimals = 16 if digits is None else digits + GUARD_DIGITS
@@ -53,9 +51,6 @@ class Arithmetic:
     @contextmanager
     def working(self) -> Iterator[None]:
         """A context for computations in this arithmetic."""
-        import mpmath
-        import numpy as np
-
         with np.errstate(all="ignore"), mpmath.workdps(self.decimals):  # results are checked to be finite
             yield
 
@@ -79,8 +74,6 @@ class Arithmetic:
 
     def vector(self, values: Any) -> Vector:
         """A vector of numbers of this arithmetic."""
-        import numpy as np
-
         return np.array(values, dtype=float if self.digits is None else object)
 
     def read(self, values: Any, argument: str) -> Vector:
@@ -124,8 +117,6 @@ class Arithmetic:
 
     def rounded(self, vector: Iterable[Any]) -> Vector:
         """The vector without guard digits."""
-        import mpmath
-
         if self.digits is None:
             return self.vector(vector)
         with mpmath.workdps(self.digits):

@@ -8,23 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import mpmath
+import numpy as np
 
 from integrators.core.arguments import MOST_STEPS, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.polynomials import gauss_legendre
-from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, operands
-from integrators.methods.programs.program import Method
-from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, LinearForm, operands
+from integrators.methods.programs.program import Method, Program
+from integrators.reference.arbitrary_precision import Arithmetic, Vector
 
-if TYPE_CHECKING:
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Program
-    from integrators.reference.arbitrary_precision import Vector
-
-    Function = Callable[..., Any]
-    Right = Callable[[Any, Vector], Vector]
-    ByPart = Function | Mapping[str, Function] | Sequence[Function]
+Function = Callable[..., Any]
+Right = Callable[[Any, Vector], Vector]
+ByPart = Function | Mapping[str, Function] | Sequence[Function]
 
 COMPLEX_STEP = 1e-50
 MOST_HALVINGS = 12
@@ -80,8 +78,6 @@ def plain_steps(
         >>> print(plain_steps(method("explicit-euler"), lambda y: -y, [1], 0.5, 3))
         [[1.    0.5   0.25  0.125]]
     """
-    import numpy as np
-
     read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
     stepper = _Stepper(method, field, y, h, derivative, flows, digits)
     columns = [stepper.start]
@@ -253,8 +249,6 @@ class _Stepper:
         The first is wrong for fields that are not analytic or drop imaginary parts, the second for fields that round to
         fewer digits: a difference with a large step must agree.
         """
-        import mpmath
-
         if self.arithmetic.digits is None:
             try:
                 values = [complex(x).imag / COMPLEX_STEP for x in field(y + 1j * COMPLEX_STEP * v)]
@@ -285,7 +279,6 @@ class _Stepper:
 
     def _solve(self, members: Sequence[int], y: Vector, k: Mapping[int, Vector]) -> dict[int, Vector]:
         """Solve for evaluations that depend on one another."""
-        import numpy as np
 
         def split(x: Vector) -> dict[int, Vector]:
             return dict(zip(members, x.reshape(-1, len(y)), strict=True))
@@ -405,8 +398,6 @@ def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmeti
 
 def _newton(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by Newton's method with difference Jacobians; None without convergence."""
-    import numpy as np
-
     one = arithmetic.vector(np.eye(len(x)))
 
     def improved(x: Vector) -> Vector:

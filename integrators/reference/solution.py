@@ -8,18 +8,19 @@ from itertools import pairwise
 from math import ceil, copysign, frexp, ldexp, log
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
+import mpmath
+import numpy as np
+
 from integrators.core.arguments import items, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from integrators.reference.taylor_program import TaylorProgram
-    from integrators.scenes.scene import Scene
 
 MAX_DIGITS = 31
 LARGEST = 10**300
@@ -49,7 +50,6 @@ class ReferenceSolution(NamedTuple):
         high: The solution rounded to doubles, an array (variables, times).
         low: The remainder.
         error: A bound on the error, from a second solution perturbed in each step by more than rounding errors.
-        source: Where it comes from: Taylor series, or steps of a method for scenes of compiled functions.
 
     Example:
         >>> from integrators import scene
@@ -61,7 +61,6 @@ class ReferenceSolution(NamedTuple):
     high: np.ndarray
     low: np.ndarray
     error: np.ndarray
-    source: str = "Taylor series"
 
     def __repr__(self) -> str:
         variables, times = self.high.shape
@@ -77,9 +76,6 @@ class ReferenceSolution(NamedTuple):
             >>> print(mpmath.nstr(reference_solution(growth, [1], full=True).numbers()[0, 0], 30))
             2.71828182845904523536028747135
         """
-        import mpmath
-        import numpy as np
-
         with mpmath.workprec(2200):  # the sum of two doubles has fewer bits
             pairs = zip(self.high.flat, self.low.flat, strict=True)
             sums = [mpmath.mpf(float(high)) + mpmath.mpf(float(low)) for high, low in pairs]
@@ -107,8 +103,7 @@ def reference_solution(
     so far, also at times between the start and t, bounds the error at t. The bound is too large where errors shrink
     again, as near a stable equilibrium.
 
-    Compiled functions have no formulas. Their solution comes from steps of dop853 in doubles, halved until the solution
-    settles, and the difference of the last two bounds the error: ask for fewer `digits`, such as 12, or for `full`.
+    Scenes of compiled functions have no series; `integrators.settled_solution` needs values of the field only.
 
     Args:
         scene: The scene; its parameters must be numbers.
@@ -143,51 +138,13 @@ def reference_solution(
     """
     scene = as_scene(scene)
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
-    import numpy as np
-
-    start, origin = _read_start(scene, y0, t0)
-    times = _read_times(t, origin)
-    checked, wanted = _with_checks(times, origin)
-    if scene.black_boxes:
-        solution = _by_halving(scene, start, origin, checked, wanted, digits)
-    else:
-        solution = _by_series(scene, start, origin, checked, wanted, digits)
-    if full:
-        return solution
-    _check_certain(solution, scene, np.array([[float(x)] for x in start]), [float(x) for x in times], digits)
-    return solution.high
-
-
-def _by_halving(
-    scene: Scene, start: Sequence[Fraction], origin: Fraction, times: Sequence[Fraction], wanted: list[int], digits: int
-) -> ReferenceSolution:
-    """The solution at the wanted ones of these times, by steps of a method."""
-    import numpy as np
-
-    from integrators.reference.halved_steps import METHOD, solution_by_halving
-
-    high, error = solution_by_halving(
-        scene, [float(x) for x in start], float(origin), [float(x) for x in times], digits
-    )
-    low = np.zeros((len(start), len(wanted)))
-    return ReferenceSolution(high[:, wanted], low, error[:, wanted], f"{METHOD} with halved steps")
-
-
-def _by_series(
-    scene: Scene,
-    start: Sequence[Fraction],
-    origin: Fraction,
-    checked: Sequence[Fraction],
-    wanted: list[int],
-    digits: int,
-) -> ReferenceSolution:
-    """The solution at the wanted ones of these times, by Taylor series."""
-    import numpy as np
-
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
     program = taylor_program(scene)
+    start, origin = read_start(scene, y0, t0)
+    times = read_times(t, origin)
+    checked, wanted = with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
         first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
@@ -196,18 +153,22 @@ def _by_series(
         end = float(origin) + stuck.args[0]
         raise IntegratorError(
             f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
-            f"but reached to {float(checked[-1]):.10g}"
+            f"but reached to {float(times[-1]):.10g}"
         ) from None
     except TooManySteps as refused:
         needed, most = refused.args
         raise IntegratorError(
-            f"t must end sooner, as the steps of {scene.name} are so short that {float(checked[-1]):.10g} would take "
+            f"t must end sooner, as the steps of {scene.name} are so short that {float(times[-1]):.10g} would take "
             f"about {needed:.1e} of them, and at most {most:.1e} are allowed"
         ) from None
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
     error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), PERTURBATION) * second[..., 2]
-    return ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
+    solution = ReferenceSolution(second[:, wanted, 0], second[:, wanted, 1], error[:, wanted])
+    if full:
+        return solution
+    _check_certain(solution, scene, y[:, :1], [float(x) for x in times], digits)
+    return solution.high
 
 
 def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
@@ -221,13 +182,11 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
         >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
         0.176
     """
-    import numpy as np
-
     from integrators.reference import taylor_kernels as kernels
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
-    start, _ = _read_start(scene, y0, None)
+    start, _ = read_start(scene, y0, None)
     program, y = taylor_program(scene), np.array([split(x) for x in start])
     order, times = order_for(digits), np.array([[span, 0.0]])
     series, state = _initial_series(program, y, times, order, 1.0)
@@ -257,8 +216,6 @@ def _solve(
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
     errors.
     """
-    import numpy as np
-
     from integrators.reference import taylor_kernels as kernels
 
     order = order_for(digits)
@@ -282,8 +239,6 @@ def _initial_series(
     program: TaylorProgram, y: np.ndarray, times: np.ndarray, order: int, first_unit: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The series, with the start in its first coefficients, and the state before the first step."""
-    import numpy as np
-
     series = np.zeros((program.dimension + 1 + len(program.operations), order + 1, 2))
     series[: program.dimension, 0] = y
     span = float(times[-1, 0])
@@ -312,7 +267,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     return number
 
 
-def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
     """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
@@ -334,7 +289,7 @@ def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fractio
     return start, start[clock]
 
 
-def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
+def read_times(t: Any, origin: Fraction) -> list[Fraction]:
     """The times, in one direction from the origin."""
     t = t.tolist() if hasattr(t, "tolist") else t
     single = isinstance(t, str) or not isinstance(t, Iterable)
@@ -350,7 +305,7 @@ def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
     return times
 
 
-def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
+def with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
     """The times with further ones before and between them, and the indices of the requested ones."""
     checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
     for before, after in pairwise([origin, *times]):
@@ -364,8 +319,6 @@ def _check_certain(
     solution: ReferenceSolution, scene: Scene, start: np.ndarray, times: Sequence[float], digits: int
 ) -> None:
     """Refuse a solution whose error is visible in doubles."""
-    import numpy as np
-
     sizes = np.abs(np.hstack([start, solution.high])).max(axis=1)
     blocks = np.concatenate([np.full(b.dimension, sizes[b.offset : b.end].max()) for b in scene.blocks])
     allowed = np.maximum(max(CERTAIN, 10.0 ** (3 - digits)) * sizes, NOISE * blocks)

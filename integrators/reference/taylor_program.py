@@ -11,19 +11,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import accumulate, chain
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
+
+import mpmath
+import numpy as np
+import sympy
+from mpmath import isfinite, mpf
+from mpmath.libmp import to_rational
 
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import ELEMENTARY
 from integrators.reference.double_double import split
-from integrators.scenes.model.system import VALUE
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.scenes.model.system import LocalTerm
-    from integrators.scenes.scene import Scene
+from integrators.scenes.model.black_boxes import check_formulas
+from integrators.scenes.model.system import VALUE, LocalTerm
+from integrators.scenes.scene import Scene
 
 WORKING_DIGITS = 60
 """Precision of numbers in formulas, twice that of the result."""
@@ -68,11 +70,7 @@ def taylor_program(scene: Scene) -> TaylorProgram:
         >>> program.derivatives - program.derivatives[0], program.registers[program.derivatives[0] :]
         (array([0, 1, 2]), array([3, 0]))
     """
-    import mpmath
-
-    from integrators.scenes.model.black_boxes import check_formulas
-
-    check_formulas((term.formula for term in scene.numeric_terms), "Taylor series")
+    check_formulas((term.formula for term in scene.numeric_terms), "Taylor series (settled_solution needs values only)")
     operations = Operations(scene.dimension)
     derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]
     try:
@@ -92,9 +90,6 @@ def fraction_of(value: Any) -> Fraction:
         return Fraction(value)
     if getattr(value, "is_Rational", False):
         return Fraction(int(value.p), int(value.q))
-    from mpmath import isfinite
-    from mpmath.libmp import to_rational
-
     try:
         number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
     except ArithmeticError:
@@ -106,8 +101,6 @@ def fraction_of(value: Any) -> Fraction:
 
 def _add(term: LocalTerm, operations: Operations, derivatives: list[list[Term]]) -> None:
     """Add the contribution of a term, at every row of its index set, to the derivatives."""
-    import sympy
-
     locals_ = [*(f"x{k}" for k in range(len(term.arguments))), *(f"d{k}" for k in range(len(term.data)))]
     graph = OperationGraph()
     reader = Reader(graph, {sympy.Symbol(name): name for name in locals_})
@@ -130,8 +123,6 @@ def _add(term: LocalTerm, operations: Operations, derivatives: list[list[Term]])
 
 def _number(value: Any) -> Any:
     """An exact number in working precision."""
-    from mpmath import mpf
-
     exact = fraction_of(value)
     return mpf(exact.numerator) / exact.denominator
 
@@ -165,8 +156,6 @@ def _evaluated(
 
 
 def _arrays(operations: Operations, derivatives: list[tuple[Term, ...]]) -> TaylorProgram:
-    import numpy as np
-
     combinations = [*operations.combinations, *derivatives]
     ends = [0, *accumulate(map(len, combinations))]
     rows = [[LINEAR, ends[row[1]], ends[row[1] + 1], 0] if row[0] == LINEAR else row for row in operations.rows]
@@ -200,8 +189,6 @@ class Operations:
     """
 
     def __init__(self, dimension: int):
-        from mpmath import mpf
-
         self.one = dimension
         self.rows: list[list[int]] = []
         self.combinations: list[tuple[Term, ...]] = []
@@ -321,8 +308,6 @@ class Operations:
 
 def _real(number: Any) -> Any:
     """The number, refused unless real and finite."""
-    import mpmath
-
     if isinstance(number, mpmath.mpf) and mpmath.isfinite(number):
         return number
     raise IntegratorError(f"parameters must make the field real and finite, but gave {shorten(str(number))}")

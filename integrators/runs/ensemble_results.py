@@ -15,6 +15,8 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.extras import optional_module
 from foundation.plotting import BLUE, GREY, drawing
@@ -25,7 +27,6 @@ from integrators.core.text_files import atomic_write, check_path, read_text
 from integrators.runs.storage import check_identity
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
 
@@ -42,8 +43,6 @@ class Statistics(NamedTuple):
 
 def member_statistics(values: np.ndarray, rows: int) -> Statistics:
     """The statistics of one member with quantities `values`, of which the first `rows` times were reached."""
-    import numpy as np
-
     there = np.arange(len(values)) < rows
     known = there[:, None]
     mean = np.where(known, values, 0.0)
@@ -57,8 +56,6 @@ def merged(a: Statistics, b: Statistics) -> Statistics:
     References:
         T. F. Chan, G. H. Golub, R. J. LeVeque, Amer. Statist. 37 (1983) 242–247, doi:10.1080/00031305.1983.10483115.
     """
-    import numpy as np
-
     count = a.count + b.count
     weight = (b.count / np.maximum(count, 1))[:, None]
     with np.errstate(invalid="ignore", over="ignore"):  # quantities may be infinite
@@ -123,8 +120,6 @@ class Block(NamedTuple):
 
 def merged_blocks(blocks: Iterable[Block]) -> Block:
     """The results of all blocks, which come in the order of their members; their statistics are merged pairwise."""
-    import numpy as np
-
     rests: list[tuple[Any, ...]] = []
 
     def leaves() -> Iterator[Statistics]:
@@ -199,8 +194,6 @@ class EnsembleResult(Tabular):
     """
 
     def __init__(self, t: np.ndarray, names: Sequence[str], whole: Block, meta: Mapping[str, Any]):
-        import numpy as np
-
         def tables(array: np.ndarray, least: int) -> dict[str, np.ndarray]:
             """By name, where there are at least this many members."""
             return dict(zip(self.names, np.where(self.count[:, None] >= least, array, np.nan).T, strict=True))
@@ -333,8 +326,6 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         ...     load_ensemble(f"{folder}/out.npz")
         <EnsembleResult rk4 on pendulum: 2 members, 11 times>
     """
-    import numpy as np
-
     sentence = f"{shorten(check_path(path, 'path'), 200)} must be the file of an ensemble, but was not"
     with reading(sentence):
         arrays = StoredArrays(os.fspath(path), sentence)
@@ -353,8 +344,6 @@ def _finite(value: Any) -> float | None:
 
 def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
     """Statistics of each quantity; None for numbers that are not finite."""
-    import numpy as np
-
     for name in result.names:
         mean, std = result.mean[name], result.std[name]
         known = result.count > 0

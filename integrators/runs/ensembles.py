@@ -10,13 +10,16 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import closing, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.runs.ensemble_results import (
     Block,
     EnsembleResult,
@@ -32,14 +35,9 @@ from integrators.runs.members import Members, run_block
 from integrators.runs.observers import observers
 from integrators.runs.storage import description, identity
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 BOOKKEEPING = 2
 """List entries for each member of an ensemble."""
@@ -172,8 +170,6 @@ def ensemble(
 
 def _warn_of_nonfinite_means(result: EnsembleResult) -> None:
     """Warn of the first time at which the mean of a quantity is not finite."""
-    import numpy as np
-
     for name, mean in result.mean.items():
         for k in np.flatnonzero((result.count > 0) & ~np.isfinite(mean))[:1]:
             at = f"the mean over members was {mean[k]} at t = {result.t[k]:g}"
@@ -231,8 +227,6 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 
     The step also compiles everything before workers start.
     """
-    import numpy as np
-
     observer, digest = work.observers, hashlib.sha256(b"" if starts is None else starts.tobytes())
     reasons: list[str] = []
     for member in (0, count - 1):

@@ -7,29 +7,24 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from integrators.core.arguments import check_end, check_progress, read_steps
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import check_path
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
-from integrators.runs.observers import observers
-from integrators.runs.storage import Checkpoint, Counts, FolderRecording, Recording, description, identity
-from integrators.runs.trajectory import PART
+from integrators.methods.programs.program import Method
+from integrators.runs.observers import Observers, observers
+from integrators.runs.storage import Checkpoint, Counts, FolderRecording, Recording, Rows, description, identity
+from integrators.runs.trajectory import PART, Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
-from integrators.steppers.states import StepError
-from integrators.steppers.stepping import stepper
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from integrators.runs.observers import Observers
-    from integrators.runs.storage import Rows
-    from integrators.runs.trajectory import Trajectory
-    from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
-    from integrators.steppers.stepping import Stepper
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State, StepError
+from integrators.steppers.stepping import Stepper, stepper
 
 CHUNK_NUMBERS = 2**21
 """Largest number of values recorded in one chunk of steps."""
@@ -113,8 +108,6 @@ class Run:
 
 def _nonfinite_observation(rows: Rows, count: int, names: Sequence[str]) -> str | None:
     """A sentence on the first of `count` observations that is not finite, if any."""
-    import numpy as np
-
     if rows.observed is None or rows.observed_t is None or np.isfinite(rows.observed[:count]).all():
         return None
     row, column = np.argwhere(~np.isfinite(rows.observed[:count]))[0]

@@ -9,21 +9,17 @@ from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from itertools import repeat
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.programs.program import Method
 from integrators.runs.ensemble_results import Block, Failure, member_statistics, merged_blocks
-from integrators.steppers.states import StepError
-from integrators.steppers.stepping import stepper
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.methods.programs.program import Method
-    from integrators.runs.observers import Observers
-    from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
-    from integrators.steppers.stepping import Stepper
+from integrators.runs.observers import Observers
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State, StepError
+from integrators.steppers.stepping import Stepper, stepper
 
 PATIENCE = 0.1
 """Seconds between checks whether the ensemble was cancelled."""
@@ -78,8 +74,6 @@ class Members:
     @cached_property
     def step_numbers(self) -> np.ndarray:
         """The observed steps: 0, every `observe_every`-th, and the last."""
-        import numpy as np
-
         return np.append(np.arange(0, self.steps, self.observe_every), self.steps) if self.steps else np.zeros(1, int)
 
     def sizes(self, members: range) -> dict[str, int]:
@@ -113,8 +107,6 @@ class Members:
 
     def changed(self, values: np.ndarray) -> np.ndarray:
         """The quantities, or their changes since the start, depending on `change`."""
-        import numpy as np
-
         result = values.copy()
         with np.errstate(all="ignore"):  # initial values may be zero
             for k, change in enumerate(self.change):
@@ -126,8 +118,6 @@ class Members:
 
     def result(self, member: int, y0: Any) -> Block:
         """The run of one member, as a block."""
-        import numpy as np
-
         values = np.full((len(self.step_numbers), len(self.observers)), np.nan)
         end, rows, failures = np.full(self.scene.dimension, np.nan), 0, list[Failure]()
         state = None
@@ -161,8 +151,6 @@ def member_generator(seed: int, member: int) -> np.random.Generator:
         >>> member_generator(7, 2).random() == np.random.default_rng(third).random()
         True
     """
-    import numpy as np
-
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(member,)))
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from textwrap import indent
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
@@ -14,11 +16,7 @@ from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.particles.expansion import filled
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 ENERGY, INVARIANTS = "energy", "invariants"
 
@@ -82,8 +80,6 @@ class Observers:
 
     def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
         """The quantities at a time and a state, (names,)."""
-        import numpy as np
-
         state, out = np.array(y, dtype=float), np.empty(len(self))
         if self._function is not None:
             pointer = self._function.ctypes.argtypes[1]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import sympy
 
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.catalogue.registry import as_scene
@@ -12,10 +15,6 @@ from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.particles.expansion import filled, written_out
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
 
 
 class NormalStart(NamedTuple):
@@ -60,8 +59,6 @@ def perturbed_start(scene: Scene | str, spread: float) -> NormalStart:
         [0. 1. 0.] [3.45584192e-04 1.00082162e+00 3.30437076e-04]
     """
     scene = as_scene(scene)
-    import numpy as np
-
     deviation = _not_negative(spread, "spread")
     start = _checked(scene).y0
     return NormalStart(start, np.full(len(start), deviation))
@@ -90,9 +87,6 @@ def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
         [ 0.09390815 0.2444433 0.08911821 -0.42746967] True True
     """
     scene = as_scene(scene)
-    import numpy as np
-    import sympy
-
     scale = math.sqrt(_not_negative(temperature, "temperature"))
     mean = _checked(scene).y0
     momenta = _momenta(scene)
@@ -139,9 +133,6 @@ def _kinetic_energy(scene: Scene, momenta: Block, places: Mapping[sympy.Symbol, 
 
     Only the summands with momenta are expanded.
     """
-    import numpy as np
-    import sympy
-
     names = {*momenta.variables, *(f"{component}_" for component in momenta.components)}
     kinetic = [
         formula
@@ -165,8 +156,6 @@ def _kinetic_energy(scene: Scene, momenta: Block, places: Mapping[sympy.Symbol, 
 
 def _linear_integrals(scene: Scene, places: Mapping[sympy.Symbol, int]) -> np.ndarray:
     """The coefficients of first integrals linear in the momenta alone, a row for each."""
-    import numpy as np
-
     rows = []
     for declared in scene.invariants.values():
         formula = filled(declared, scene)

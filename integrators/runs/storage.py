@@ -12,23 +12,22 @@ from hashlib import sha256
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from foundation.machine_code import PACKAGE, package_version
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import MOST_STEPS
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, lock, remove_unfinished
-from integrators.methods.programs.program import program_text
+from integrators.methods.programs.program import Method, program_text
 from integrators.methods.tableaux.files import dumps_method
+from integrators.runs.observers import Observers
 from integrators.runs.trajectory import ROWS, RUN, Trajectory, load_trajectory, read_run, row_widths, trajectory_of
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.methods.programs.program import Method
-    from integrators.runs.observers import Observers
-    from integrators.scenes.scene import Scene
-    from integrators.steppers.states import State
     from integrators.steppers.stepping import Stepper
 
 LOCK = "lock"
@@ -76,8 +75,6 @@ class Recording:
     """
 
     def __init__(self, run: Mapping[str, Any], total: Counts):
-        import numpy as np
-
         _check_memory(_size(run, total))
         self.counts, self._run = Counts(), run
         self._rows = {key: np.empty(shape) for key, shape in _shapes(run, total).items()}
@@ -177,8 +174,6 @@ class FolderRecording(Recording):
 
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
-        import numpy as np
-
         self._rows = {key: np.empty(shape) for key, shape in _shapes(self._run, rows).items()}
         return Rows(**self._rows)
 
@@ -306,8 +301,6 @@ class Checkpoint:
 
     def restore(self, state: State, steps: int) -> bool:
         """Overwrite the start of a run by the state in the file, which must be of this run; False if there is none."""
-        import numpy as np
-
         if not os.path.exists(self.path):
             return False
         sentence = f"checkpoint must be a file of a run, but {shorten(self.path, 200)} was not"
@@ -339,6 +332,4 @@ class Checkpoint:
 
 def checksum(arrays: Mapping[str, Any]) -> str:
     """A hash that detects changes of a checkpoint."""
-    import numpy as np
-
     return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from foundation.diagrams import draw_curves, write_title
 from foundation.extras import optional_module
 from foundation.plotting import drawing
@@ -28,7 +30,6 @@ from integrators.core.stored_arrays import (
 from integrators.core.text_files import check_path, read_text
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
 
@@ -308,8 +309,6 @@ def _checked(run: Trajectory) -> Trajectory:
 
     Runs store finite states only, also if they fail. Times repeat only where steps may be below their resolution.
     """
-    import numpy as np
-
     if len(set(run.variables)) < len(run.variables):
         raise ValueError(f"variables must have different names, but were {shorten(', '.join(run.variables))}")
     if not 0 < abs(run.h) <= sys.float_info.max:

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.model.blocks import ROLES, TIME, component_places
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.system import output_formula
+from integrators.scenes.model.system import System, output_formula
 from integrators.scenes.model.terms import Sites
 from integrators.scenes.particles.expansion import at_row, filled, is_local
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
-
-    from integrators.scenes.model.system import System
 
 
 MAX_ROWS = 200_000

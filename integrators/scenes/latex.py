@@ -8,11 +8,10 @@ from unicodedata import name as unicode_name
 
 from foundation.table import latex_text
 from integrators.scenes.model.blocks import ROLES
+from integrators.scenes.model.system import System
 
 if TYPE_CHECKING:
     import sympy
-
-    from integrators.scenes.model.system import System
 
 GREEK = "GREEK SMALL LETTER "
 

@@ -16,19 +16,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import sympy
+
 from integrators.compile.particle_loops import SiteSum
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.number_text import nearest_double
 from integrators.scenes.model.formulas import read_formula
+from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
-    from integrators.scenes.model.system import System
     from integrators.steppers.writer import StepWriter
-
 
 DENSITY, RATE, TIME, TIME_COMPENSATION = range(4)
 """Entries of `State.control`: ρ_n, G(y_n), the time, and the compensation of the time."""
@@ -69,9 +68,6 @@ def read_control(control: Any, scene: System) -> sympy.Expr:
 
 def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) -> np.ndarray:
     """`State.control` at the start of a run."""
-    import numpy as np
-    import sympy
-
     values: Any = {symbol: sympy.Rational(float(x)) for symbol, x in zip(scene.symbols, y, strict=True)}
     at_start: Any = formula.xreplace(values)
     size = at_start.evalf(30)

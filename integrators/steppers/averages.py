@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING
+
+import sympy
 
 from integrators.compile.printer import indented
 from integrators.exact.polynomials import gauss_legendre
 from integrators.scenes.model.system import output_formula
 from integrators.scenes.particles.parts import degree
+from integrators.steppers.step_model import Call
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
-    from integrators.steppers.step_model import Call
     from integrators.steppers.writer import StepWriter
 
-    Rule = tuple[tuple[Fraction, Fraction], ...]
-    """Nodes and weights."""
+Rule = tuple[tuple[Fraction, Fraction], ...]
+"""Nodes and weights."""
 
 
 NODES = 10
@@ -75,8 +76,6 @@ def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
 
 def _count(call: Call, writer: StepWriter) -> int:
     """The number of nodes: exact for polynomials, otherwise as requested."""
-    import sympy
-
     length, highest = len(call.node.points) - 1, 0
     for term, output in writer.structure.outputs(call.node.piece, call.blocks):
         found = degree(output_formula(term, output), [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))])

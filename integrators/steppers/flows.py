@@ -15,22 +15,20 @@ from itertools import accumulate
 from math import factorial, inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import sympy
+
 from integrators.exact.entries import round_entry
-from integrators.scenes.model.system import output_formula
+from integrators.scenes.model.system import LocalTerm, Output, output_formula
 from integrators.scenes.particles.parts import degree
-from integrators.steppers.step_model import fraction
+from integrators.steppers.step_model import Call, fraction
+from integrators.steppers.structure import Structure
 
 if TYPE_CHECKING:
-    from integrators.steppers.step_model import Call
-    from integrators.steppers.structure import Structure
     from integrators.steppers.writer import StepWriter
 
-    FlowKey = tuple[int, tuple[int, ...], Fraction | int, int]
-    """The piece, the moving blocks, the time, the number of forcing terms."""
-    import numpy as np
-    import sympy
-
-    from integrators.scenes.model.system import LocalTerm, Output
+FlowKey = tuple[int, tuple[int, ...], Fraction | int, int]
+"""The piece, the moving blocks, the time, the number of forcing terms."""
 
 
 COLUMNS = 7
@@ -82,8 +80,6 @@ def _forcing_lines(call: Call, writer: StepWriter) -> tuple[list[str], list[str]
 
 def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter) -> list[str]:
     """Statements for products with φ-functions."""
-    import sympy
-
     module, size = writer.module, len(flow.columns)
     lines, at = writer.forms.point(call.node.points[0], "z")
     made, vectors = _forcing_lines(call, writer)
@@ -201,8 +197,6 @@ class AffineSystem(NamedTuple):
 
 def constant_system(structure: Structure, piece: int, blocks: Iterable[int]) -> AffineSystem | None:
     """A piece of the field in some blocks; None if it is not affine with constant coefficients."""
-    import sympy
-
     system = AffineSystem({}, {})
     for term, output in structure.outputs(piece, blocks):
         variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
@@ -218,8 +212,6 @@ def _add(
     system: AffineSystem, term: LocalTerm, output: Output, factors: Sequence[sympy.Expr], constant: sympy.Expr
 ) -> None:
     """Add a term over all rows of its sites."""
-    import sympy
-
     zero = Fraction(0)
     for row in term.sites.rows():
         data: dict[Any, Any] = {sympy.Symbol(f"d{k}"): d.values[row[d.role]] for k, d in enumerate(term.data)}
@@ -236,8 +228,6 @@ def _add(
 
 def is_diagonal(structure: Structure, piece: int, blocks: Iterable[int]) -> bool:
     """Whether x_i' = a_i x_i + b_i in some blocks, where a_i and b_i hold no variable of these blocks."""
-    import sympy
-
     moving = set(blocks)
     for term, output in structure.outputs(piece, moving):
         formula, own = output_formula(term, output), []
@@ -299,8 +289,6 @@ class LinearFlow:
 
     def numbers(self, h: float) -> np.ndarray:
         """The elements of each matrix: heads, then tails."""
-        import numpy as np
-
         known: dict[Any, list[Any] | None] = {}
         parts: list[list[np.ndarray]] = [[] for _ in range(self.matrices)]
         for component, rows in self._components:
@@ -355,7 +343,6 @@ def _ball(x: Fraction) -> Any:
 def doubles(balls: Iterable[Any]) -> np.ndarray:
     """The midpoints of balls as two rows of doubles: rounded values and their rounding errors."""
     import flint
-    import numpy as np
 
     with flint.ctx.workprec(PRECISION):
         heads = [float(x.mid()) for x in balls]

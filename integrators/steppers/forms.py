@@ -10,14 +10,11 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 from integrators.compile.printer import indented
 from integrators.exact.entries import round_entry
 from integrators.steppers.step_model import Form, Key, Point
-
-if TYPE_CHECKING:
-    from integrators.steppers.structure import Structure
+from integrators.steppers.structure import Structure
 
 HEAD_BITS = 10
 NOTHING = Fraction(1, 10**30)

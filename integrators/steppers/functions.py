@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
+
+import sympy
 
 from integrators.compile.particle_loops import INDICES
+from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import field_lines, gathered
 from integrators.core.immutable import cached_method
 from integrators.scenes.model.system import VALUE, Argument, LocalTerm, Output, Place, output_formula
-from integrators.steppers.structure import entries
+from integrators.steppers.structure import Structure, entries
 
-if TYPE_CHECKING:
-    import sympy
-
-    from integrators.compile.printer import ModuleText
-    from integrators.steppers.structure import Structure
-
-    Outputs = Callable[[LocalTerm], Iterable[Output]]
+Outputs = Callable[[LocalTerm], Iterable[Output]]
 
 
 class Functions:
@@ -110,8 +107,6 @@ def diagonal(structure: Structure, piece: int, block: int) -> Diagonal | None:
 
 def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr | None]]:
     """Triples (entry written, entry read, factor) of a term; the factor is None if it reads several entries."""
-    import sympy
-
     formula = output_formula(term, output)
     used = [k for k in range(len(term.arguments)) if formula.has(sympy.Symbol(f"x{k}"))]
     if len(used) != 1 or term.arguments[used[0]].minus is not None or term.sites.roles > 1:
@@ -124,8 +119,6 @@ def _entries(term: LocalTerm, output: Output) -> list[tuple[int, int, sympy.Expr
 
 def tangent_terms(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int) -> Iterator[LocalTerm]:
     """The terms of f′(y)v, Σ ∂φ/∂x_k v_k for each output φ of a term, where v follows y in memory."""
-    import sympy
-
     for term in terms:
         count = len(term.arguments)
         arguments = (*term.arguments, *(_moved(argument, dimension) for argument in term.arguments))
@@ -147,8 +140,6 @@ def _moved(argument: Argument, by: int) -> Argument:
 
 def _partial_derivatives(term: LocalTerm, output: Output) -> Iterator[tuple[int, sympy.Expr]]:
     """Nonzero derivatives by local variables."""
-    import sympy
-
     formula = output_formula(term, output)
     for k in range(len(term.arguments)):
         derivative = formula.diff(sympy.Symbol(f"x{k}"))

@@ -15,16 +15,15 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import sympy
+
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError
 from integrators.steppers.forms import scaled, tidy
-from integrators.steppers.step_model import Key, Node, Point
+from integrators.steppers.step_model import Call, Group, Key, Node, Point
 
 if TYPE_CHECKING:
-    import sympy
-
-    from integrators.steppers.step_model import Call, Group
     from integrators.steppers.writer import StepWriter
 
 MAX_ITERATIONS = 100
@@ -327,8 +326,6 @@ class NewtonMatrix:
 
     def lines(self) -> list[str]:
         """Statements that assemble and factorize the matrix, in the arrays ``matrix`` and ``pivots``."""
-        import sympy
-
         writer, n = self.writer, self.writer.structure.scene.dimension
         lines: list[str] = []
         for jacobian, number in self._jacobians.items():

@@ -10,16 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.programs.evaluations import Average, Derivative, Evaluation, Field, Flow, operands
+from integrators.methods.programs.evaluations import Average, Derivative, Evaluation, Field, Flow, LinearForm, operands
+from integrators.methods.programs.program import Method, Program
 from integrators.steppers.step_model import DECIMALS, Form, Key, Node, Point, fraction
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import Method, Program
-    from integrators.steppers.structure import Structure
+from integrators.steppers.structure import Structure
 
 
 class Nodes:

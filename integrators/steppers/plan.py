@@ -13,12 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
 
+from integrators.steppers.nodes import Nodes
 from integrators.steppers.step_model import Call, Form, Group, Key, Node, Plan, Point
-
-if TYPE_CHECKING:
-    from integrators.steppers.nodes import Nodes
 
 
 def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:

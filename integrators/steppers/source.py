@@ -10,7 +10,9 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from integrators.compile.printer import indented
 from integrators.steppers.adaptive import ControlText, control_text
@@ -18,14 +20,9 @@ from integrators.steppers.averages import average_lines
 from integrators.steppers.flows import flow_lines
 from integrators.steppers.functions import diagonal
 from integrators.steppers.implicit_stages import SOLVERS, first_values
+from integrators.steppers.nodes import Nodes
 from integrators.steppers.step_model import Call, Form, Group, Key, Options, Plan
 from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.steppers.nodes import Nodes
-
 
 TEMPLATE = '''\
 """Steps of a method on a scene.

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from integrators.core.errors import IntegratorError
 from integrators.steppers.adaptive import TIME
-
-if TYPE_CHECKING:
-    import numpy as np
 
 
 class StepError(IntegratorError):
@@ -68,8 +67,6 @@ class State:
     __slots__ = ("carry", "control", "is_fresh", "memory", "n", "solver", "step_size", "t0", "values")
 
     def __init__(self, y: np.ndarray, h: float, t0: float, memory: int, solver: str):
-        import numpy as np
-
         self.values, self.carry, self.memory = y, np.zeros(len(y)), np.zeros(memory)
         self.control = np.zeros(0)
         self.n, self.step_size, self.t0, self.is_fresh, self.solver = 0, h, t0, True, solver

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
@@ -31,10 +33,6 @@ from integrators.steppers.source import KERNELS, StepSource, step_source
 from integrators.steppers.states import State, StepError
 from integrators.steppers.step_model import Options
 from integrators.steppers.structure import Structure
-
-if TYPE_CHECKING:
-    import numpy as np
-
 
 MOST_STEPS = 2**63 - 1
 
@@ -137,8 +135,6 @@ class Stepper:
         Raises:
             IntegratorError: A number is missing or not finite, h is zero, or σ is not positive at y0.
         """
-        import numpy as np
-
         y = self.scene.y0 if y0 is None else read_vector(y0, "y0", self.scene.dimension)
         step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
@@ -277,8 +273,6 @@ class Stepper:
 
     def _run(self, state: State, steps: int, *stored: Any) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""
-        import numpy as np
-
         from integrators.steppers.stepping import recorded
 
         made = recorded(
@@ -292,8 +286,6 @@ class Stepper:
 
     def _work(self, state: State) -> np.ndarray:
         """The memory of the work arrays of a step."""
-        import numpy as np
-
         size = self._compiled(state.solver).source.work
         refuse_beyond_memory(8 * size, IntegratorError, f"scene must be smaller: a step on {self.scene.name}")
         return np.empty(size)
@@ -310,8 +302,6 @@ class Stepper:
 
     def _numbers(self, state: State) -> np.ndarray:
         """The numbers in compiled steps that depend on h only."""
-        import numpy as np
-
         key = state.h, state.solver
         found = self._known_numbers.get(key)
         if found is None:
@@ -373,8 +363,6 @@ class Stepper:
 
     def _is_defined(self, y: np.ndarray) -> bool:
         """Whether the field is finite at a state."""
-        import numpy as np
-
         value = np.empty_like(y)
         compiled_scene(self.scene).field(y, value)
         return bool(np.isfinite(value).all())
@@ -455,8 +443,6 @@ def parts_key(parts: Any) -> Any:
 
 def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
     """Refuse arrays too small or of the wrong kind for compiled code to write to."""
-    import numpy as np
-
     for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
         if array is None:
             if count and argument.endswith("rows"):
@@ -475,8 +461,6 @@ def rows_from(
     every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
 ) -> tuple[int, np.ndarray, np.ndarray]:
     """Arguments of `recorded`: store each `every`-th step after step n in arrays that begin after step `first`."""
-    import numpy as np
-
     row = n // every - first // every if every else 0
     return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]
 

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
+
+import sympy
 
 from integrators.core.immutable import cached_method
-from integrators.scenes.model.system import output_formula
-from integrators.scenes.particles.parts import degree
-
-if TYPE_CHECKING:
-    from integrators.scenes.model.system import LocalTerm, Output, Place, System
-    from integrators.scenes.model.terms import Sites
-    from integrators.scenes.particles.parts import Piece
+from integrators.scenes.model.system import LocalTerm, Output, Place, System, output_formula
+from integrators.scenes.model.terms import Sites
+from integrators.scenes.particles.parts import Piece, degree
 
 Range: TypeAlias = tuple[int, int]
 
@@ -101,8 +99,6 @@ class Structure:
     @cached_method
     def dependence(self, piece: int, block: int) -> Dependence:
         """Arguments of a piece of the field in one block."""
-        import sympy
-
         blocks: set[int] = set()
         is_linear = True
         for term, output in self.outputs(piece, (block,)):

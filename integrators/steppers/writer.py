@@ -7,23 +7,19 @@ here; averages, flows and implicit stages have files of their own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+import numpy as np
+import sympy
 
 from integrators.compile.operation_graph import simplest
 from integrators.compile.printer import ModuleText
 from integrators.exact.entries import round_entry
 from integrators.exact.number_text import literal
 from integrators.steppers.forms import FormWriter, grouped
-from integrators.steppers.functions import Functions, diagonal
-
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
-    from integrators.steppers.functions import Diagonal
-    from integrators.steppers.nodes import Nodes
-    from integrators.steppers.step_model import Call, Key, Options, Plan
-
+from integrators.steppers.functions import Diagonal, Functions, diagonal
+from integrators.steppers.nodes import Nodes
+from integrators.steppers.step_model import Call, Key, Options, Plan
 
 MOST_STACK = 32_768
 """Doubles of work arrays on the stack, half of a small thread's stack. Beyond, the caller provides an array."""

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from functools import lru_cache
 from math import factorial, prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.counting import MOST_NODES
 from trees.errors import TreeError
 from trees.hopf.coproducts import grossman_larson_coproduct, multiplicative, substitution_coproduct
 from trees.hopf.forests import Forest, rooted
 from trees.hopf.products import graft
-from trees.hopf.sums import FormalSum, as_sum
-from trees.hopf.terms import KEPT, add_terms, check_work, fold, multiply_terms
-
-if TYPE_CHECKING:
-    from trees.hopf.sums import Summand
-    from trees.hopf.terms import Terms
-    from trees.tree import Tree
+from trees.hopf.sums import FormalSum, Summand, as_sum
+from trees.hopf.terms import KEPT, Terms, add_terms, check_work, fold, multiply_terms
+from trees.tree import Tree
 
 _NONE = Forest()
 

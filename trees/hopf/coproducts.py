@@ -7,16 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.hopf.forests import Forest, rooted
-from trees.hopf.sums import FormalSum, as_sum
-from trees.hopf.terms import KEPT, check_work, fold, multiply_terms, work_of
-
-if TYPE_CHECKING:
-    from trees.hopf.sums import Summand
-    from trees.hopf.terms import Terms
-    from trees.tree import Tree
+from trees.hopf.sums import FormalSum, Summand, as_sum
+from trees.hopf.terms import KEPT, Terms, check_work, fold, multiply_terms, work_of
+from trees.tree import Tree
 
 _NONE = Forest()
 

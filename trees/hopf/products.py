@@ -10,16 +10,12 @@ from collections import Counter
 from functools import lru_cache
 from itertools import product
 from math import comb, prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.hopf.forests import Forest, rooted
-from trees.hopf.sums import FormalSum, as_sum
-from trees.hopf.terms import KEPT, add_terms, check_work, fold, work_of
-
-if TYPE_CHECKING:
-    from trees.hopf.sums import Summand
-    from trees.hopf.terms import Terms
-    from trees.tree import Tree
+from trees.hopf.sums import FormalSum, Summand, as_sum
+from trees.hopf.terms import KEPT, Terms, add_terms, check_work, fold, work_of
+from trees.tree import Tree
 
 
 def graft(x: Summand, y: Summand) -> FormalSum:

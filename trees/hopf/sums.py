@@ -9,7 +9,7 @@ from math import prod
 from numbers import Rational
 from operator import itemgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from foundation.numbers import latex_number
 from foundation.table import MOST_ROWS, short_latex
@@ -18,11 +18,9 @@ from trees.hopf.forests import Forest, common_names
 from trees.hopf.terms import add_terms, check_work, multiply_terms
 from trees.tree import Tree
 
-if TYPE_CHECKING:
-    Factors: TypeAlias = tuple[Forest, ...]
-    Element: TypeAlias = Tree | Forest | str | tuple[Tree | Forest | str, ...]
-    Summand: TypeAlias = "FormalSum | Tree | Forest | str"
-
+Factors = tuple[Forest, ...]
+Element = Tree | Forest | str | tuple[Tree | Forest | str, ...]
+Summand: TypeAlias = "FormalSum | Tree | Forest | str"
 
 MOST_CHARACTERS = 300
 """The most characters of the `repr` of a sum."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from operator import mul
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from trees.errors import TreeError
+from trees.tree import Tree
 
-if TYPE_CHECKING:
-    from trees.tree import Tree
-
-    Terms: TypeAlias = Mapping[Any, Any]
+Terms: TypeAlias = Mapping[Any, Any]
 
 MOST_PRODUCTS = 2**20
 """Limit of the pairs of terms multiplied in one operation: about ten seconds and half a gigabyte."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.effects.variants import effect_variants
+from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
@@ -16,13 +16,12 @@ from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bseries.advice.effects.variants import EffectVariants, Names
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 NANO, WIDTH = 1e9, 12.0
 """Nanoseconds of a second; centimetres of a plot."""
@@ -115,10 +114,7 @@ class EffectCosts(Sequence[CostRow]):
         """The time of a step as effects are added; whiskers are the quartiles.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.
@@ -185,14 +181,8 @@ def effect_costs(
     Euler method without compensation: one evaluation and one sum.
 
     Args:
-        method: The method, or its name.
-        scene: The scene, or the name of a built-in one; see `effect_influence`.
+        method, scene, effects, parameters, start, parts, solver: As for `effect_influence`.
         h: The step size, on which the costs of implicit steps depend.
-        effects: The effects; by default the active ones, or all if none is active.
-        parameters: Options of a built-in scene, and values of its parameters and of those of its effects.
-        start: Start values of blocks.
-        parts: The assignment of the method's parts in the scene with all effects.
-        solver: The solver for implicit stages.
         order: The largest number of nodes of trees in the modified equation.
 
     Raises:

@@ -7,8 +7,10 @@ from dataclasses import asdict
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from bseries.advice.effects.costs import variant_costs
-from bseries.advice.effects.variants import effect_variants
+from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
 from bseries.advice.measures import (
     ENERGY,
     SOLUTION,
@@ -18,6 +20,7 @@ from bseries.advice.measures import (
     relative_distance,
     whole_steps,
 )
+from bseries.advice.timing import Timing
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
@@ -26,18 +29,15 @@ from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
-    from bseries.advice.effects.variants import EffectVariants, Names
-    from bseries.advice.timing import Timing
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
 
 COMPARISONS = 1000
 """Most times at which two runs are compared: tens in each of the periods of a run of usual length."""
@@ -219,10 +219,7 @@ class EffectReport(NamedTuple):
         Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
 
         Args:
-            ax: The axes; None for those of a new figure.
-
-        Returns:
-            The axes.
+            ax: The axes, which are returned; None for those of a new figure.
 
         Raises:
             SeriesError: `ax` is no axes.
@@ -366,8 +363,6 @@ class EffectRuns:
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
         """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
-        import numpy as np
-
         base = self.variants.build(less).with_effects()
         if first is None or second is None:
             return Influence(inf, inf if base.is_hamiltonian else None)

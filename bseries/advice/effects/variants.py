@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import items
@@ -13,24 +15,15 @@ from integrators.scenes.catalogue.registry import scene as built_in
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    Names = tuple[str, ...]
+Names = tuple[str, ...]
 
 
 class EffectVariants(NamedTuple):
-    """A scene with any subset of its effects.
+    """A scene with any subset of its effects."""
 
-    Attributes:
-        effects: The effects, with their descriptions.
-        build: The scene with exactly these effects.
-        bodies: The names of the particles with these effects, for effects that change their number.
-    """
-
-    effects: Mapping[str, str]
-    build: Callable[[Names], Scene]
-    bodies: Callable[[Collection[str]], Sequence[str]] | None = None
+    effects: Mapping[str, str]  # with their descriptions
+    build: Callable[[Names], Scene]  # the scene with exactly these effects
+    bodies: Callable[[Collection[str]], Sequence[str]] | None = None  # names of particles, if effects change these
 
     @property
     def names(self) -> Names:
@@ -48,8 +41,6 @@ class EffectVariants(NamedTuple):
 
     def shared(self, more: Names, less: Names) -> tuple[np.ndarray, np.ndarray]:
         """The places of the variables, except the time, that exist with both sets of effects."""
-        import numpy as np
-
         places = {label: k for k, label in enumerate(self._labels(more))}
         pairs = [(places[label], k) for k, label in enumerate(self._labels(less)) if label != TIME]
         first, second = np.array(pairs, dtype=np.intp).T

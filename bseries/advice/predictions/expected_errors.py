@@ -15,16 +15,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from bseries.advice.measures import energy_size, largest_size, norms, without_time
+from bseries.advice.predictions.perturbation_run import PerturbationRun
 from bseries.advice.predictions.prediction import ExpectedError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.advice.predictions.perturbation_run import PerturbationRun
-    from integrators import Scene
+from integrators.scenes.scene import Scene
 
 PARTS = 1.0, 0.75, 0.5
 """Parts of the observed time that must lead to the same error at the end."""
@@ -95,8 +93,6 @@ def size_after(sizes: np.ndarray, times: float, power: int) -> float:
         >>> f"{size_after(t * (2 + np.sin(t)) * 1e-9, 1000.0, 1):.1e}"
         '3.0e-04'
     """
-    import numpy as np
-
     largest = np.maximum.accumulate(sizes)
     last = float(largest[-1])
     if times <= 1 or not last or not math.isfinite(last):
@@ -123,8 +119,6 @@ def change_after(changes: np.ndarray, times: float) -> float:
         >>> round(change_after(np.sin(t) ** 2 + 1e-3 * t, 1000.0))
         101
     """
-    import numpy as np
-
     if times <= 1:
         return float(abs(changes).max())
     t = np.linspace(-1, 1, len(changes) + 2)[1:-1]
@@ -178,8 +172,6 @@ def _energy_of_orbit(run: PerturbationRun, slopes: np.ndarray, moves: np.ndarray
 
     Unbounded variables count with the distance that they move while others change by their size.
     """
-    import numpy as np
-
     away = np.minimum(abs(run.y - run.y.mean(axis=1)[:, None]), moves[:, None])
     return float((abs(slopes) * away).sum(axis=0).mean() / 2)
 
@@ -192,8 +184,6 @@ def expected_solution_error(
     `fewer` is the beginning of a perturbation run with one term less, `power` the largest power of t in the growth of
     errors in regular motion.
     """
-    import numpy as np
-
     if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
         return energy
     y, errors = without_time(scene, run.y), without_time(scene, run.errors)

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import modified_field
+from bseries.fields.modified_fields import SceneSeries, modified_field
+from bseries.fields.modified_invariants import structure_matrix
 from integrators.methods.programs.evaluations import Flow
-from integrators.methods.programs.program import Program, mapped
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.fields.modified_fields import SceneSeries
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method, Program, mapped
+from integrators.scenes.scene import Scene
 
 ORDERS = 4, 7, 9, 11, 13
 """Orders tried for the first nonzero term: one beyond 3, 6, 8, 10 and 12, so that few methods need two trials."""
@@ -56,8 +54,6 @@ class ModifiedTerms(NamedTuple):
             False
             True
         """
-        import numpy as np
-
         inverse = inverse_structure(self.field.scene)
         if inverse is None:
             return False
@@ -78,8 +74,6 @@ class ModifiedTerms(NamedTuple):
 
         An angle may be as large as the number of its rotations, which is unrelated to the scale of f.
         """
-        import numpy as np
-
         sizes, speeds = np.abs(y).max(axis=1), np.abs(self.field.terms(y)[0]).max(axis=1)
         on, moves = (speeds > 0) & (sizes > 0), sizes.copy()
         if on.any():
@@ -152,21 +146,13 @@ def inverse_structure(scene: Scene) -> Callable[[np.ndarray], np.ndarray] | None
         >>> (inverse_structure(f.scene)(y) @ f(y, 0.1)).round(12).tolist()  # ∇H = (1 − 1/p, 1 − 2/q)
         [0.5, 0.333333333333]
     """
-    import numpy as np
-
-    if not scene.is_hamiltonian:
+    if not scene.is_hamiltonian or (scene.canonical_pair is None and scene.poisson is None):
         return None
-    if scene.canonical_pair is not None:
-        p, q = scene.canonical_pair
-        fixed = np.zeros((scene.dimension, scene.dimension))
-        fixed[p.offset : p.end, q.offset : q.end] = np.eye(p.dimension)
-        fixed[q.offset : q.end, p.offset : p.end] = -np.eye(p.dimension)
-        return lambda y: fixed
-    import sympy
-
+    structure = structure_matrix(scene)
     if scene.poisson is None:
-        return None
-    matrix: Any = sympy.Matrix(scene.poisson).subs(list(scene.parameter_values.items()))
+        fixed = -np.array(structure, float)
+        return lambda y: fixed
+    matrix: Any = sympy.Matrix(structure)
     if matrix.det().equals(0):
         return None
     function = sympy.lambdify([scene.symbols], matrix, "numpy", cse=True)
@@ -182,8 +168,6 @@ def gradient(scene: Scene) -> Any:
         >>> gradient(bs.scene("pendulum"))(np.array([[1.0], [0.0]])).ravel().tolist()
         [1.0, 0.0]
     """
-    import numpy as np
-
     if not scene.is_hamiltonian:
         return None
     from integrators import method
@@ -192,8 +176,6 @@ def gradient(scene: Scene) -> Any:
     if inverse is not None:
         field, matrix = modified_field(method("explicit-euler"), scene, 1), inverse(np.zeros(scene.dimension))
         return lambda y: matrix @ field.terms(y)[0]
-    import sympy
-
     formula: Any = scene.hamiltonian
     values: Any = list(scene.parameter_values.items())
     gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]

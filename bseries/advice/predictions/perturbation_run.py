@@ -13,23 +13,18 @@ from __future__ import annotations
 import math
 from functools import cache
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from bseries.advice.measures import largest_size, norms, without_time
+from bseries.advice.predictions.modified_terms import ModifiedTerms
 from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import modified_field
+from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.truncation import Reach
-from integrators.steppers.states import StepError
-from integrators.steppers.stepping import stepper
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from bseries.advice.predictions.modified_terms import ModifiedTerms
-    from bseries.fields.modified_fields import SceneSeries
-    from integrators import Scene
-    from integrators.steppers.states import State
-    from integrators.steppers.stepping import Stepper
+from integrators.scenes.scene import Scene
+from integrators.steppers.states import State, StepError
+from integrators.steppers.stepping import Stepper, stepper
 
 RESOLUTION = 6
 """Impulses per time scale τ, τ² = |f|/|f'f'f + f"(f, f)/4|: for an oscillator τ = 1/ω, with 38 impulses per period."""
@@ -83,8 +78,6 @@ def perturbation_run(
         >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
         (50.0, (4, 5, 6), '4e-06')
     """
-    import numpy as np
-
     scene = terms.field.scene
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
     spacing = span / total
@@ -121,8 +114,6 @@ class _Effects:
     """Effects of r = h^p f_{p+1} + …: impulses, the solution with them, and changes of the energy."""
 
     def __init__(self, terms: ModifiedTerms, slopes: Any, powers: tuple[int, ...], h: float, weight: float):
-        import numpy as np
-
         self._terms, self._slopes, self._weight = terms, slopes, weight
         self._scales = h ** np.array(powers)[:, None, None]
 
@@ -153,8 +144,6 @@ class _Effects:
 
     def energy_changes(self, y: np.ndarray, spacing: float) -> np.ndarray:
         """∫ ∇H · r dt by power of h along a solution, (powers, n)."""
-        import numpy as np
-
         products = self._slopes(y) * self._values(y)
         rates = products.sum(axis=1)
         rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
@@ -173,8 +162,6 @@ def _exact_states(scene: Scene, y0: np.ndarray, spacing: float, points: int, t0:
 
 def _recorded(flow: Stepper, state: State, impulses: np.ndarray) -> np.ndarray:
     """The states in the middle of impulses, (variables, n); half of these are given."""
-    import numpy as np
-
     rows = np.empty((impulses.shape[1], len(impulses) + 1))
     rows[:, 0], rows[:, 1:] = len(impulses), impulses.T
     flow.record(state, SUBSTEPS * len(rows), o_every=SUBSTEPS, observer=_add_impulse().address, o_rows=rows)
@@ -204,8 +191,6 @@ def _add_impulse() -> Any:
 
 def _powers(terms: ModifiedTerms, y: np.ndarray, h: float) -> tuple[tuple[int, ...], float]:
     """The powers of h whose terms decrease, two or more if there are, and the mean size of their sum."""
-    import numpy as np
-
     means, each = np.zeros(terms.field.order), np.array([norms(values) for values in terms.values(y)])
     means[0] = norms(terms.field.terms(y)[0]).mean()
     means[list(terms.powers)] = each.mean(axis=1)
@@ -255,8 +240,6 @@ def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> fl
 
 def _time_scale(field: SceneSeries, y: np.ndarray, all_terms: bool = False) -> float:
     """The least τ of some points, from f and f'f'f/3 + f"(f, f)/12, the terms of the explicit Euler method."""
-    import numpy as np
-
     f, once, twice = (norms(term) for term in field.terms(y))
     least = np.sqrt(f[twice > 0] / (3 * twice[twice > 0])).min(initial=math.inf)
     return float((f[once > 0] / (2 * once[once > 0])).min(initial=least) if all_terms else least)

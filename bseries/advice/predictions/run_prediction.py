@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
-from bseries.advice.predictions.calibration import seconds_per_step as calibrated
+import numpy as np
+
 from bseries.advice.predictions.expected_errors import (
     NO_ENERGY,
     NOT_SMALL,
@@ -17,23 +18,20 @@ from bseries.advice.predictions.expected_errors import (
 from bseries.advice.predictions.modified_terms import gradient, in_floats, modified_terms
 from bseries.advice.predictions.perturbation_run import perturbation_run
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
+from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import check_end
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive, step_count
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
-
-    Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
+Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
 
 LEFT_OUT = "to", "checkpoint", "progress"
 """Options of `integrate` that a prediction refuses, since it must not change the files of the run."""
@@ -83,9 +81,6 @@ def predict_run(
         timed: Whether to predict the time.
         **options: Further options of `integrate`, such as `observe` and `save_every`, except files and `progress`.
 
-    Returns:
-        The prediction.
-
     Raises:
         IntegratorError: An argument is invalid; a StepError if one of the first steps fails.
         TypeError: `integrate` has no option of this name.
@@ -104,8 +99,6 @@ def predict_run(
     method = as_method(method)
     scene = as_scene(scene)
     from inspect import signature
-
-    import numpy as np
 
     from integrators import integrate
 
@@ -132,7 +125,6 @@ def _expected_errors(
     scene: Scene, method: Method, h: float, steps: int, y0: np.ndarray, t0: float, parts: Any, control: Any
 ) -> Errors:
     """The errors of energy and solution, the powers of h, and the part of the time covered by the perturbation run."""
-    import numpy as np
 
     def unknown(reason: str) -> Errors:
         return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from bseries.algebra.stages import check_method
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.registry import RECOMMENDED, catalogue, method
+from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene
 from integrators.steppers.stepping import stepper
 
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-
-    Methods = Iterable[Method | str] | Method | str
+Methods = Iterable[Method | str] | Method | str
 
 NYSTROM = (
     *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),

@@ -1,4 +1,4 @@
-"""Work–precision measurements: errors and CPU times of all suitable methods over a range of step sizes."""
+"""Work–precision measurements and diagrams: errors and CPU times of all suitable methods over a range of step sizes."""
 
 from __future__ import annotations
 
@@ -10,19 +10,26 @@ from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
-from bseries.advice.predictions.calibration import duration
+from bseries.advice.predictions.prediction import duration
 from bseries.advice.timing import machine
-from bseries.advice.work_precision.candidates import candidates
-from bseries.advice.work_precision.diagram import HEIGHT, WIDTH, draw_panel
+from bseries.advice.work_precision.candidates import Methods, candidates
 from bseries.advice.work_precision.recommendation import Recommendation, choose
-from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Judge, sweep, time_scale, timed_curves
-from foundation.diagrams import write_title
-from foundation.plotting import drawing
+from bseries.advice.work_precision.sweeps import (
+    LEAST_SECONDS,
+    Curve,
+    Judge,
+    Row,
+    solution_at,
+    sweep,
+    time_scale,
+    timed_curves,
+)
+from foundation.diagrams import MARKERS, draw_legend, line_style, write_title
+from foundation.plotting import drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import read_number, read_positive
-from integrators.reference.solution import reference_solution
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
@@ -30,9 +37,10 @@ from integrators.steppers.stepping import stepper
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
-    from bseries.advice.work_precision.candidates import Methods
-    from bseries.advice.work_precision.sweeps import Curve, Row
+    from bseries.advice.work_precision.sweeps import Curve
 
 BUDGET = 0.2
 """CPU seconds for the longest run of a method: a dozen methods take five seconds, since all runs of a method take about
@@ -117,8 +125,9 @@ class WorkPrecision:
         if failed:
             notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
         if self.scene.black_boxes and self.judge.reference is not None:
-            source = self.judge.reference.source
-            notes.append(f"Errors of the solution are distances from {source}, as there are no formulas.")
+            notes.append(
+                "Errors of the solution are distances from dop853 with halved steps, as there are no formulas."
+            )
         if self.judge.problem:
             notes.append(f"The solution was not measured: {self.judge.problem}.")
         return notes
@@ -148,11 +157,8 @@ class WorkPrecision:
         """The work–precision diagram: CPU time against error, strong curves for methods that are cheapest somewhere.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             measure: The name of the error; by default the first of `measures`.
-
-        Returns:
-            The axes.
 
         Raises:
             IntegratorError: The measure is none of `measures`, or `ax` is no axes.
@@ -327,9 +333,9 @@ def _measurable_span(scene: Scene, span: float, measures: tuple[str, ...], budge
     trial = TRIAL * scale
     if SOLUTION in measures and span > trial:
         with suppress(IntegratorError):  # the solution ends early, which is reported later
-            reference_solution(scene, [trial], y0=scene.y0, full=True)  # compiles
+            solution_at(scene, [trial], scene.y0)  # compiles
             began = thread_time()
-            reference_solution(scene, [trial], y0=scene.y0, full=True)
+            solution_at(scene, [trial], scene.y0)
             cost = SAMPLINGS * max(thread_time() - began, LEAST_SECONDS)
             longest = min(longest, trial * max(REFERENCE_SECONDS, REFERENCE * budget) / cost)
     return span if span <= longest else min(span, _rounded(longest))
@@ -408,3 +414,73 @@ def _records(found: WorkPrecision) -> Table:
     """All runs."""
     rows = [{"method": curve.candidate.name, **_row_dict(row)} for curve in found.curves for row in curve.rows]
     return listed([(key, itemgetter(key)) for key in (rows[0] if rows else ("method",))], rows)
+
+
+WIDTH, HEIGHT = 12.0, 8.0
+"""Size of a panel, in centimetres."""
+NAME_SIZE = 7
+"""Font size of the names of methods, in points: twenty fit beside a panel."""
+AXES = {
+    "solution": "largest error of the solution, relative to the size of the state",
+    "energy": "largest error of the energy, relative to it",
+}
+SAMPLES = 50
+"""Number of errors for which the cheapest method is found: five or more for each power of ten."""
+BEYOND = 10.0
+"""Factor by which the axis exceeds the errors of interest, on both sides, so that curves do not end at its edges."""
+
+
+def name_curves(panel: Axes, size: float = NAME_SIZE) -> Legend:
+    """Write the names of curves to the right of a panel, in the order in which the curves end there."""
+    named = (line for line in panel.lines if not str(line.get_label()).startswith("_"))
+    lines = sorted(named, key=lambda line: -float(line.get_ydata()[-1]))  # pyright: ignore[reportArgumentType, reportIndexIssue]
+    return draw_legend(panel, lines, fontsize=size)
+
+
+def draw(curves: Sequence[Curve], errors: tuple[float, float], measures: Sequence[str], title: str) -> Figure:
+    """A figure with a panel for each measure that a method has values of; see `draw_panel`."""
+    shown = [measure for measure in measures if any(curve.front(measure) for curve in curves)]
+    with print_style():
+        figure = new_figure((WIDTH, HEIGHT * len(shown)))
+        panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+        for panel, measure in zip(panels, shown, strict=True):
+            draw_panel(panel, curves, errors, measure)
+        panels[0].set_title(title)
+    return figure
+
+
+def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float], measure: str) -> None:
+    """Draw CPU times against an error: the Pareto front of each method, strong if it is the cheapest for some error."""
+    loosest, finest = errors
+    limits = min(loosest * BEYOND, 1.0), finest / BEYOND
+    panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
+    panel.grid(color="#dddddd", linewidth=0.4)
+    best = _cheapest(curves, errors, measure)
+    for k, curve in enumerate(curves):
+        points = [point for point in curve.front(measure) if limits[1] <= point[0] <= limits[0]]
+        if points:
+            panel.plot(
+                *zip(*points, strict=True), label=curve.candidate.name, **_style(k, curve.candidate.name in best)
+            )
+    legend = name_curves(panel)
+    legend.set_title("strong: cheapest\nfor some error")
+    legend.get_title().set_fontsize(NAME_SIZE)
+    for line in legend.get_lines():
+        line.set_linestyle("none")  # beside a panel, lines would look like curves that go on
+
+
+def _cheapest(curves: Sequence[Curve], errors: tuple[float, float], measure: str) -> set[str]:
+    """The methods that are cheapest for some error of interest."""
+    loosest, finest = errors
+    best = set[str]()
+    for k in range(SAMPLES + 1):
+        error = loosest * (finest / loosest) ** (k / SAMPLES)
+        times = {curve.candidate.name: t for curve in curves if (t := curve.seconds(error, measure)) is not None}
+        best |= {min(times, key=times.__getitem__)} if times else set()
+    return best
+
+
+def _style(k: int, strong: bool) -> dict[str, Any]:
+    """The plot style of the k-th curve."""
+    weight = {"linewidth": 1.8, "markersize": 5.5} if strong else {"linewidth": 0.6, "markersize": 3.2}
+    return {**line_style(k), "marker": MARKERS[k % len(MARKERS)], **weight}

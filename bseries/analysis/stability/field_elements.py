@@ -214,7 +214,6 @@ def sign(element: Any) -> int:
 def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | None:
     """Algebraic numbers as elements of one field, rational ones as `Fraction`s; None if its degree may be too high."""
     import sympy
-    from flint import fmpq_poly
 
     numbers = [sympy.sympify(value, strict=True) for value in values]
     roots: set[Any] = set().union(*(x.atoms(sympy.CRootOf) for x in numbers))
@@ -224,9 +223,16 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
     domain, elements = sympy.construct_domain(numbers, extension=True, field=True)
     if not domain.is_AlgebraicField:
         return [from_flint(to_flint(a)) for a in elements] if domain.is_QQ else None
+    return real_algebraic(domain, elements)
+
+
+def real_algebraic(domain: Any, elements: Any) -> list[Fraction | RealAlgebraic]:
+    """Elements of SymPy's number field; rational ones as `Fraction`s."""
+    from flint import fmpq_poly
+
     modulus, *residues = (
         fmpq_poly([to_flint(a) for a in reversed(descending)])
-        for descending in (domain.ext.minpoly.all_coeffs(), *(element.to_list() for element in elements))
+        for descending in (domain.mod.to_list(), *(element.to_list() for element in elements))
     )
     field = NumberField(modulus, domain.ext.as_expr())
     return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]

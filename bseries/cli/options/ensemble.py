@@ -12,14 +12,13 @@ import click
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.numbers import read_float
-from bseries.cli.output import WholeNumber
+from bseries.cli.output import Output, WholeNumber
 from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
     from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
     from integrators import Scene
     from integrators.runs.ensemble_results import EnsembleResult
 

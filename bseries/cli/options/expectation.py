@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from bseries.advice.predictions.calibration import SECONDS, Stopwatch
+from bseries.advice.predictions.prediction import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
@@ -22,11 +22,8 @@ of them."""
 class Expectation:
     """The progress of a run and its prediction, calibrated by the first steps.
 
-    Args:
-        progress: Shows progress and the prediction.
-        predict: A function from seconds per step to a prediction; None: it measures them.
-        wanted: Whether to predict; by default for long runs only.
-        beforehand: Whether `predict` can measure the seconds of a step.
+    `predict` is a function from seconds per step to a prediction; if it can measure these itself, `beforehand`, it is
+    also called with None. Without `wanted`, long runs only are predicted.
     """
 
     def __init__(
@@ -83,16 +80,12 @@ class Expectation:
         return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
 
     def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
-        """The outcome as plain data; None without a prediction.
-
-        Args:
-            energy_error: The relative error of the energy, if the scene has one and it was observed.
-        """
+        """The outcome as plain data, with the relative error of the energy if known; None without a prediction."""
         return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
 
     def notes(self, energy_error: float | None) -> Iterator[str]:
         """Sentences that compare the outcome with the prediction."""
-        from bseries.advice.predictions.calibration import duration
+        from bseries.advice.predictions.prediction import duration
 
         found = self.outcome(energy_error)
         if found is None or self.prediction is None:

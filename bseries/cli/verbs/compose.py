@@ -9,13 +9,13 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import complete_method, read_method
+from bseries.cli.output import Output
 from bseries.cli.verbs.series import answer, count_rows, takes_series_options
+from foundation.table import Table
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
-    from bseries.cli.output import Output
-    from foundation.table import Table
 
 
 @click.command()

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import WholeNumber, takes_output, takes_text
-
-if TYPE_CHECKING:
-    from bseries.cli.output import Output
-    from foundation.table import Table
+from bseries.cli.output import Output, WholeNumber, takes_output, takes_text
+from foundation.table import Table
 
 
 @click.command()

@@ -11,16 +11,14 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import is_tableau_file, read_method
 from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import takes_plot
+from bseries.cli.options.plot import PlotFile, takes_plot
 from bseries.cli.options.scene_argument import read_start, takes_scene
-from bseries.cli.output import NO_LATEX, takes_output
+from bseries.cli.output import NO_LATEX, Output, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.precision_curves import WorkPrecision
     from bseries.advice.work_precision.recommendation import Recommendation
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 
@@ -74,8 +72,7 @@ def cost(
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
-    from bseries.advice.work_precision.diagram import draw
-    from bseries.advice.work_precision.precision_curves import BUDGET, work_precision
+    from bseries.advice.work_precision.precision_curves import BUDGET, draw, work_precision
 
     if start is not None:
         scene = read_start(start, scene)

@@ -10,15 +10,13 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import takes_plot
+from bseries.cli.options.plot import PlotFile, takes_plot
 from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
-from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.output import Output, WholeNumber, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 

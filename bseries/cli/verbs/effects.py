@@ -12,17 +12,15 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method_option
 from bseries.cli.options.numbers import read_given
-from bseries.cli.options.plot import takes_plot
+from bseries.cli.options.plot import PlotFile, takes_plot
 from bseries.cli.options.scene_argument import read_part_names, read_start_values, takes_parts, takes_scene
-from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.progress import Progress
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from bseries.cli.progress import Progress
-    from foundation.table import Table
     from integrators import Scene
 
 
@@ -112,14 +110,6 @@ class FirstRun:
     """The progress of all runs; their time is predicted from the first one.
 
     Further runs begin with compilation, which would count as the cost of steps.
-
-    Args:
-        progress: Shows the progress and the prediction.
-        h: The step size.
-        span: The length of a run.
-
-    Attributes:
-        watch: The prediction, from the first run.
     """
 
     def __init__(self, progress: Progress, h: Any, span: Any):

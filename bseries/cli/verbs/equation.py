@@ -10,12 +10,11 @@ import click
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_powers, takes_powers
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
-from bseries.cli.output import takes_output
+from bseries.cli.output import Output, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 

@@ -154,9 +154,12 @@ def _make(
     """Compute the numbers of a figure, and write them, their picture or both."""
     from bseries import picture_files
     from bseries.figures.registry import compute, drawn, takes_progress
+    from foundation.extras import optional_module
     from foundation.plotting import picture
     from integrators.core.text_files import atomic_write
 
+    if format_ is not None:
+        optional_module("matplotlib", "a figure")  # before the numbers, which may take minutes
     numbers = compute(file, {**options, "progress": advance} if takes_progress(file) else options)
     content = None if format_ is None else picture(drawn(file, numbers), format_)
     if data is not None:

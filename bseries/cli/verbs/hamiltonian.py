@@ -10,15 +10,13 @@ import click
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import read_float, read_powers, takes_powers
-from bseries.cli.options.plot import takes_plot
+from bseries.cli.options.plot import PlotFile, takes_plot
 from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
-from bseries.cli.output import takes_output
+from bseries.cli.output import Output, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 STEPS = 1000

@@ -8,14 +8,12 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.plot import takes_plot
-from bseries.cli.output import takes_output, takes_text
+from bseries.cli.options.plot import PlotFile, takes_plot
+from bseries.cli.output import Output, takes_output, takes_text
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
 
 
 HINT = "`bseries methods NAME` shows a tableau and its source; --format csv and json list all sources."

@@ -10,11 +10,10 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.scene_argument import takes_scene
-from bseries.cli.output import takes_output
+from bseries.cli.output import Output, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 

@@ -10,13 +10,12 @@ import click
 
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.output import Output, WholeNumber, takes_output
+from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.output import Output
-    from foundation.table import Table
 
 
 def takes_series_options(verb: Callable[..., Any]) -> Callable[..., Any]:

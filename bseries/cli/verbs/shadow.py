@@ -11,15 +11,13 @@ import click
 
 from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import takes_plot
+from bseries.cli.options.plot import PlotFile, takes_plot
 from bseries.cli.options.scene_argument import read_assignments, takes_scene
-from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
+from bseries.cli.output import NO_LATEX, Output, WholeNumber, takes_output
+from foundation.table import Table
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
     from integrators import Scene
 
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.options.plot import takes_plot
-from bseries.cli.output import WholeNumber, takes_output
-
-if TYPE_CHECKING:
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
+from bseries.cli.options.plot import PlotFile, takes_plot
+from bseries.cli.output import Output, WholeNumber, takes_output
+from foundation.table import Table
 
 
 @click.command()

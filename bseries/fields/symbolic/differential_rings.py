@@ -16,14 +16,13 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, check_smooth, prime_factors, primitive
 from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
-
-if TYPE_CHECKING:
-    import sympy
 
 MOST_MONOMIALS = 1_000_000
 
@@ -81,8 +80,6 @@ class DifferentialRing(GeneratedRing):
 
     def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
         """Find the index of every root and the basic arguments, inner and frequent ones first."""
-        import sympy
-
         arguments: Counter[tuple[int, str, Any]] = Counter()
         for part in (part for formula in formulas for part in sympy.preorder_traversal(formula)):
             if isinstance(part, sympy.Pow):
@@ -113,8 +110,6 @@ class DifferentialRing(GeneratedRing):
         return found
 
     def _interpret(self, formula: Any) -> Element:
-        import sympy
-
         if formula.is_Rational or formula.is_Float:
             exact: Any = sympy.Rational(formula)  # floats are exact binary fractions
             return self.coerce(Fraction(int(exact.p), int(exact.q)))
@@ -168,8 +163,6 @@ class DifferentialRing(GeneratedRing):
         return found if all(abs(multiple) <= MOST_MULTIPLE for _, multiple in found) else [(terms, 1)]
 
     def _exponential(self, argument: sympy.Expr) -> Element:
-        import sympy
-
         result = self.coerce(1)
         for row, multiple in self._coordinates("exp", argument):
             key = "exp", frozenset(row.items())
@@ -195,8 +188,6 @@ class DifferentialRing(GeneratedRing):
 
     def _basic_pair(self, row: dict[Monomial, Any], family: Sequence[str]) -> tuple[Element, Element]:
         """sin b and cos b of a basic argument: generators, or algebraic numbers."""
-        import sympy
-
         key = family[0], frozenset(row.items())
         if key not in self._functions:
             basic = self.from_terms(row)
@@ -212,16 +203,12 @@ class DifferentialRing(GeneratedRing):
 
     def to_expression(self, element: Element, *, simplify: bool = True) -> sympy.Expr:
         """The SymPy expression: with common denominators and factored if that is not too large, or expanded."""
-        import sympy
-
         if simplify and self.digits is None:
             with suppress(TooLarge):
                 return sympy.Add(*map(self._factored, self.quotients(element, grow=False)))
         return self.expression(element)
 
     def _factored(self, part: Quotient) -> sympy.Expr:
-        import sympy
-
         if not part.numerator:
             return sympy.Integer(0)
         numerator = reduce(self._shorter, self.pairs, part.numerator)
@@ -267,8 +254,6 @@ def _depth(formula: sympy.Basic) -> int:
 
 def _name(formula: sympy.Basic) -> str:
     """The name of a function with addition theorems; empty for others, including user functions with such a name."""
-    import sympy
-
     name = type(formula).__name__
     return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
 

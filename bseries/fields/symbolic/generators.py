@@ -20,14 +20,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.polynomials import Element, Monomial, Number, PolynomialRing, TooLarge
 from integrators.core.errors import shorten
-
-if TYPE_CHECKING:
-    import sympy
 
 MOST_POWER = 1_000
 MOST_MONOMIALS_OF_A_POWER = 10_000
@@ -75,8 +74,6 @@ class GeneratedRing(PolynomialRing):
 
     def expression(self, element: Element) -> sympy.Expr:
         """The SymPy expression of a polynomial, expanded."""
-        import sympy
-
         return sympy.Add(*(
             sympy.Mul(self._number(x), *(self.generators[k] ** e for k, e in monomial))
             for monomial, x in element.terms.items()
@@ -84,8 +81,6 @@ class GeneratedRing(PolynomialRing):
 
     def _number(self, value: Fraction) -> sympy.Expr:
         """A coefficient as a SymPy number, rounded to `digits`."""
-        import sympy
-
         exact = sympy.Rational(value)
         if self.digits is None or (value.denominator == 1 and abs(value) < 10**self.digits):
             return exact
@@ -114,8 +109,6 @@ class GeneratedRing(PolynomialRing):
 
     def _prime_root(self, prime: int, index: int) -> int:
         """The generator prime^(1/index)."""
-        import sympy
-
         for k, known in self._number_roots.items():
             if known == (prime, index):
                 return k
@@ -129,8 +122,6 @@ class GeneratedRing(PolynomialRing):
         for k, known in self._roots.items():
             if known.degree % index == 0 and not known.base - base:
                 return k
-
-        import sympy
 
         def derivative(i: int) -> Element:
             return Fraction(-1, index) * self.generator(w, index + 1) * self.derivative(base, i)
@@ -268,8 +259,6 @@ def primitive(element: Element, *, keep_sign: bool = False) -> tuple[Fraction, E
 @lru_cache(maxsize=256)
 def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
     """Factors and exponents of a positive integer; factors without small divisors may be composite."""
-    import sympy
-
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from bseries.exceptions import SeriesError
-
-if TYPE_CHECKING:
-    import sympy
-
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
 
 MOST_POWERS = 60
 """Higher powers of sines or of polynomials are not expanded."""
@@ -33,8 +31,6 @@ def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr
         >>> potential(ring, ring.elements)
         p**2/2 + q/2 - log(p) - sin(2*q)/4
     """
-    import sympy
-
     found: Any = sympy.Integer(0)
     for i, x in enumerate(ring.variables):
         rest = gradient[i] - ring.derivative(ring.element(found), i)
@@ -48,8 +44,6 @@ def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr
 
 def antiderivative(formula: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     """An antiderivative of a sum of products; None if no rule applies to a product."""
-    import sympy
-
     coefficients: dict[Any, list[Any]] = defaultdict(list)
     for term in sympy.Add.make_args(formula):
         coefficient, part = term.as_independent(x, as_Add=False) if term.has(x) else (term, sympy.Integer(1))
@@ -67,8 +61,6 @@ class _NoRule(SeriesError):
 
 def _of_product(product: Any, x: Any) -> Any:
     """∫ x^m f dx, where f is a product of sines and cosines, an exponential, or a power Q(x)^e."""
-    import sympy
-
     power: Any = sympy.Integer(0)
     growth: Any = sympy.Integer(0)
     waves: list[tuple[Any, int]] = []
@@ -103,8 +95,6 @@ def _degree(power: Any) -> int:
 
 def _by_parts(m: int, wave: Any, x: Any) -> Any:
     """∫ x^m e^(kx+c) dx, also with sin, cos or 1 in place of exp, by parts."""
-    import sympy
-
     if not wave.has(x):
         return wave * x ** (m + 1) / (m + 1)
     k = wave.args[0].diff(x)
@@ -120,8 +110,6 @@ def _by_parts(m: int, wave: Any, x: Any) -> Any:
 
 def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
     """A product of powers of sines and cosines as a trigonometric sum, by cos b = (e^(ib) + e^(−ib))/2."""
-    import sympy
-
     total: dict[Any, Any] = {sympy.Integer(0): sympy.Integer(1)}  # coefficients of e^(ia) by argument a
     for base, times in waves:
         plus, minus = (1, 1) if isinstance(base, sympy.cos) else (-sympy.I, sympy.I)
@@ -141,8 +129,6 @@ def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
 
 def _of_polynomial_power(m: Any, base: Any, exponent: Any, x: Any) -> Any:
     """∫ x^m Q^e dx by the substitution u = Q, for Q = αx + β or, with odd m, Q = αx² + β."""
-    import sympy
-
     if exponent.has(x) or not base.is_polynomial(x):
         raise _NoRule
     coefficients = sympy.Poly(base, x).all_coeffs()

@@ -12,6 +12,8 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, TypeAlias
 
+import flint
+
 from bseries.exceptions import SeriesError
 
 Number: TypeAlias = int | Fraction
@@ -229,12 +231,8 @@ def _parts(polynomial: Any) -> Iterator[Any]:
 @cache
 def _context(size: int) -> Any:
     """python-flint's polynomials in some generators, the last one leading."""
-    import flint
-
     return flint.fmpq_mpoly_ctx.get([f"g{k}" for k in reversed(range(size))], flint.Ordering.lex)
 
 
 def _number(value: Number) -> Any:
-    import flint
-
     return value if isinstance(value, int) else flint.fmpq(value.numerator, value.denominator)

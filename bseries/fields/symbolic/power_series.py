@@ -12,13 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.polynomials import Element, Monomial, Number
-
-if TYPE_CHECKING:
-    import sympy
 
 
 class PowerSeries:
@@ -129,8 +128,6 @@ class Expansion:
 
     def _value(self, k: int) -> Any:
         """The value of a generator at h = 0; roots are those of positive numbers, as in the ring."""
-        import sympy
-
         value: Any = self.formulas.generators[k].xreplace(self._start).doit()  # for derivatives of undefined functions
         return sympy.powdenest(sympy.together(value), force=True) if isinstance(value, sympy.Pow) else value
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
+from sympy.solvers.solveset import NonlinearError
 
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.action_angle.coordinate_change import (
@@ -14,9 +17,7 @@ from bseries.hamiltonians.action_angle.coordinate_change import (
     simplified,
 )
 from integrators.scenes.model.formulas import read_formula
-
-if TYPE_CHECKING:
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 
 def canonical_transformation(
@@ -30,11 +31,7 @@ def canonical_transformation(
     """A verified symplectic change of coordinates, from its formulas.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables.
-        formulas: A map from every old variable to a formula in the new ones.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive, such as a radius.
+        old, new, formulas, parameters, positive: As for `CoordinateChange`.
 
     Raises:
         SeriesError: The change is not symplectic, or variables do not fit.
@@ -70,11 +67,8 @@ def point_transformation(
     Momenta become P = χ'(Q)ᵀ p; the generating function is p·χ(Q).
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q.
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables are P, Q.
         positions: A map from the old positions to formulas in the new ones.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive, such as a radius.
 
     Raises:
         SeriesError: The Jacobian matrix is singular everywhere, or positions do not fit.
@@ -96,8 +90,6 @@ def point_transformation(
     References:
         E. Hairer, lecture on long-time behaviour, exercise 3 and (26); HLW, section VI.5.
     """
-    import sympy
-
     before, after = read_pair(old, "old"), read_pair(new, "new")
     check_mapping(positions, before[1].variables, "positions")
     parameters = tuple(parameters)
@@ -124,13 +116,10 @@ def generating_transformation(
     """The change of coordinates with a generating function S(P, q): p = ∇_q S, Q = ∇_P S.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the new variables P, Q, with other names.
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables P, Q have other names.
         S: A formula in new momenta and old positions; P·q gives the identity.
         positions: The solution q of Q = ∇_P S(P, q), as formulas in P and Q by the names of q; needed for equations
             that are not linear in q.
-        parameters: The names of parameters in formulas.
-        positive: The new variables that are positive.
 
     Raises:
         SeriesError: `positions` do not solve the equations, or arguments do not fit.
@@ -148,9 +137,6 @@ def generating_transformation(
     References:
         HLW, section VI.5.1; E. Hairer, lecture on long-time behaviour, section 5 and exercise 3.
     """
-    import sympy
-    from sympy.solvers.solveset import NonlinearError
-
     before, after = read_pair(old, "old"), read_pair(new, "new")
     shared = sorted(set(names_of(before)) & set(names_of(after)))
     if shared:
@@ -194,10 +180,8 @@ def harmonic_action_angle(
     """Action-angle variables of H = Σ (p_i² + ω_i² q_i²)/2 = Σ ω_i a_i: p = √(2aω) cos θ, q = √(2a/ω) sin θ.
 
     Args:
-        old: A scene, or the blocks of its variables: the momenta p and the positions q.
-        new: The blocks of the actions and the angles.
+        old, new, parameters: As for `CoordinateChange`; the new blocks are the actions and the angles.
         frequencies: The frequencies ω_i, numbers or formulas in parameters.
-        parameters: The names of parameters.
 
     Raises:
         SeriesError: The frequencies or variables do not fit.
@@ -209,8 +193,6 @@ def harmonic_action_angle(
         p = 2*sqrt(a)*cos(theta)
         q = sqrt(a)*sin(theta)
     """
-    import sympy
-
     before, after, parameters = read_pair(old, "old"), read_pair(new, "new"), tuple(parameters)
     size = before[0].dimension
     if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != size:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states
@@ -20,12 +21,8 @@ from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
-
-    Equations: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-    """Functions from rows x, and their numbers among all points, to f(x) and the matrices f'(x)."""
+Equations: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Functions from rows x, and their numbers among all points, to f(x) and the matrices f'(x)."""
 
 
 class CoordinateChange(ImmutableValue):
@@ -101,8 +98,6 @@ class CoordinateChange(ImmutableValue):
     @cached_property
     def symbols(self) -> tuple[sympy.Symbol, ...]:
         """The new variables as SymPy symbols."""
-        import sympy
-
         return tuple(map(sympy.Symbol, names_of(self.new)))
 
     def with_parameters(self, /, **values: Any) -> CoordinateChange:
@@ -117,8 +112,6 @@ class CoordinateChange(ImmutableValue):
 
     def _filled(self, values: Mapping[str, sympy.Expr]) -> CoordinateChange:
         """The same change with values, numbers or their own symbols, for parameters."""
-        import sympy
-
         known = {sympy.Symbol(name): values[name] for name in self.parameters if name in values}
         formulas = {name: formula.xreplace(known) for name, formula in self.formulas.items()}
         rest = [name for name in self.parameters if name not in values or values[name].free_symbols]
@@ -184,8 +177,6 @@ class CoordinateChange(ImmutableValue):
             >>> change.composed((p**2 + q**2) / 2)
             a
         """
-        import sympy
-
         others = {str(symbol) for symbol in formula.free_symbols} - set(names_of(self.old))
         shared = sorted(others & set(names_of(self.new)))
         if shared:
@@ -278,8 +269,6 @@ class CoordinateChange(ImmutableValue):
     @cached_property
     def _functions(self) -> Callable[..., list[Any]]:
         """The entries of ψ and, row by row, of ψ' as functions of NumPy's arrays."""
-        import sympy
-
         if self.parameters:
             raise SeriesError(f"parameters must be numbers, but {self.parameters[0]} is a symbol: see with_parameters")
         rows = list(self.formulas.values())
@@ -302,7 +291,6 @@ def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Ex
 
 def simplified_inside_out(formula: Any, symbols: Sequence[sympy.Symbol]) -> Any:
     """Simplify a formula from the innermost arguments outwards, as √(x² + y²) needs; factored, or a sum if shorter."""
-    import sympy
 
     def inner(part: Any) -> Any:
         return part.func(*(simplified(argument, symbols) for argument in part.args))
@@ -357,8 +345,6 @@ reach another solution without, and 45 with 8 steps at most."""
 
 def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")) -> np.ndarray:
     """Solve f(x) = 0 at each row of `start`; nan where a step exceeds the previous one times `growth`, or steps end."""
-    import numpy as np
-
     x, last = start.copy(), np.full(len(start), np.inf)
     active = np.flatnonzero(np.isfinite(x).all(axis=1))
     for _ in range(MOST_STEPS):
@@ -389,8 +375,6 @@ def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
     References:
         P. Deuflhard, *Newton Methods for Nonlinear Problems*, section 5.1 (continuation with the monotonicity test).
     """
-    import numpy as np
-
     x, identity = np.full_like(origin, np.nan), np.eye(origin.shape[1])
     for count, growth in [*((count, 0.5) for count in CONTINUATIONS), (1, np.inf)]:
         rest = np.flatnonzero(np.isnan(x).any(axis=1))

@@ -7,14 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from itertools import chain
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.symbolic.polynomials import Element
-
-if TYPE_CHECKING:
-    import sympy
 
 MOST_POWER = 50
 """Higher powers of trigonometric polynomials raise an error."""
@@ -46,8 +45,6 @@ class FourierRing(DifferentialRing):
         *,
         limit: int = MOST_MONOMIALS,
     ):
-        import sympy
-
         self.actions, self.angles = tuple(actions), tuple(angles)
         leaves = [leaf for formula in formulas for leaf in self._leaves(formula)]
         super().__init__(leaves, [*actions, *angles], limit=limit)
@@ -59,8 +56,6 @@ class FourierRing(DifferentialRing):
 
     def _add_waves(self, j: int) -> tuple[int, int]:
         """Add the generators e^(iθ_j) and e^(−iθ_j)."""
-        import sympy
-
         place, zero = len(self.actions) + j, self.zero
         z = self.add_function(
             sympy.exp(sympy.I * self.angles[j]), lambda i: self._unit * self.generator(z) if i == place else zero
@@ -90,8 +85,6 @@ class FourierRing(DifferentialRing):
 
     def _read_wave(self, formula: Any) -> Element:
         """Convert cos(k·θ + β) = cos β cos k·θ − sin β sin k·θ, or a sine."""
-        import sympy
-
         if isinstance(formula, sympy.sin | sympy.cos):
             argument = sympy.expand(formula.args[0])
             k = [argument.diff(angle) for angle in self.angles]
@@ -138,8 +131,6 @@ class FourierRing(DifferentialRing):
 
     def waves_expression(self, f: Element, *, simplify: bool = True) -> sympy.Expr:
         """The SymPy expression of a real f in cos k·θ and sin k·θ, with factored coefficients if `simplify`."""
-        import sympy
-
         total: list[Any] = []
         for k, (c, s) in self.modes(f).items():
             argument = sympy.Add(*(n * angle for n, angle in zip(k, self.angles, strict=True)))
@@ -156,8 +147,6 @@ class FourierRing(DifferentialRing):
 
     def _vanishes(self, element: Element, random: Random) -> bool:
         """Whether an element is zero to many digits, relative to its monomials, at a random point."""
-        import sympy
-
         formula: Any = self.expression(element)
         # Both signs, to distinguish √(a²) from a.
         numbers = {
@@ -168,7 +157,5 @@ class FourierRing(DifferentialRing):
 
     def reciprocal(self, x: Element) -> Element:
         """One over an element, with rationalised denominators for numbers."""
-        import sympy
-
         value: Any = self.to_expression(x)
         return self.element(sympy.radsimp(1 / value)) if value.is_number else self.raised(x, Fraction(-1))

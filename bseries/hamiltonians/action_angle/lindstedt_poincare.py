@@ -1,32 +1,122 @@
-"""Lindstedt–Poincaré series: normal forms of nearly integrable Hamiltonians, with the change of variables."""
+"""Lindstedt–Poincaré series: normal forms of nearly integrable Hamiltonians, with the change of variables.
+
+For H(a, θ) = K(a) + ε H_1(a, θ) + ε² H_2(a, θ) + … a generating function S(b, θ) = ε S_1 + ε² S_2 + … is found such
+that H(b + ∇_θ S, θ) = N(b, θ + ∇_b S), where N depends on resonant angles only, and on none without resonances. With
+the terms of lower orders known, the terms with ε^n are
+
+    ω(b)·∇_θ S_n + R_n(b, θ) = N_n(b, θ),    ω = ∇K,
+
+where R_n is the remainder of both compositions. N_n is the mean of R_n, with its resonant modes (k·ω = 0). The other
+modes, divided by k·ω(b), give S_n.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from fractions import Fraction
+from functools import cache, cached_property
+from itertools import chain
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.fields.symbolic.polynomials import TooLarge
-from bseries.hamiltonians.action_angle.coordinate_change import read_pair
-from bseries.hamiltonians.action_angle.elimination import Elimination
-from bseries.hamiltonians.action_angle.fourier import FourierRing
+from bseries.fields.symbolic.polynomials import Element, TooLarge
+from bseries.fields.symbolic.power_series import Composition, PowerSeries
+from bseries.hamiltonians.action_angle.coordinate_change import continued, read_pair
+from bseries.hamiltonians.action_angle.fourier import FourierRing, Mode
 from integrators.core.arguments import items
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.model.blocks import check_symbols
+from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
+from trees.compiled import float_kernel
 
-if TYPE_CHECKING:
-    import numpy as np
-    import sympy
 
-    from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
-    from integrators.scenes.model.blocks import Block
+class Denominator(NamedTuple):
+    """Denominator k·ω(b), with the first order at which it occurs."""
+
+    value: Element
+    order: int
+
+
+class Elimination:
+    """Series S and N of the Hamiltonian K + ε H_1 + …, with denominators and the first orders of resonances by k.
+
+    Resonant modes raise an error, or stay in N.
+    """
+
+    def __init__(self, ring: FourierRing, terms: Sequence[Element], *, keep_resonant: bool = False):
+        self.ring, self._keep = ring, keep_resonant
+        if ring.modes(terms[0]).keys() - {ring.constant}:
+            names = ", ".join(map(str, ring.actions))
+            raise SeriesError(
+                f"hamiltonian must depend on {names:.60} only where the parameter is 0, "
+                f"but is {ring.waves_expression(terms[0])!s:.60} there"
+            )
+        d = len(ring.actions)
+        self._frequencies = [ring.derivative(terms[0], i) for i in range(d)]
+        self._reciprocal = cache(self._find_reciprocal)
+        self.generating, self.normal = [ring.zero], [terms[0]]
+        self.denominators: dict[Mode, Denominator] = {}
+        self.resonances: dict[Mode, int] = {}
+        actions, angles = [self._shifted(i, d + i) for i in range(d)], [self._shifted(d + i, i) for i in range(d)]
+        fixed = [PowerSeries.polynomial(ring.element(x)) for x in ring.variables]
+        at_actions, at_angles = Composition(ring, [*actions, *fixed[d:]]), Composition(ring, [*fixed[:d], *angles])
+        frequencies, left = [at_actions(x) for x in self._frequencies], [at_actions(x) for x in terms]
+        right = [at_angles(terms[0])]
+        for n in range(1, len(terms)):
+            # n K_n = Σ m a_m·ω_{n−m} for K and ω at the actions a; the summand with m = n has the unknown S_n.
+            moved = zip(actions, frequencies, strict=True)
+            known = ring.dot((Fraction(m, n) * a[m], omega[n - m]) for a, omega in moved for m in range(1, n))
+            perturbed = ring.dot((1, left[m][n - m]) for m in range(1, n + 1))
+            self._split(known + perturbed - ring.dot((1, right[m][n - m]) for m in range(1, n)), n)
+            right.append(at_angles(self.normal[n]))
+
+    def _shifted(self, i: int, partner: int) -> PowerSeries:
+        """A variable plus the derivative of S in its partner, as a series in ε."""
+        start, ring = self.ring.element(self.ring.variables[i]), self.ring
+        return PowerSeries(ring, lambda n: ring.derivative(self.generating[n], partner) if n else start)
+
+    def _split(self, rest: Element, order: int) -> None:
+        """Split R_n into the terms S_n and N_n, and append them."""
+        ring, generating, normal = self.ring, list[tuple[Element, Element]](), list[tuple[Element, Element]]()
+        for k, (c, s) in ring.modes(rest).items():
+            cosine, sine = ring.wave(k)
+            reciprocal = self._reciprocal(k) if any(k) else None
+            if reciprocal is not None:
+                self.denominators.setdefault(k, Denominator(self._denominator(k), order))
+                generating += [(s * reciprocal, cosine), (-c * reciprocal, sine)]
+            elif k == ring.constant or not (ring.is_zero(c) and ring.is_zero(s)):
+                normal += [(c, cosine), (s, sine)]
+                if any(k) and not self._keep:
+                    raise SeriesError(
+                        f"hamiltonian must have no resonance through its terms of order {order}, but k·omega = 0 "
+                        f"for k = ({', '.join(map(str, k))}): see keep_resonant"
+                    )
+                if any(k):
+                    self.resonances.setdefault(k, order)
+        self.generating.append(ring.dot(generating))
+        self.normal.append(ring.dot(normal))
+
+    def _denominator(self, k: Mode) -> Element:
+        """The denominator k·ω(b)."""
+        return self.ring.dot(zip(k, self._frequencies, strict=True))
+
+    def _find_reciprocal(self, k: Mode) -> Element | None:
+        """1/(k·ω(b)); None for a resonance."""
+        common = math.gcd(*k)
+        if common > 1:
+            reduced = self._reciprocal(tuple(n // common for n in k))
+            return None if reduced is None else reduced * Fraction(1, common)
+        value = self._denominator(k)
+        return None if self.ring.is_zero(value) else self.ring.reciprocal(value)
 
 
 class SmallDenominator(NamedTuple):
@@ -170,13 +260,9 @@ class NormalForm:
 
     @cached_property
     def _maps(self) -> NormalFormMaps:
-        from bseries.hamiltonians.action_angle.normal_form_maps import NormalFormMaps
-
         return NormalFormMaps(self._elimination)
 
     def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
-        import numpy as np
-
         states, shape = read_states(y, self.scene.dimension)
         value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self._maps
         actions, angles = (slice(block.offset, block.end) for block in self._blocks)
@@ -198,8 +284,6 @@ class NormalForm:
     @cached_property
     def normal_scene(self) -> Scene:
         """The system with the truncated new Hamiltonian, as a scene with the parameter as a symbol."""
-        import sympy
-
         blocks = {block.name: block.size for block in self.scene.blocks}
         energy = self.expression(sympy.Symbol(self.parameter))
         symbols = {str(symbol) for symbol in energy.free_symbols} - set(self.variables)
@@ -260,9 +344,6 @@ def lindstedt_poincare(
             resonant combinations of angles. Otherwise they raise an error.
         limit: Largest number of monomials in an intermediate result.
 
-    Returns:
-        The series, as a `NormalForm`.
-
     Raises:
         SeriesError: The scene is not Hamiltonian in all its variables, H has infinitely many Fourier modes, K depends
             on angles, a resonance occurs, or the formulas are too large.
@@ -307,8 +388,6 @@ def lindstedt_poincare(
 
 def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
     """The Taylor coefficients H_0 = K, H_1, … of the Hamiltonian in the parameter."""
-    import sympy
-
     known = isinstance(parameter, str) and parameter in scene.parameters
     if not known and perturbations is None:
         names = ", ".join(scene.parameters) or "none"
@@ -332,3 +411,110 @@ def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Seque
         if m <= order:
             found[m] += added
     return found
+
+
+LARGEST_ARRAY = 2**18
+"""The number of coefficients that are computed at a time: arrays of two megabytes."""
+
+
+@float_kernel
+def sum_monomials(powers, numbers, first_factor, factors, first_monomial, out):
+    """Compute each column of `out` as a sum of monomials: numbers times columns of `powers`, point by point."""
+    for point in range(len(out)):
+        for column in range(len(first_monomial) - 1):
+            total = 0.0
+            for monomial in range(first_monomial[column], first_monomial[column + 1]):
+                x = numbers[monomial]
+                for k in range(first_factor[monomial], first_factor[monomial + 1]):
+                    x *= powers[point, factors[k]]
+                total += x
+            out[point, column] = total
+
+
+class NormalFormMaps:
+    """The maps for the generating function of an elimination, at many points.
+
+    S and its derivatives in the actions are Fourier sums. Their coefficients are sums of monomials: numbers times
+    powers of ε and of the generators of the coefficients, which are the only formulas to be evaluated.
+    """
+
+    def __init__(self, elimination: Elimination):
+        import sympy
+
+        ring, size = elimination.ring, len(elimination.ring.actions)
+        found = [
+            [ring.modes(ring.derivative(term, i - 1) if i else term) for term in elimination.generating]
+            for i in range(size + 1)
+        ]
+        modes = sorted({k for term in found[0] for k in term})
+        # Re Σ (c_k − i s_k) e^(ik·θ): a column for each real and each imaginary part.
+        columns = [
+            [
+                (n, (1, -1)[part] * float(number), powers)
+                for n, term in enumerate(kind)
+                if k in term
+                for powers, number in term[k][part].terms.items()
+            ]
+            for kind in found
+            for k in modes
+            for part in (0, 1)
+        ]
+        monomials = list(chain(*columns))
+        powers = sorted({power for *_, factors in monomials for power in factors})
+        formulas = [ring.generators[k] ** n for k, n in powers]
+        unknown = sorted({str(x) for formula in formulas for x in formula.free_symbols.difference(ring.actions)})
+        if unknown:
+            raise SeriesError(f"scene must have numbers for its parameters to map points, but not for {unknown[0]}")
+        self._powers = sympy.lambdify(ring.actions, formulas, "numpy", cse=True, dummify=True)
+        self._orders = np.array([order for order, *_ in monomials])
+        self._numbers = np.array([number for _, number, _ in monomials])
+        index = {power: at for at, power in enumerate(powers)}
+        factors = [[index[power] for power in powers] for *_, powers in monomials]
+        first_factor, first_monomial = (np.cumsum([0, *map(len, parts)]) for parts in (factors, columns))
+        self._tables = first_factor, np.array(list(chain(*factors)), int), first_monomial
+        self._k = np.array(modes, float).reshape(-1, size)
+
+    def images(
+        self, is_back: bool, actions: np.ndarray, angles: np.ndarray, eps: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Map rows (a, θ) to (b, φ), or back; nan where the equations cannot be solved."""
+        height = max(1, LARGEST_ARRAY // len(self._tables[-1]))
+        if len(actions) > height:
+            parts = [
+                self.images(is_back, actions[k : k + height], angles[k : k + height], eps)
+                for k in range(0, len(actions), height)
+            ]
+            return np.concatenate([first for first, _ in parts]), np.concatenate([second for _, second in parts])
+
+        def slopes(x: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """The change of the unknown x, its matrix, and the change of the other variables."""
+            if is_back:
+                along_angles, along_actions, mixed = self._slopes(known, self._waves(x))
+                return along_actions, mixed, along_angles
+            along_angles, along_actions, mixed = self._slopes(self._coefficients(x, eps), known)
+            return along_angles, mixed.transpose(0, 2, 1), along_actions
+
+        with np.errstate(all="ignore"):
+            known = self._coefficients(actions, eps) if is_back else self._waves(angles)
+            x = continued(lambda x, k: slopes(x, known[k])[:2], angles if is_back else actions)
+            change = slopes(x, known)[2]
+        return (actions + change, x) if is_back else (x, angles + change)
+
+    def _coefficients(self, actions: np.ndarray, eps: float) -> np.ndarray:
+        """The coefficients of S and its derivatives in the actions at each row: (rows, 1 + actions, modes), complex."""
+        rows = self._powers(*actions.T)
+        powers, out = np.empty((len(actions), len(rows))), np.empty((len(actions), len(self._tables[-1]) - 1))
+        for column, row in zip(powers.T, rows, strict=True):
+            column[:] = row
+        sum_monomials.compiled(powers, self._numbers * eps**self._orders, *self._tables, out)
+        return out.view(complex).reshape(len(actions), -1, len(self._k))
+
+    def _waves(self, angles: np.ndarray) -> np.ndarray:
+        """e^(ik·θ) at each row."""
+        return np.exp(1j * (angles @ self._k.T))
+
+    def _slopes(self, coefficients: np.ndarray, waves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The gradients ∇_θ S and ∇_b S and the matrices ∂²S/∂b_i∂θ_j."""
+        values = coefficients * waves[:, None]
+        along_angles = -np.imag(values) @ self._k
+        return along_angles[:, 0], np.real(values[:, 1:]).sum(axis=2), along_angles[:, 1:]

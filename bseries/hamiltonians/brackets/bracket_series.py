@@ -64,16 +64,11 @@ class BracketSeries(Mapping[Bracket, Any]):
         fences: str = BRACES,
         basis: str = "nested",
     ):
-        self.parts = tuple(parts)
-        self.kinetic = kinetic
-        self.label = label
-        self.domain = domain
-        self.digits = digits
+        self.parts, self.kinetic, self.label, self.domain = tuple(parts), kinetic, label, domain
+        self.digits, self.basis = digits, basis
+        self._errors, self._fences = errors, fences
         self._terms = tuple(map(dict, terms))
         self._values = {word: value for term in self._terms for word, value in term.items()}
-        self._errors = errors
-        self._fences = fences
-        self.basis = basis
 
     @property
     def order(self) -> int:
@@ -171,10 +166,7 @@ class BracketSeries(Mapping[Bracket, Any]):
 
     def to_latex(self, powers: Sequence[int] | None = None) -> str:
         """The sum as LaTeX; by default all powers of h."""
-        shown = range(self.order) if powers is None else powers
-        terms = [(k, self.term_latex(k)) for k in shown if self.term(k)]
-        steps = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
-        return " + ".join(f"{steps[k]} \\left({text}\\right)" if k else text for k, text in terms) or "0"
+        return " + ".join(_summands(self, range(self.order) if powers is None else powers)) or "0"
 
     def _repr_latex_(self) -> str | None:
         powers = self._short_powers()
@@ -273,13 +265,14 @@ def _sum(terms: Any) -> str:
 
 def _equation(brackets: BracketSeries, powers: Sequence[int]) -> str:
     """The sum as a displayed align."""
-    factors = {k: "h" if k == 1 else f"h^{{{k}}}" for k in powers}
-    summands = [
-        f"{factors[k]} \\left({brackets.term_latex(k)}\\right)" if k else brackets.term_latex(k)
-        for k in powers
-        if brackets.term(k)
-    ]
-    return align([(ENERGY, summands)], powers[0], powers[-1])
+    return align([(ENERGY, _summands(brackets, powers))], powers[0], powers[-1])
+
+
+def _summands(brackets: BracketSeries, powers: Sequence[int]) -> list[str]:
+    """The terms that are not zero, with their powers of h, as LaTeX."""
+    terms = [(k, brackets.term_latex(k)) for k in powers if brackets.term(k)]
+    steps = {k: "h" if k == 1 else f"h^{{{k}}}" for k, _ in terms}
+    return [f"{steps[k]} \\left({text}\\right)" if k else text for k, text in terms]
 
 
 def _notes(brackets: BracketSeries, issues: Sequence[str], *, nonzero: bool) -> Iterator[str]:

@@ -12,7 +12,7 @@ Nyström systems. Their modified equation is tested for being a sum of brackets.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
@@ -27,13 +27,10 @@ from bseries.hamiltonians.brackets.lyndon_basis import MOST_LETTERS, bch_terms
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.kinds.splitting import Splitting
 from integrators.methods.programs.builder import read_parts
+from integrators.methods.programs.program import Method
 from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
-from trees.table import tree_table
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from trees.table import TreeTable
+from trees.table import TreeTable, tree_table
 
 
 def bracket_hamiltonian(
@@ -52,9 +49,6 @@ def bracket_hamiltonian(
             depend on them; brackets that then vanish are left out. The name of a part selects it as T; True selects T
             of T and U, or the first of two other parts, as in `modified_field`. By default it is true for methods made
             for such systems.
-
-    Returns:
-        The sum, in a basis of brackets.
 
     Raises:
         SeriesError: The method has no parts, its modified equation is not a sum of brackets (the message names the
@@ -98,9 +92,6 @@ def bch(
         symmetric: Whether to compute log(exp(A/2) exp B exp(A/2)), or log(exp(A/2) exp(B/2) exp C …) for more letters.
         basis: ``nested`` for right-nested commutators; ``lyndon`` for the brackets of Lyndon words in two letters: the
             word uv with its longest proper Lyndon suffix v stands for [P_u, P_v].
-
-    Returns:
-        The sum, in a basis of commutators.
 
     Raises:
         SeriesError: The order is too large, or the basis is unknown or not available for so many letters.

@@ -13,12 +13,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cache, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trees.lyndon_words import lyndon_words
-
-if TYPE_CHECKING:
-    from trees.table import TreeTable
+from trees.table import TreeTable
 
 Word = tuple[int, ...]
 """The letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}."""

@@ -10,23 +10,21 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import chain
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
+
+import sympy
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
 from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.polynomials import Element
+from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
 from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
+from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
-
-if TYPE_CHECKING:
-    import sympy
-
-    from bseries.fields.symbolic.polynomials import Element
-    from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000
 """Formulas with more monomials are not simplified, which would take longer than their computation."""
@@ -59,8 +57,6 @@ def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -
 
 def part_hamiltonians(scene: Scene, pieces: Sequence[Piece]) -> list[sympy.Expr]:
     """The Hamiltonians of the pieces of the field."""
-    import sympy
-
     energy = scene.hamiltonian
     if energy is None:
         raise SeriesError(f"scene must be Hamiltonian or Poisson, but {scene.name} has no Hamiltonian")
@@ -75,8 +71,6 @@ def part_hamiltonians(scene: Scene, pieces: Sequence[Piece]) -> list[sympy.Expr]
 
 def _sorted_terms(energy: sympy.Expr, pieces: Sequence[Piece], scene: Scene) -> list[sympy.Expr] | None:
     """The terms of a Hamiltonian by the piece of their field; None if a field has several pieces."""
-    import sympy
-
     blocks = [block.name for block in scene.blocks for _ in block.variables]
     found: list[list[sympy.Expr]] = [[] for _ in pieces]
     for term in sympy.Add.make_args(energy):
@@ -98,8 +92,6 @@ def _check_separable(name: str, pieces: Sequence[Piece], scene: Scene) -> None:
 
 def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sympy.Expr]) -> tuple[sympy.Expr, ...]:
     """Evaluate a sum of brackets for given Hamiltonians of the parts, by power of h."""
-    import sympy
-
     numbers = [x for x in brackets.values() if not isinstance(x, Fraction)]
     flows = {name: hamiltonian_field(energy, scene) for name, energy in energies.items()}
     formulas = [*energies.values(), *chain.from_iterable(flows.values()), *numbers]

@@ -4,37 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
 from bseries.fields.symbolic.generators import check_smooth
-from bseries.hamiltonians.drift.forms import Violation, angle_periods, violations
-from bseries.hamiltonians.drift.orbits import Orbit, closed_orbit
-from bseries.hamiltonians.drift.perturbations import Perturbation
-from bseries.hamiltonians.drift.report import DriftReport
-from bseries.hamiltonians.drift.statistics import (
+from bseries.hamiltonians.drift.orbits import (
     BLOCKS,
     BOUNDED,
     HALVINGS,
     LINEAR,
     SQUARE_ROOT,
     UNDECIDED,
+    Orbit,
     RateStatistics,
+    closed_orbit,
     rate_statistics,
 )
+from bseries.hamiltonians.drift.perturbations import Perturbation, Violation, angle_periods, violations
+from bseries.hamiltonians.drift.report import DriftReport
 from bseries.hamiltonians.from_trees import energy_trees
 from integrators.core.arguments import read_steps
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
+from integrators.scenes.scene import Scene
 
 STEPS = 100_000
 CHUNK = 8192
@@ -80,9 +78,6 @@ def energy_drift(
         h: The step size, for predicted slopes; needed with several degrees of freedom.
         steps: The length of the trajectory with several degrees of freedom.
         parts: As for `modified_field`.
-
-    Returns:
-        The report.
 
     Raises:
         SeriesError: The scene has no Hamiltonian, or `h` is 0.
@@ -209,8 +204,6 @@ def _rates(
     r: Perturbation, powers: Sequence[int], method: Method, state: Any, h: float, steps: int, parts: Any
 ) -> np.ndarray:
     """The rates by power at every step of a trajectory, computed piece by piece."""
-    import numpy as np
-
     from integrators import integrate
 
     pieces = []

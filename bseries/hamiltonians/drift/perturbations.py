@@ -1,29 +1,38 @@
-"""The non-Hamiltonian part r of a modified field, y' = B(y) ∇H̃(y) + r(y), and the rate at which it changes H̃."""
+"""The non-Hamiltonian part r of a modified field, y' = B(y) ∇H̃(y) + r(y), and the rate at which it changes H̃.
+
+The one-form B^(−1) r may be not closed at some power of h, or closed but not exact where variables are angles.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import mpmath
+import sympy
+
+from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.symbolic.integration import antiderivative
+from bseries.fields.symbolic.polynomials import Element
+from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
+from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
+from bseries.hamiltonians.verdicts import hamiltonian_order
+from integrators.methods.programs.program import Method
+from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import canonical_blocks
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
-
-    from bseries.algebra.bseries import BSeries
-    from bseries.fields.symbolic.differential_rings import DifferentialRing
-    from bseries.fields.symbolic.polynomials import Element
-    from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
-    from integrators.methods.programs.program import Method
-    from integrators.scenes.scene import Scene
-
 
 MOST_VARIABLES = 6
 """Largest number of variables for which there are formulas."""
@@ -125,3 +134,187 @@ class Perturbation:
     def _first(self) -> SceneSeries:
         """f, compiled."""
         return self._modified(self._method, 1)
+
+
+class PeriodGain(NamedTuple):
+    """The energy gained in a forward period of an angle, to leading order; a backward period loses as much."""
+
+    variable: str
+    period: sympy.Expr
+    gain: sympy.Expr  # the coefficient of the power of h
+    digits: int | None  # the accuracy; None if exact
+
+
+class Violation(NamedTuple):
+    """A power of h at which a field is not Hamiltonian."""
+
+    power: int
+    order: int  # the first power at which it is not even locally Hamiltonian; that of the first term left out if it is
+    turns: tuple[PeriodGain, ...]  # the nonzero gains per period of angles, if the field is locally Hamiltonian
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the field is locally Hamiltonian at this power of h."""
+        return self.power < self.order
+
+
+def violations(r: Perturbation, least: int) -> Iterator[Violation]:
+    """Powers of h from `least` on at which a modified field is not Hamiltonian, up to the first not even locally.
+
+    In a space of states with angles a closed form is the differential of a function only if its integral over each
+    period vanishes. This integral does not depend on the path. It is the difference of two values of the local modified
+    Hamiltonian, which is constant along solutions, at the same state; the energy changes by minus the integral in every
+    period. Periods are examined if there are formulas.
+
+    Example:
+        >>> import bseries as bs
+        >>> from bseries.hamiltonians.drift.perturbations import Perturbation
+        >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
+        >>> next(violations(Perturbation(bs.method("simplified-takahashi-imada"), asymmetric, 5), 1))
+        Violation(power=4, order=5, turns=(PeriodGain(variable='q', period=2*pi, gain=-pi/240, digits=None),))
+    """
+    order = hamiltonian_order(r.field)
+    angles = angle_periods(r.scene) if r.has_formulas else {}
+    for k in range(least, order):
+        gains = tuple(gain for gain in (_period_gain(r, k, i, period) for i, period in angles.items()) if gain.gain)
+        if gains:
+            yield Violation(k, order, gains)
+    if order < r.field.order:
+        yield Violation(order, order, ())
+
+
+def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
+    """The variables, by index, in which the Hamiltonian of a scene is periodic, and their periods.
+
+    Example:
+        >>> import bseries as bs
+        >>> angle_periods(bs.scene("pendulum")), angle_periods(bs.scene("kepler"))
+        ({1: 2*pi}, {})
+    """
+    formulas = [scene.hamiltonian, *(entry for row in scene.poisson or () for entry in row)]
+    periods = {i: common_period(formulas, x) for i, x in enumerate(scene.symbols)}
+    return {i: period for i, period in periods.items() if period is not None}
+
+
+def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
+    """A common period of formulas in x, as they are written; None if there is none or no formula contains x.
+
+    It is positive if it is a number. For symbols no absolute value is taken, so that multiples of 2π remain
+    recognisable.
+
+    Example:
+        >>> import sympy
+        >>> x, y = sympy.symbols("x y")
+        >>> common_period([y * sympy.sin(2 * x / 3), sympy.cos(x / 2 + y)], x), common_period([x + sympy.sin(x)], x)
+        (12*pi, None)
+    """
+    slopes: set[Any] = set()
+    waiting: list[Any] = [formula for formula in formulas if formula.has(x)]
+    while waiting:
+        part = waiting.pop()
+        slope: Any = sympy.diff(part.args[0], x) if isinstance(part, sympy.sin | sympy.cos) else x
+        if not slope.has(x):
+            slopes.add(slope)
+        elif not part.args:
+            return None
+        else:
+            waiting += (inner for inner in part.args if inner.has(x))
+    if not slopes:
+        return None
+    unit = min(slopes, key=sympy.default_sort_key)
+    multiples = [sympy.simplify(slope / unit) for slope in slopes]
+    if not all(multiple.is_Rational for multiple in multiples):
+        return None
+    whole = [Fraction(int(multiple.p), int(multiple.q)) for multiple in multiples]
+    scale = math.lcm(*(f.denominator for f in whole))
+    greatest = math.gcd(*(int(f * scale) for f in whole))
+    period = 2 * sympy.pi * scale / (greatest * unit)
+    return abs(period) if period.is_number else -period if period.could_extract_minus_sign() else period
+
+
+def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
+    """F(period) − F(0), where all sines and cosines in F have this period in x; simplified to 0 if possible.
+
+    Example:
+        >>> import sympy
+        >>> x, k = sympy.symbols("x k")
+        >>> rise(x * sympy.sin(1) + sympy.cos(k * x + x), x, 2 * sympy.pi / (k + 1))
+        2*pi*sin(1)/(k + 1)
+    """
+    held = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
+    found: Any = sympy.factor(held.subs(x, period) - held.subs(x, 0))
+    return sympy.Integer(0) if found.equals(0) else found
+
+
+def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
+    """The gain −∫ω_i dy_i over a period, by an antiderivative if possible, else by quadrature."""
+    x, name = r.scene.symbols[i], r.scene.variables[i]
+    formula = r.ring.to_expression(r.form(k)[i], simplify=False)
+    found = antiderivative(formula, x)
+    if found is not None:
+        gain = -rise(found, x, period)
+        if not gain.free_symbols & set(r.scene.symbols):
+            return PeriodGain(name, period, gain, None)
+    if formula.free_symbols - set(r.scene.symbols):
+        raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
+    return PeriodGain(name, period, _by_quadrature(formula, x, period, r.scene), DIGITS)
+
+
+def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Expr:
+    """−∫ω dx over a period, with the other variables at the start of the scene."""
+    start = scene.start or (0,) * scene.dimension
+    others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
+    function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)
+    length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
+    mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
+    return sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0)
+
+
+def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
+    """∫ U‴ U′² dq over a period of the potential U of a scene H = T(p) + U(q) with one degree of freedom.
+
+    With f = −U′ the simplified method's force differs from the symplectic one's by h⁴α²/2 f″(f, f) = −h⁴α²/2 U‴U′². In
+    every forward period the modified Hamiltonian of the symplectic method, and the energy, therefore gain −h⁴α²/2 times
+    this integral to leading order. If it is not zero, the energy drifts on rotating orbits.
+
+    Args:
+        scene: The scene; parameters may be symbols (for a period 2π/k with k taken as positive).
+
+    Raises:
+        SeriesError: The scene is not of this kind, or the formula cannot be integrated.
+
+    Example:
+        >>> import bseries as bs
+        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
+        6*pi/5
+        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"], epsilon="epsilon"))
+        6*pi*epsilon
+        >>> takahashi_imada_integral(bs.scene("pendulum"))
+        0
+
+    References:
+        E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019.
+    """
+    scene = as_scene(scene)
+    potential, q = _potential(scene)
+    period = common_period([potential], q)
+    if period is None:
+        raise SeriesError(
+            f"scene must have a potential that is periodic in {q}, but {scene.name} has {potential!s:.60}"
+        )
+    found = antiderivative((potential.diff(q, 3) * potential.diff(q) ** 2).expand(), q)
+    if found is None:
+        raise SeriesError(f"scene must have a potential simple enough to integrate, but {scene.name} has not")
+    return rise(found, q, period)
+
+
+def _potential(scene: Scene) -> tuple[Any, sympy.Symbol]:
+    """U and q."""
+    energy = scene.hamiltonian
+    if energy is None or scene.poisson is not None or scene.dimension != 2:
+        raise SeriesError(f"scene must be canonical with one degree of freedom, but {scene.name} is not")
+    p, q = scene.symbols
+    potential = energy.subs(p, 0)
+    if (energy - potential).expand().has(q):
+        raise SeriesError(f"scene must have a Hamiltonian T(p) + U(q), but {scene.name} has {energy!s:.60}")
+    return potential, q

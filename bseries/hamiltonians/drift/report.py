@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.drift.statistics import LINEAR, SQUARE_ROOT, UNDECIDED
+from bseries.hamiltonians.drift.orbits import LINEAR, SQUARE_ROOT, UNDECIDED, RateStatistics
 from bseries.scene_text import place
 from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.plotting import BLACK, SKY, drawing
@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     import sympy
     from matplotlib.axes import Axes
 
-    from bseries.hamiltonians.drift.forms import PeriodGain, Violation
     from bseries.hamiltonians.drift.orbits import Orbit
-    from bseries.hamiltonians.drift.perturbations import Perturbation
-    from bseries.hamiltonians.drift.statistics import RateStatistics
+    from bseries.hamiltonians.drift.perturbations import PeriodGain, Perturbation, Violation
     from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
     from integrators.runs.trajectory import Trajectory
     from trees.tree import Tree
@@ -135,11 +133,8 @@ class DriftReport(NamedTuple):
         The energy also oscillates, by an amount that does not grow and that the prediction leaves out.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes, which are returned; None for those of a new figure.
             run: A run of the method on the scene, which observes the energy.
-
-        Returns:
-            The axes.
 
         Raises:
             SeriesError: The run does not observe the energy, there is no prediction for this orbit, or `ax` is no axes.

@@ -6,18 +6,15 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.entries import is_sympy, multiply_entries, read_entry, round_entry, sum_entries
+from integrators.exact.entries import Entry, is_sympy, multiply_entries, read_entry, round_entry, sum_entries
 from integrators.exact.expressions import decimal_text, format_number
+from integrators.methods.exchange.array_text import Language
 from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_weights
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.exchange.array_text import Language
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 DOUBLE_DIGITS = 16
 """Decimals with so many significant digits or more count as rounded."""

@@ -7,33 +7,19 @@ import re
 import sys
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
-from integrators.methods.exchange.c_formats import PETSC, SUNDIALS
-from integrators.methods.exchange.julia_formats import RUNGEKUTTA_JL, SCIML
-from integrators.methods.exchange.python_formats import DIFFRAX, NODEPY, SCIPY
-from integrators.methods.exchange.tableau_parts import Entries
+from integrators.methods.exchange.formats import FORMATS
+from integrators.methods.exchange.tableau_parts import Entries, Format
+from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 
-if TYPE_CHECKING:
-    from integrators.methods.exchange.tableau_parts import Format
-    from integrators.methods.programs.program import Method
-
-FORMATS: dict[str, Format] = {
-    "nodepy": NODEPY,
-    "diffrax": DIFFRAX,
-    "scipy": SCIPY,
-    "sundials": SUNDIALS,
-    "petsc": PETSC,
-    "rungekutta.jl": RUNGEKUTTA_JL,
-    "sciml": SCIML,
-}
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
 

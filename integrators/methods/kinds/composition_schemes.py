@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact.entries import multiply_entries, read_entry, sum_entries
+from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.kinds.compositions import adjoint_method, composition
 from integrators.methods.kinds.splitting import NystromSplitting, Splitting
-from integrators.methods.programs.program import Program
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method, Program
 
 MAX_ORDER = 30
 

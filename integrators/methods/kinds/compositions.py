@@ -6,14 +6,22 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import reduce
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.arguments import is_listed, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact.entries import certainly_differs, multiply_entries, read_entry, relative_error, sum_entries
+from integrators.exact.entries import (
+    Entry,
+    certainly_differs,
+    multiply_entries,
+    read_entry,
+    relative_error,
+    sum_entries,
+)
 from integrators.methods.kinds.splitting import Splitting
-from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.evaluations import Evaluation, LinearForm
 from integrators.methods.programs.program import (
+    ChildBounds,
     Method,
     Program,
     RepeatedProgram,
@@ -21,11 +29,6 @@ from integrators.methods.programs.program import (
     common_bounds,
     reversed_step,
 )
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.evaluations import Evaluation
-    from integrators.methods.programs.program import ChildBounds
 
 MAX_STEPS = 1000
 

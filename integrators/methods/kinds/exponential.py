@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import multiply_entries, sum_entries
-from integrators.methods.programs.builder import ProgramMethod, read_parts
+from integrators.exact.entries import Entry, multiply_entries, sum_entries
+from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.runge_kutta import RungeKutta
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.builder import ProgramBuilder
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import ChildBounds
 
 
 class LawsonMethod(ProgramMethod):

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import sum_entries
-from integrators.methods.programs.builder import ProgramMethod, read_parts
-from integrators.methods.programs.evaluations import combination
-from integrators.methods.tableaux.tableau_input import in_color_order, read_matrix, read_row
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.builder import ProgramBuilder
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
+from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import LinearForm, combination
+from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, in_color_order, read_matrix, read_row
 
 
 class TwoDerivativeRungeKutta(ProgramMethod):

@@ -5,19 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-from integrators.exact.entries import multiply_entries, read_entry, sum_entries
-from integrators.methods.programs.builder import ProgramMethod, read_parts
-from integrators.methods.programs.evaluations import combination
-from integrators.methods.tableaux.tableau_input import check_triangular, read_matrix, read_row
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.builder import ProgramBuilder
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import ChildBounds
-    from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
+from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
+from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import LinearForm, combination
+from integrators.methods.programs.program import ChildBounds
+from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, check_triangular, read_matrix, read_row
 
 
 class Rosenbrock(ProgramMethod):

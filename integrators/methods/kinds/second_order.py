@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import read_entry
-from integrators.methods.programs.builder import ProgramMethod, read_parts
-from integrators.methods.programs.evaluations import combination
-from integrators.methods.tableaux.tableau_input import read_matrix, read_row
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.builder import ProgramBuilder
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import ChildBounds
-    from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
+from integrators.exact.entries import Entry, read_entry
+from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import LinearForm, combination
+from integrators.methods.programs.program import ChildBounds
+from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, read_matrix, read_row
 
 
 class RungeKuttaNystrom(ProgramMethod):

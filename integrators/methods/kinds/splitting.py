@@ -6,21 +6,17 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foundation.numbers import number_text
 from foundation.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import read_entry, sum_entries
-from integrators.methods.programs.builder import ProgramMethod, read_parts
+from integrators.exact.entries import Entry, read_entry, sum_entries
+from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.evaluations import LinearForm
+from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.tableau_input import in_color_order
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.builder import ProgramBuilder
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import ChildBounds
 
 
 class Splitting(ProgramMethod):

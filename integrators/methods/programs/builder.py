@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.arguments import check_digits, check_partition_names, read_labels, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -20,11 +20,7 @@ from integrators.methods.programs.evaluations import (
     LinearForm,
     check_form,
 )
-from integrators.methods.programs.program import MAX_STAGES, Method, Program
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.evaluations import LinearForm
-    from integrators.methods.programs.program import ChildBounds
+from integrators.methods.programs.program import MAX_STAGES, ChildBounds, Method, Program
 
 
 class ProgramBuilder:

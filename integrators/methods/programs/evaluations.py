@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
-from integrators.exact.entries import multiply_entries, read_entry, sum_entries
+from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.exact.expressions import format_number
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
 
 
 class Field(NamedTuple):

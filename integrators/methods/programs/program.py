@@ -12,14 +12,14 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import zip_longest
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from foundation.table import Column, Table, as_html
 from integrators.core.arguments import as_lists, check_digits, is_listed, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
-from integrators.exact.entries import multiply_entries, round_entry
+from integrators.exact.entries import Entry, multiply_entries, round_entry
 from integrators.exact.expressions import format_number
 from integrators.methods.programs.evaluations import (
     Average,
@@ -32,10 +32,6 @@ from integrators.methods.programs.evaluations import (
     operands,
 )
 from integrators.methods.programs.pictures import method_picture
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-
 
 MAX_STAGES = 1000
 """The largest number of stages of a tableau, and of unknowns in one call."""

@@ -13,18 +13,14 @@ import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from inspect import currentframe
-from typing import TYPE_CHECKING, Any, NoReturn
+from types import CodeType
+from typing import Any, NoReturn
 
 from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact.entries import multiply_entries, read_entry, sum_entries
+from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.evaluations import Derivative, Evaluation, Field, Flow, LinearForm
 from integrators.methods.programs.program import MAX_STAGES, Program
-
-if TYPE_CHECKING:
-    from types import CodeType
-
-    from integrators.exact.entries import Entry
 
 UNKNOWN = 1_000_000
 """The number of the first unknown; unknowns are terms of forms until they are replaced by their equations."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from decimal import Decimal
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -32,8 +32,7 @@ from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
-if TYPE_CHECKING:
-    Method = RungeKutta | PartitionedRungeKutta
+Method = RungeKutta | PartitionedRungeKutta
 
 LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
@@ -124,7 +123,7 @@ def dumps_method(method: Method, format: str) -> str:
           "c": ["1/2"]
         }
     """
-    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+    if not isinstance(method, Method):
         raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
     data = method.to_dict()
     if _checked_format(format) == "json":

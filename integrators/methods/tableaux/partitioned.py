@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foundation.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import errors_from
-from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method, Program
 from integrators.methods.tableaux.presentation import tableau_picture, tableau_table
 from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
 from integrators.methods.tableaux.tableau_input import in_color_order
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Program
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, ascending."""

@@ -6,16 +6,17 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from foundation.table import Table
 from integrators.core.arguments import read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import entries
+from integrators.exact.entries import Entry
 from integrators.exact.expressions import decimal_text, format_number
 from integrators.methods.programs.builder import ProgramBuilder
 from integrators.methods.programs.evaluations import combination
-from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import Method, Program
 from integrators.methods.tableaux.presentation import (
     plain_entries,
     tableau_html,
@@ -25,12 +26,7 @@ from integrators.methods.tableaux.presentation import (
     tableau_text,
 )
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
-from integrators.methods.tableaux.tableau_input import read_tableau
-
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-    from integrators.methods.programs.program import Program
-    from integrators.methods.tableaux.tableau_input import EntryRow, Matrix
+from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, read_tableau
 
 
 class TableauWarning(UserWarning):
@@ -270,7 +266,9 @@ class RungeKutta(Method):
             if agrees is False
         ]
         if consistent is False:
-            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent")
+            rounded = self.domain in ("QQ", "decimal", "float") and abs(self.weight_sum - 1) < 1e-3
+            advice = "; if its entries are rounded decimals, write them as text and give digits = N" if rounded else ""
+            found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent{advice}")
         return tuple(found)
 
     @cached_property

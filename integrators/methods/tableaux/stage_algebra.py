@@ -19,13 +19,11 @@ from integrators.core.arguments import MOST_DIGITS, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
+from integrators.exact.arithmetic import Exact
 from integrators.exact.polynomials import Matrix, Polynomial
 
 if TYPE_CHECKING:
     import sympy
-
-    Exact = Fraction | sympy.Expr
-
 
 MAX_STAGES = 100
 

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.arguments import check_digits, items
 from integrators.core.errors import IntegratorError
-from integrators.exact.entries import find_domain, read_entry, round_entry
+from integrators.exact.entries import Entry, find_domain, read_entry, round_entry
 from integrators.exact.expressions import check_names
 from integrators.methods.programs.program import MAX_STAGES
 
-if TYPE_CHECKING:
-    from integrators.exact.entries import Entry
-
-    EntryRow = tuple[Entry, ...]
-    Matrix = tuple[EntryRow, ...]
+EntryRow = tuple[Entry, ...]
+Matrix = tuple[EntryRow, ...]
 
 
 def read_tableau(

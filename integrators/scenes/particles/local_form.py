@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 from integrators.core.errors import IntegratorError
 from integrators.scenes.model.blocks import ROLES, TIME, Block, canonical_blocks, component_places
-from integrators.scenes.model.system import LOCAL_NAME, VALUE, Argument, Data, LocalTerm, Output, Place
+from integrators.scenes.model.system import LOCAL_NAME, VALUE, Argument, Data, LocalTerm, Output, Place, System
 from integrators.scenes.model.terms import Sites, Summand
 from integrators.scenes.particles.expansion import filled, hamiltonian_field, is_local
 
 if TYPE_CHECKING:
     import sympy
-
-    from integrators.scenes.model.system import System
 
 
 def local_terms_of(scene: System) -> tuple[LocalTerm, ...]:

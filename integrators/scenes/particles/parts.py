@@ -18,8 +18,6 @@ from integrators.scenes.model.system import LocalTerm, Output, Place, System, ou
 if TYPE_CHECKING:
     import sympy
 
-    from integrators.scenes.model.system import System
-
 
 Family: TypeAlias = tuple[str, int]
 """A class of variables: the name of a block and an index in it."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 import bseries as bs
-from bseries.advice.work_precision.dense_reference import DenseReference
+from bseries.advice.work_precision.sweeps import DenseReference
 
 
 def test_the_start_is_a_state_of_the_solution():

@@ -14,9 +14,8 @@ import bseries as bs
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision import precision_curves
 from bseries.advice.work_precision.candidates import candidate, candidates
-from bseries.advice.work_precision.dense_reference import DenseReference
 from bseries.advice.work_precision.recommendation import largest_step
-from bseries.advice.work_precision.sweeps import Curve, Judge, Row, RunErrors, time_scale
+from bseries.advice.work_precision.sweeps import Curve, DenseReference, Judge, Row, RunErrors, time_scale
 
 METHODS = ("stormer-verlet", "rk4", "gauss2")
 
@@ -319,7 +318,7 @@ def test_bad_wishes(pendulum, arguments, message):
 
 def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
     pytest.importorskip("matplotlib")
-    from bseries.advice.work_precision.diagram import draw
+    from bseries.advice.work_precision.precision_curves import draw
 
     figure = draw(pendulum.curves, pendulum.errors, pendulum.measures, pendulum.title)
     assert len(figure.axes) == 2

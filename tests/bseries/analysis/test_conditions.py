@@ -2,13 +2,20 @@
 
 import re
 from fractions import Fraction
+from itertools import product
+from math import factorial
 
 import pytest
 import sympy
 
 import bseries as bs
+from bseries.algebra.stages import FlowChain, flow_steps
 from bseries.analysis.order import first_failure
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
+from bseries.analysis.stability.field_elements import from_flint
+from bseries.analysis.structure import accuracy
+from bseries.exact.arithmetic import rationals
+from integrators import repeat
 
 FIXED = [entry for entry in bs.catalogue() if not entry.is_family and entry.is_tableau]
 FAMILIES = [
@@ -56,6 +63,49 @@ def test_simplifying_assumptions_of_the_families():
 @pytest.mark.parametrize("name", ["lobatto-iiia-iiib2", "lobatto-iiia-iiib3", "lobatto-iiib-iiia3", "gauss-gauss2"])
 def test_orders_of_partitioned_families(name):
     assert bs.order_of(bs.method(name)) == {"2": 2, "3": 4}[name[-1]] * (2 if "gauss" in name else 1)
+
+
+SPLITTINGS = {entry.name: entry.order for entry in bs.catalogue() if entry.kind == "splitting"}
+
+
+@pytest.mark.parametrize("name", [name for name, p in SPLITTINGS.items() if int(p) <= 4])
+def test_orders_of_splittings_by_words_are_those_by_trees(name):
+    p = int(SPLITTINGS[name])
+    by_trees = accuracy(name, p + 1)
+    assert bs.order_of(name) == by_trees.order == p
+    assert not by_trees.holds
+
+
+@pytest.mark.parametrize("name", [name for name, p in SPLITTINGS.items() if int(p) >= 6])
+def test_orders_of_long_splittings_need_no_trees(name):
+    """There are 19,000 trees with eight nodes in two colours, and 50 million with twelve."""
+    method, p = bs.method(name), int(SPLITTINGS[name])
+    assert bs.order_of(method) == p
+    (part, x), *others = method.flows
+    changed = bs.Splitting([(part, x + Fraction(1, 10**9)), *others], digits=method.digits)
+    assert bs.order_of(changed) == 0  # the times of this part no longer add up to one
+    (other, y), *others = others
+    moved = [(part, x + Fraction(1, 10**9)), (other, y), (others[0][0], others[0][1] - Fraction(1, 10**9)), *others[1:]]
+    assert bs.order_of(bs.Splitting(moved, digits=method.digits)) == 1
+
+
+def test_words_are_the_tall_trees():
+    """α of the word a b … is the coefficient of the tall tree with its leaf in a, and n! α is 1 for the exact flow."""
+    flows = flow_steps(bs.method("ruth3").program)
+    chain, s = FlowChain(flows, 4), bs.series("ruth3", 4)
+    for n, row in enumerate(chain.words(2, rationals())):
+        for word, value in zip(product("ab", repeat=n), row, strict=True):
+            if n > 0:
+                tree = "[".join(reversed(word)) + "]" * (n - 1)
+                assert s[tree] == from_flint(value) / (factorial(n) * chain.denominator**n)
+
+
+def test_orders_of_repeated_splittings_and_of_other_parts():
+    assert bs.order_of(repeat(bs.method("ruth3"), 20)) == bs.order_of(repeat(bs.method("ruth3").program, 20)) == 3
+    three = [("a", "1/2"), ("b", "1/2"), ("c", 1), ("b", "1/2"), ("a", "1/2")]
+    assert bs.order_of(bs.Splitting(three)) == 2 == accuracy(bs.Splitting(three), 3).order
+    with_symbol = bs.Splitting([("a", "x"), ("b", 1), ("a", "1-x")], parameters=["x"])
+    assert bs.order_of(with_symbol) == 1
 
 
 def test_principal_error_of_the_classical_method():

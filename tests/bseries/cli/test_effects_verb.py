@@ -122,7 +122,7 @@ class Shown(Progress):
 def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
     """A clock of our own: steps take 10 ms, and compiling before the second run half an hour."""
     now, shown = [0.0], []
-    for module in ("bseries.advice.predictions.calibration", "bseries.cli.options.expectation"):
+    for module in ("bseries.advice.predictions.prediction", "bseries.cli.options.expectation"):
         monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
     first = FirstRun(Shown(shown), 0.1, 10.0)
     for done, seconds in ((1, 0.01), (41, 0.41), (100, 1.0), (110, 1800.0), (600, 1805.0)):
@@ -139,7 +139,7 @@ def test_the_first_run_tells_how_long_all_take(monkeypatch, capsys):
 
 def test_further_runs_announce_nothing(monkeypatch, capsys):
     now = [0.0]
-    monkeypatch.setattr("bseries.advice.predictions.calibration.perf_counter", lambda: now[0])
+    monkeypatch.setattr("bseries.advice.predictions.prediction.perf_counter", lambda: now[0])
     first = FirstRun(Shown([]), 0.1, 1.0)
     for done, seconds in ((1, 0.0), (10, 0.1), (11, 60.0), (20, 61.0), (60, 70.0)):
         now[0] = seconds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import sys
 
 import numpy as np
 import pytest
@@ -43,6 +44,17 @@ def test_pictures(answer, tmp_path, ending):
     assert path.read_bytes().startswith(BEGINNINGS[ending])
     assert path.read_bytes() == picture(drawn(figure_file("riccati"), riccati.numbers()), ending)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_without_matplotlib_nothing_is_computed(run, tmp_path, monkeypatch):
+    computed = []
+    monkeypatch.setattr(registry, "compute", lambda *given: computed.append(given) or riccati.numbers())
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = run("figure", "riccati", "-o", str(tmp_path / "picture.png"))
+    assert (result.exit_code, result.stderr.count("\n"), computed) == (2, 1, [])
+    assert "a figure needs matplotlib: pip install '.[plot]'" in result.stderr
+    assert run("figure", "riccati", "--data", str(tmp_path / "data.csv")).exit_code == 0
+    assert len(computed) == 1
 
 
 def test_data(answer, tmp_path):

@@ -111,7 +111,7 @@ class TestExpectation:
     def clock(self, monkeypatch):
         """A clock that stands still unless it is set."""
         now = [100.0]
-        for module in ("bseries.advice.predictions.calibration", "bseries.cli.options.expectation"):
+        for module in ("bseries.advice.predictions.prediction", "bseries.cli.options.expectation"):
             monkeypatch.setattr(f"{module}.perf_counter", lambda: now[0])
         return now
 

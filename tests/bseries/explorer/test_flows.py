@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.explorer.flows import CIRCLE, MOST_STEPS, ORBITS, PATCHES, SAMPLES, SceneFlows
-from bseries.explorer.planes import enclosed_area
+from bseries.explorer.flows import CIRCLE, MOST_STEPS, ORBITS, PATCHES, SAMPLES, SceneFlows, enclosed_area
 
 
 def flows(method: str, scene: str | bs.Scene, **options: float) -> SceneFlows:

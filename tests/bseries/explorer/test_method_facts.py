@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.explorer.method_facts import MOST_TREES, method_facts, most_nodes
-from bseries.explorer.stability_shapes import stability_shapes
+from bseries.explorer.method_facts import MOST_TREES, method_facts, most_nodes, stability_shapes
 
 
 def test_terms_are_those_of_the_modified_equation():

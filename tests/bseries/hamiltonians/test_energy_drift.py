@@ -15,11 +15,9 @@ import sympy
 
 import bseries as bs
 from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.drift.forms import common_period, takahashi_imada_integral, violations
 from bseries.hamiltonians.drift.mean_rates import energy_drift
-from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples
-from bseries.hamiltonians.drift.perturbations import Perturbation
-from bseries.hamiltonians.drift.statistics import rate_statistics
+from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples, rate_statistics
+from bseries.hamiltonians.drift.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
 from foundation.table import PRINT_WIDTH
 from integrators.methods.kinds.second_order import TakahashiImada
 

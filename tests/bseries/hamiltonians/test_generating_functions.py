@@ -16,9 +16,9 @@ from bseries.hamiltonians.generating_functions import (
     generating_function,
     generating_hamiltonian,
     generating_terms,
+    variational_generating_function,
 )
 from bseries.hamiltonians.symplectic_stages import canonical_pairs
-from bseries.hamiltonians.variational import variational_generating_function
 
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXAMPLE6 = LECTURE["example6_stoermer_verlet"]

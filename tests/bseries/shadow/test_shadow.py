@@ -15,7 +15,7 @@ from shadow_oracles import evaluated
 
 import bseries as bs
 from bseries.picture_files import check_picture
-from bseries.shadow import kernels, trajectory_energies
+from bseries.shadow import trajectory_energies
 from bseries.shadow.formulas import shadow_formula
 from bseries.shadow.statistics import BLOCKS, Statistics, slope_error
 from bseries.shadow.trajectory_energies import formula_arrays
@@ -391,7 +391,8 @@ def test_kernels_compiled_and_not_are_the_same(arrays):
     tables = formula_arrays(formulas)
     known = H, p, g, arrays["U"][:30], *tables, *(np.empty((table.shape[1], 30)) for table in tables[1:])
     found = [np.empty((3, 26)) for _ in range(2)]
-    for function, out in zip((kernels.shadow_values.compiled, kernels.shadow_values.py_func), found, strict=True):
+    kernel = trajectory_energies.shadow_values
+    for function, out in zip((kernel.compiled, kernel.py_func), found, strict=True):
         function(*known, out)
     assert np.allclose(*found, rtol=1e-14)
 

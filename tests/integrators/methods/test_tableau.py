@@ -233,6 +233,16 @@ def test_issues_respect_digits_and_rounding():
         RungeKutta([["1/2"]], ["gamma"], parameters=["gamma"])
 
 
+@pytest.mark.parametrize(
+    ("weights", "advised"), [(["0.3334", "0.6665"], True), ([0.3334, 0.6665], True), (["1/3", "1/2"], False)]
+)
+def test_weights_that_nearly_sum_to_one_may_be_rounded(weights, advised):
+    (issue,) = RungeKutta([[0, 0], [1, 0]], weights, warn=False).issues
+    assert ("rounded decimals, write them as text and give digits" in issue) is advised
+    if advised:
+        assert RungeKutta([[0, 0], [1, 0]], ["0.3334", "0.6665"], digits=3).issues == ()
+
+
 def test_value_semantics():
     method = RungeKutta(*GAUSS2, name="gauss2")
     for other in (RungeKutta(*GAUSS2), copy.copy(method), copy.deepcopy(method), pickle.loads(pickle.dumps(method))):

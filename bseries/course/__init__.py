@@ -1,0 +1,1 @@
+"""A course on backward error analysis: slides, a handout with proofs, exercises; Markdown beside these files."""

@@ -1,0 +1,230 @@
+"""Whether two formulas are equal as functions, and in what they differ.
+
+Different functions differ at a random point, where 50 digits tell them apart. Functions that agree at all points are
+compared exactly, by the normal forms of a differential ring; where these do not decide, the points do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from random import Random
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bseries.exceptions import SeriesError
+from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.symbolic.polynomials import TooLarge
+
+if TYPE_CHECKING:
+    import sympy
+
+DIGITS, AGREEING = 80, 50
+"""Digits of values at a point, and how many of them must agree."""
+POINTS, TRIED = 20, 400
+"""Points at which formulas are compared, and how many are tried to find those where the second one is real."""
+SPREAD = 1009
+"""Coordinates are multiples of 1/SPREAD between −2 and 2."""
+LARGEST = 1000
+"""Of the decimal exponents of a value, whose exponential mpmath still computes at once."""
+MOST_MONOMIALS = 2_000
+"""Of a normal form; answers are shorter."""
+MOST_DENOMINATOR = 1_000
+"""Of a factor that a remark names."""
+POWERS = (0, 1, 2, -1, -2)
+"""Powers of h in such a factor."""
+SMALL_STEP = 12
+"""The power of h of a difference is measured at h = 10^(−SMALL_STEP) and at half of it."""
+
+FUNCTIONS = {"Pi": "pi", "Exp1": "e"}
+"""Names of mpmath for those of SymPy that differ."""
+NOTHING: Mapping[Any, Any] = MappingProxyType({})
+
+EXACTLY = "equal exactly"
+AT_POINTS = f"equal to {AGREEING} digits at {POINTS} random points"
+
+
+class Sample(NamedTuple):
+    """The values of two formulas at a point; the first is None where it is not real."""
+
+    point: dict[sympy.Symbol, Any]
+    first: Any
+    second: Any
+
+
+def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> str:
+    """How two formulas are found equal, `EXACTLY` or `AT_POINTS`; empty if they differ.
+
+    Args:
+        first: A formula.
+        second: The formula to which it is compared. Points where this one is not real do not count.
+        symbols: The variables.
+
+    Raises:
+        SeriesError: The second formula is real at too few points.
+
+    Example:
+        >>> import sympy
+        >>> q = sympy.Symbol("q")
+        >>> equality(sympy.cos(2 * q), 1 - 2 * sympy.sin(q) ** 2, [q])
+        'equal exactly'
+        >>> equality(sympy.log(q**2), 2 * sympy.log(q), [q])
+        'equal to 50 digits at 20 random points'
+        >>> equality(sympy.sin(q), q, [q])
+        ''
+    """
+    samples = _at_points(first, second, symbols)
+    if not all(sample.first is not None and agree(sample.first, sample.second) for sample in samples):
+        return ""
+    try:
+        ring = DifferentialRing((first, second), symbols, limit=MOST_MONOMIALS)
+        return EXACTLY if ring.is_zero(ring.elements[0] - ring.elements[1]) else AT_POINTS
+    except (TooLarge, SeriesError):
+        return AT_POINTS
+
+
+def factor_between(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> str:
+    """The factor c h^k by which the first formula differs from the second, as text; empty if there is none.
+
+    c is a rational number with a small denominator, and k one of `POWERS` if h is a symbol.
+
+    Example:
+        >>> import sympy
+        >>> h, p = sympy.symbols("h p")
+        >>> factor_between(-h * p / 2, p, [p, h]), factor_between(p + 1, p, [p, h])
+        ('-1/2*h', '')
+    """
+    import mpmath
+
+    samples = _at_points(first, second, symbols)
+    if any(sample.first is None or not sample.second for sample in samples):
+        return ""
+    h = _step(symbols)
+    with mpmath.workdps(DIGITS):
+        for k in POWERS if h else (0,):
+            ratios = [x / y / (point[h] ** k if h else 1) for point, x, y in samples]
+            factor = _fraction(ratios[0])
+            if factor and all(agree(ratio, ratios[0]) for ratio in ratios):
+                return _monomial(factor, k)
+    return ""
+
+
+def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> int:
+    """The lowest power of h in the difference of two different formulas; 0 if h is no symbol or the power is no number.
+
+    Example:
+        >>> import sympy
+        >>> h, y = sympy.symbols("h y")
+        >>> first_wrong_power(y**2 - h * y**3, y**2 - h * y**3 + h**2 * y**4, [y, h])
+        2
+    """
+    import mpmath
+
+    h, found = _step(symbols), set[int]()
+    if h is None:
+        return 0
+    with mpmath.workdps(DIGITS):
+        step = mpmath.mpf(10) ** -SMALL_STEP
+        runs = [_at_points(first, second, symbols, {h: size}) for size in (step, step / 2)]
+        for large, small in zip(*runs, strict=False):
+            if large.first is None or small.first is None:
+                return 0
+            one, half = (abs(sample.first - sample.second) for sample in (large, small))
+            found.add(round(float(mpmath.log(one / half, 2))) if one and half else 0)
+    return max(found.pop(), 0) if len(found) == 1 else 0
+
+
+def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
+    """Whether a number differs from another, not zero, by at most half a unit of its last significant digit.
+
+    Example:
+        >>> import sympy
+        >>> [has_digits(sympy.Rational(x), sympy.pi, 3) for x in ("3.14", "3.1416", "3.15")]
+        [True, True, False]
+    """
+    import mpmath
+
+    with mpmath.workdps(DIGITS):
+        x, y = _real(given, NOTHING), value(number, NOTHING)
+        unit = mpmath.mpf(10) ** (int(mpmath.floor(mpmath.log10(abs(y)))) + 1 - digits)
+        return x is not None and abs(x - y) <= unit / 2
+
+
+def agree(first: Any, second: Any) -> bool:
+    """Whether two numbers of mpmath agree to `AGREEING` digits, or to as many places where both are small."""
+    import mpmath
+
+    return abs(first - second) <= mpmath.mpf(10) ** -AGREEING * max(1, abs(first), abs(second))
+
+
+def value(formula: sympy.Expr, point: Mapping[Any, Any]) -> Any:
+    """The value of a formula at a point, as a number of mpmath in its present precision.
+
+    Raises:
+        ArithmeticError: The value, or that of a part, is not real, not finite or too large.
+    """
+    import mpmath
+
+    if formula.is_Symbol:
+        return point[formula]
+    parts = [value(part, point) for part in formula.args]
+    if formula.is_Rational:
+        found = mpmath.mpf(int(formula.p)) / int(formula.q)
+    elif formula.is_Add:
+        found = mpmath.fsum(parts)
+    elif formula.is_Mul:
+        found = mpmath.fprod(parts)
+    elif formula.is_Pow:
+        found = mpmath.power(*parts)
+    else:  # a function, or π or e
+        found = getattr(mpmath, FUNCTIONS.get(type(formula).__name__, type(formula).__name__))
+        found = found(*parts) if parts else +found
+    if isinstance(found, mpmath.mpc) or not mpmath.isfinite(found) or abs(found) > mpmath.mpf(10) ** LARGEST:
+        raise ArithmeticError(f"is not real, or too large, at {point}")
+    return found
+
+
+def _at_points(
+    first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] = NOTHING
+) -> list[Sample]:
+    """Both formulas at `POINTS` random points where the second one is real, with fixed values of some symbols."""
+    import mpmath
+
+    random, found = Random(1), list[Sample]()
+    with mpmath.workdps(DIGITS):
+        for _ in range(TRIED):
+            drawn = {symbol: mpmath.mpf(random.randint(-2 * SPREAD, 2 * SPREAD)) / SPREAD for symbol in symbols}
+            point = {**drawn, **fixed}
+            wanted = _real(second, point)
+            if wanted is not None:
+                found.append(Sample(point, _real(first, point), wanted))
+            if len(found) == POINTS:
+                return found
+    raise SeriesError(f"formula must be real at {POINTS} of {TRIED} random points, but was at {len(found)}")
+
+
+def _real(formula: sympy.Expr, point: Mapping[Any, Any]) -> Any:
+    """The value of a formula at a point; None if it is not real there."""
+    try:
+        return value(formula, point)
+    except (ArithmeticError, ValueError):
+        return None
+
+
+def _step(symbols: Sequence[sympy.Symbol]) -> sympy.Symbol | None:
+    """The symbol h, if it is one."""
+    return next((symbol for symbol in symbols if symbol.name == "h"), None)
+
+
+def _monomial(factor: Fraction, k: int) -> str:
+    """c h^k as text."""
+    power = "h" if k == 1 else f"h^{k}"
+    return str(factor) if k == 0 else power if factor == 1 else f"-{power}" if factor == -1 else f"{factor}*{power}"
+
+
+def _fraction(ratio: Any) -> Fraction | None:
+    """The fraction with a small denominator that a number agrees with."""
+    import mpmath
+
+    near = Fraction(str(ratio)).limit_denominator(MOST_DENOMINATOR)
+    return near if agree(ratio, mpmath.mpf(near.numerator) / near.denominator) else None

@@ -1,0 +1,225 @@
+"""From Markdown to pages: pandoc parses and writes, typst sets PDF; here is what the course adds to both.
+
+The source is pandoc's Markdown. Beyond that, images ``figure:NAME`` are figures of the package, equations may end in
+``\\tag{5}``, and a block ``::: beside`` has two parts side by side.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
+
+from foundation.extras import MissingPackage, optional_module
+
+Element = dict[str, Any]
+"""A block or an inline of pandoc's document: its type ``t`` and its contents ``c``."""
+
+MARKDOWN = "markdown-smart-citations"
+"""Quotes and dashes are written as they are meant; @ is no citation."""
+HERE = Path(__file__).parent
+TAG = re.compile(r"\\tag\{([^{}]*)\}")
+DELIMITER = re.compile(r"\\(?:[bB]igg?([lr])|([lr])vert)(?![A-Za-z])")
+
+
+class Picture(NamedTuple):
+    """A figure as a file.
+
+    Attributes:
+        content: The contents of the file.
+        suffix: svg or png.
+    """
+
+    content: bytes
+    suffix: str
+
+    @property
+    def address(self) -> str:
+        """The file as a data URI."""
+        kind = {"svg": "image/svg+xml"}.get(self.suffix, f"image/{self.suffix}")
+        return f"data:{kind};base64,{b64encode(self.content).decode()}"
+
+
+Pictures = Mapping[str, Picture]
+"""Figures by name."""
+
+
+def parsed(text: str) -> Element:
+    """Markdown as pandoc's document.
+
+    Example:
+        >>> [block["t"] for block in parsed("# One\\n\\nA *word*.")["blocks"]]
+        ['Header', 'Para']
+    """
+    return json.loads(_pandoc(text, "json", MARKDOWN, "--columns=10000"))  # wider tables would get equal columns
+
+
+def without(document: Element, kind: str) -> Element:
+    """A document without its blocks ``::: {.kind}``.
+
+    Example:
+        >>> document = parsed("What is 1 + 1?\\n\\n::: solution\\n2\\n:::")
+        >>> [block["t"] for block in without(document, "solution")["blocks"]]
+        ['Para']
+    """
+    return _rewritten(document, lambda element: [] if kind in _classes(element) else None)
+
+
+def html_page(document: Element, title: str, layout: str, pictures: Pictures) -> bytes:
+    """One HTML file with everything in it: formulas in MathML, pictures as data.
+
+    Args:
+        document: From `parsed`.
+        title: The title.
+        layout: slides or sheets: the name of a template.
+        pictures: The figures that the document shows.
+
+    Raises:
+        MissingPackage: pandoc is not installed.
+
+    Example:
+        >>> page = html_page(parsed("$$ y' = f(y) \\\\tag{1} $$"), "One formula", "sheets", {}).decode()
+        >>> "<mi>f</mi>" in page, '<span class="number">(1)</span>' in page
+        (True, True)
+    """
+
+    def changed(element: Element) -> list[Element] | None:
+        kind, content = element["t"], element.get("c", ())
+        if kind == "Math" and content[0]["t"] == "DisplayMath":
+            formula, number = _untagged(element)
+            label = f'<span class="number">({escape(number)})</span>' if number else ""
+            return [_raw("html", '<span class="formula">'), formula, _raw("html", f"{label}</span>")]
+        if kind == "Image" and (name := _figure_name(content[2][0])):
+            return [{"t": "Image", "c": [content[0], content[1], [pictures[name].address, ""]]}]
+        return None
+
+    blocks = _rewritten(document, changed)
+    if layout == "slides":
+        blocks = {**blocks, "blocks": _in_sections(blocks["blocks"])}
+    body = _pandoc(json.dumps(blocks), "html5", "json", "--mathml", "--wrap=preserve")
+    template = Template((HERE / f"{layout}.html").read_text(encoding="utf-8"))
+    return template.substitute(title=escape(title), body=body).encode()
+
+
+def pdf_pages(document: Element, title: str, layout: str, pictures: Pictures) -> bytes:
+    """A PDF, set by typst with the template of a layout.
+
+    Args:
+        document: From `parsed`.
+        title: The title.
+        layout: slides or sheets: the name of a template.
+        pictures: The figures that the document shows.
+
+    Raises:
+        MissingPackage: pandoc or typst is not installed.
+
+    Example:
+        >>> pdf_pages(parsed("A *word*."), "One word", "sheets", {})[:5]
+        b'%PDF-'
+    """
+    from tempfile import TemporaryDirectory
+
+    typst = optional_module("typst", "a PDF of the course")
+    with TemporaryDirectory() as folder:
+        for name, picture in pictures.items():
+            Path(folder, f"{name}.{picture.suffix}").write_bytes(picture.content)
+        main = Path(folder, "main.typ")
+        main.write_text(typst_source(document, title, layout, pictures), encoding="utf-8")
+        return typst.compile(str(main), root=folder, ignore_system_fonts=True)
+
+
+def typst_source(document: Element, title: str, layout: str, pictures: Pictures) -> str:
+    """What typst sets: the template of the layout and the document, whose own blocks are calls of its functions."""
+
+    def changed(element: Element) -> list[Element] | None:
+        kind, content = element["t"], element.get("c", ())
+        if kind == "Math":
+            formula, number = _untagged(element)
+            formula["c"][1] = DELIMITER.sub(_stretched, formula["c"][1])
+            return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else [formula]
+        if kind == "Figure" and (image := _shown_figure(element)):
+            name, classes = image
+            call = f'#picture("{name}.{pictures[name].suffix}", wide: {json.dumps("wide" in classes)})['
+            return [_raw("typst", call, "RawBlock"), *content[1][1], _raw("typst", "]", "RawBlock")]
+        if "beside" in _classes(element):
+            left, right = (part["c"][1] for part in content[1])
+            marks = (_raw("typst", text, "RawBlock") for text in ("#beside[", "][", "]"))
+            return [next(marks), *left, next(marks), *right, next(marks)]
+        if "solution" in _classes(element):
+            return [_raw("typst", "#solution[", "RawBlock"), *content[1], _raw("typst", "]", "RawBlock")]
+        return None
+
+    body = _pandoc(json.dumps(_rewritten(document, changed)), "typst", "json", "--wrap=preserve")
+    template = (HERE / f"{layout}.typ").read_text(encoding="utf-8")
+    return f"{template}\n#show: course.with(title: {json.dumps(title, ensure_ascii=False)})\n\n{body}"
+
+
+def _in_sections(blocks: list[Element]) -> list[Element]:
+    """Blocks as sections, each from a heading to the next."""
+    parts: list[list[Element]] = []
+    for block in blocks:
+        if block["t"] == "Header" or not parts:
+            parts.append([])
+        parts[-1].append(block)
+    kinds = (f"level{part[0]['c'][0]}" if part[0]["t"] == "Header" else "level2" for part in parts)
+    return [{"t": "Div", "c": [["", ["section", kind], []], part]} for kind, part in zip(kinds, parts, strict=True)]
+
+
+def _rewritten(node: Any, rule: Callable[[Element], list[Element] | None]) -> Any:
+    """A copy of a document in which a rule replaces elements, the innermost first; None keeps an element."""
+    if isinstance(node, dict):
+        return {key: _rewritten(value, rule) for key, value in node.items()}
+    if not isinstance(node, list):
+        return node
+    found = []
+    for item in (_rewritten(item, rule) for item in node):
+        replaced = rule(item) if isinstance(item, dict) and "t" in item else None
+        found += [item] if replaced is None else replaced
+    return found
+
+
+def _classes(element: Element) -> list[str]:
+    """The classes of a block; none of other elements."""
+    return element["c"][0][1] if element["t"] == "Div" else []
+
+
+def _figure_name(address: str) -> str | None:
+    """The name of the figure of the package that an address such as figure:riccati stands for."""
+    return address.removeprefix("figure:") if address.startswith("figure:") else None
+
+
+def _shown_figure(element: Element) -> tuple[str, list[str]] | None:
+    """The figure of the package in a block of a picture with its caption: its name and the classes of the picture."""
+    images = (image["c"] for block in element["c"][2] for image in block["c"] if image["t"] == "Image")
+    return next(((name, image[0][1]) for image in images if (name := _figure_name(image[2][0]))), None)
+
+
+def _stretched(delimiter: re.Match[str]) -> str:
+    """A delimiter of a given size as one that adapts to what is inside: pandoc would make typst lose its spacing."""
+    side, bar = (delimiter[1], "") if delimiter[1] else (delimiter[2], "|")
+    return f"\\{'left' if side == 'l' else 'right'}{bar}"
+
+
+def _untagged(formula: Element) -> tuple[Element, str]:
+    r"""A formula without its ``\tag{5}``, which pandoc would leave out, and the number in it or nothing."""
+    kind, text = formula["c"]
+    found = TAG.search(text)
+    return {"t": "Math", "c": [kind, TAG.sub("", text)]}, found[1] if found else ""
+
+
+def _raw(language: str, text: str, kind: str = "RawInline") -> Element:
+    return {"t": kind, "c": [language, text]}
+
+
+def _pandoc(text: str, to: str, source: str, *options: str) -> str:
+    """The output of pandoc."""
+    pypandoc = optional_module("pypandoc", "a document of the course")
+    try:
+        return pypandoc.convert_text(text, to, source, extra_args=options)
+    except OSError as error:  # pypandoc without a program
+        raise MissingPackage(f"a document of the course needs pandoc: {error}") from None

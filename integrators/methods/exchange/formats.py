@@ -1,0 +1,310 @@
+"""Formats of other packages in Python, Julia and C.
+
+SciPy and nodepy, RungeKutta.jl and SciML, Butcher tables of SUNDIALS and tableaus of PETSc.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from integrators.core.errors import IntegratorError
+from integrators.core.text_files import LARGEST_NUMBER
+from integrators.methods.exchange.array_text import JULIA, PYTHON, C
+from integrators.methods.exchange.tableau_parts import (
+    Format,
+    Numbers,
+    at_least,
+    combined,
+    header,
+    identifier,
+    one_row,
+    orders,
+    quoted,
+    require,
+    require_row_sums,
+    rounded,
+    rounding,
+    square,
+    vector,
+)
+from integrators.methods.tableaux.runge_kutta import RungeKutta
+
+SYMPY = Numbers("{}", "Rational({}, {})")
+PYTHON_DOUBLES = Numbers("{}.0", "{} / {}")
+C_DOUBLES = Numbers("{}.0", "{}.0 / {}.0", LARGEST_NUMBER)
+JULIA_NUMBERS = Numbers("{}", "{}//{}")
+MOST_ROOT_STAGES = 3
+"""Roots of methods with more stages have no short formulas."""
+PRINTED = r"^[ \t]*([Acbd])[ \t]*=([^=;{}]*?)(?=^[ \t]*[cbd][ \t]*=|\Z)"
+"""A part of what ``ARKodeButcherTable_Write`` prints."""
+
+
+def _by_name(
+    arrays: Mapping[str, Any], A: str, b: str, c: str, embedded: str = "", *, is_c_needed: bool = True
+) -> tuple[Any, Any, Any, Any]:
+    """The tableau whose arrays have these names; embedded weights may be missing."""
+    weights, nodes = vector(arrays[b]), arrays[c] if is_c_needed else arrays.get(c)
+    return square(arrays[A], len(weights)), weights, nodes, [arrays[embedded]] if embedded in arrays else None
+
+
+def _rows(numbers: Numbers, rows: Iterable[Sequence[Any]], digits: int | None, indent: str) -> str:
+    """The rows of a matrix, one on each line."""
+    lines = (f"{indent}    [{numbers.row(row, digits)}],\n" for row in rows)
+    return f"[\n{''.join(lines)}{indent}]"
+
+
+def _write_nodepy(method: RungeKutta) -> str:
+    require_row_sums(method, "nodepy")
+    is_long = method.stages > MOST_ROOT_STAGES
+    shown = rounded(method) if is_long else method
+    digits = shown.digits
+    pair = method.is_explicit and bool(method.embedded)
+    kind = "ExplicitRungeKuttaPair" if pair else f"{'Explicit' * method.is_explicit}RungeKuttaMethod"
+    rest = "Embedded weights of implicit methods have no place in it." if method.embedded else ""
+    notes = one_row(method) if pair else rest, rounding(method) if is_long else ""
+    lines = [
+        f"# {header(method, 'nodepy', *notes)}",
+        "import numpy as np",
+        f"from nodepy.runge_kutta_method import {kind}",
+        "from sympy import Rational, cos, pi, sin, sqrt, tan  # noqa: F401",
+        "",
+        f"A = np.array({_rows(SYMPY, shown.A, digits, '')}, dtype=object)",
+        f"b = np.array([{SYMPY.row(shown.b, digits)}], dtype=object)",
+    ]
+    if pair:
+        lines.append(f"bhat = np.array([{SYMPY.row(shown.embedded[0], digits)}], dtype=object)")
+    arguments = "A, b, bhat" if pair else "A, b"
+    return "\n".join([*lines, f"method = {kind}({arguments}, name={quoted(method.name)})", ""])
+
+
+def _write_diffrax(method: RungeKutta) -> str:
+    fits = method.stages > 1 and (method.is_explicit or method.is_diagonally_implicit)
+    require(method, "diffrax", holds=fits, what="explicit or diagonally implicit, with two stages or more,")
+    require_row_sums(method, "diffrax")
+    shown = rounded(method)
+
+    def array(values: Iterable[Any]) -> str:
+        return f"np.array([{PYTHON_DOUBLES.row(values, shown.digits)}])"
+
+    error = combined(shown.b, shown.embedded[0], -1) if shown.embedded else [shown.b[0] * 0] * shown.stages
+    none = "" if shown.embedded else "Without embedded weights, the error is estimated as zero."
+    lower = [f"        {array(row[:i])},\n" for i, row in enumerate(shown.A) if i]
+    lines = [
+        f"# {header(method, 'diffrax, which computes in doubles', one_row(method), none, rounding(method))}",
+        "import numpy as np",
+        "from diffrax import ButcherTableau",
+        "",
+        f"{identifier(method.name)}_tableau = ButcherTableau(",
+        f"    c={array(shown.c[1:])},",
+        f"    b_sol={array(shown.b)},",
+        f"    b_error={array(error)},",
+        f"    a_lower=(\n{''.join(lower)}    ),",
+    ]
+    if not method.is_explicit:
+        # The stages are predicted by the derivative at the stage before.
+        predictors = ("".join(["0.0, "] * i + ["1.0"]) for i in range(shown.stages - 1))
+        lines += [
+            f"    a_diagonal={array(row[i] for i, row in enumerate(shown.A))},",
+            "    a_predictor=(\n" + "".join(f"        np.array([{row}]),\n" for row in predictors) + "    ),",
+            f"    c1={PYTHON_DOUBLES.text(shown.c[0], shown.digits)},",
+        ]
+    return "\n".join([*lines, ")", ""])
+
+
+def _diffrax_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+    b, c = vector(arrays["b_sol"]), vector(arrays["c"])
+    stages = len(b)
+    diagonal = arrays.get("a_diagonal") or [0] * stages
+    lower = [[], *arrays["a_lower"]]
+    if len(lower) != stages or len(diagonal) != stages or any(len(row) != i for i, row in enumerate(lower)):
+        raise IntegratorError(f"a_lower must have rows of 1 to {stages - 1} entries, as b_sol has {stages}")
+    A = [[*row, diagonal[i], *[0] * (stages - 1 - i)] for i, row in enumerate(lower)]
+    error = vector(arrays.get("b_error", []))
+    return A, b, [arrays.get("c1", 0), *c], [combined(b, error, -1)] if any(error) else None
+
+
+def _write_scipy(method: RungeKutta) -> str:
+    fits = method.is_explicit and bool(method.embedded)
+    require(method, "SciPy", holds=fits, what="explicit, with embedded weights,")
+    shown = rounded(method)
+    digits, (order, embedded_order) = shown.digits, orders(method)
+    notes = one_row(method), rounding(method), at_least(order)
+    A, b, c, E = shown.A, shown.b, shown.c, combined(shown.embedded[0], shown.b, -1)
+    if A[-1] == b and E[-1] != 0:  # the last stage is the derivative at the end of the step
+        A, b, c = [row[:-1] for row in A[:-1]], b[:-1], c[:-1]
+    else:
+        E = [*E, E[0] * 0]
+    return f"""# {header(method, "SciPy, which computes in doubles", *notes)}
+import numpy as np
+from scipy.integrate import RK45
+
+
+class {"".join(part.capitalize() for part in identifier(method.name).split("_"))}Solver(RK45):
+    order = {order}
+    error_estimator_order = {min(order, embedded_order)}
+    n_stages = {len(b)}
+    A = np.array({_rows(PYTHON_DOUBLES, A, digits, "    ")})
+    B = np.array([{PYTHON_DOUBLES.row(b, digits)}])
+    C = np.array([{PYTHON_DOUBLES.row(c, digits)}])
+    E = np.array([{PYTHON_DOUBLES.row(E, digits)}])
+    # Between steps: the cubic polynomial with the values and derivatives at both ends.
+    P = np.outer(np.append(B, 0), [0, 3, -2])
+    P[0] += [1, -2, 1]
+    P[-1] += [0, -1, 1]
+"""
+
+
+def _scipy_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+    A, b, c = square(arrays["A"], len(vector(arrays["B"]))), vector(arrays["B"]), vector(arrays["C"])
+    rows = arrays.get("E", [])
+    differences = rows if rows and isinstance(rows[0], list) else [rows]
+    if any(len(row) != len(b) + 1 for row in differences):
+        raise IntegratorError(f"E must have {len(b) + 1} entries, one more than B, but has {len(differences[0])}")
+    if any(row[-1] for row in differences):  # the estimate uses the derivative at the end of the step
+        A, b, c = [*A, b], [*b, 0], [*c, 1]
+    stages = len(b)
+    A = [[*row, *[0] * (stages - len(row))] for row in A]
+    return A, b, c, [combined(b, row[:stages], 1) for row in differences]
+
+
+def _matrix(rows: Sequence[Sequence[Any]], digits: int | None) -> str:
+    """A matrix; of one entry, with the two semicolons that tell it from a vector."""
+    if len(rows) == 1:
+        return f"[{JULIA_NUMBERS.row(rows[0], digits)};;]"
+    return "[\n" + "".join(f"    {JULIA_NUMBERS.row(row, digits, ' ')}\n" for row in rows) + "]"
+
+
+def _vector(values: Iterable[Any], digits: int | None) -> str:
+    return f"[{JULIA_NUMBERS.row(values, digits)}]"
+
+
+def _write_rungekutta_jl(method: RungeKutta) -> str:
+    shown, order = rounded(method), orders(method)[0]
+    left_out = "Embedded weights have no place in it." if method.embedded else ""
+    name = quoted(method.name).replace("$", "\\$")
+    return f"""# {header(method, "RungeKutta.jl", left_out, rounding(method), at_least(order))}
+using RungeKutta
+
+a = {_matrix(shown.A, shown.digits)}
+b = {_vector(shown.b, shown.digits)}
+c = {_vector(shown.c, shown.digits)}
+tableau = Tableau{{Float64}}(Symbol({name}), {order}, a, b, c)
+"""
+
+
+def _tabulated(text: str) -> str:
+    """The table that ``RungeKutta.to_file`` writes, c | A above b, as assignments; other text unchanged."""
+    lines = [line.split() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if "=" in text or not lines or len({len(lines), *map(len, lines)}) > 1:
+        return text
+    *rows, weights = ([f"({entry})" for entry in line] for line in lines)
+    A = ", ".join(f"[{', '.join(row[1:])},]" for row in rows)
+    c, b = ", ".join(row[0] for row in rows), ", ".join(weights[1:])
+    return f"a = [{A},]\nb = [{b},]\nc = [{c},]\n"
+
+
+def _write_sciml(method: RungeKutta) -> str:
+    shown = rounded(method)
+    digits, (order, embedded_order) = shown.digits, orders(method)
+    options = [f"adaptiveorder={embedded_order}", "αEEst=αEEst"] if shown.embedded else []
+    if method.is_explicit and method.A[-1] == method.b:
+        options.append("fsal=true")
+    embedded = f"αEEst = Float64{_vector(shown.embedded[0], digits)}\n" if shown.embedded else ""
+    kind = "ExplicitRKTableau" if method.is_explicit else "ImplicitRKTableau"
+    return f"""# {header(method, "SciML", one_row(method), rounding(method), at_least(order))}
+import DiffEqBase
+
+A = Float64{_matrix(shown.A, digits)}
+c = Float64{_vector(shown.c, digits)}
+α = Float64{_vector(shown.b, digits)}
+{embedded}{identifier(method.name)}_tableau = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
+"""
+
+
+def _require_stages_in_turn(method: RungeKutta, package: str) -> None:
+    fits = method.is_explicit or method.is_diagonally_implicit
+    require(method, package, holds=fits, what="explicit or diagonally implicit")
+
+
+def _braces(values: Iterable[Any], digits: int | None) -> str:
+    return f"{{{C_DOUBLES.row(values, digits)}}}"
+
+
+def _write_sundials(method: RungeKutta) -> str:
+    _require_stages_in_turn(method, "SUNDIALS")
+    shown = rounded(method)
+    order, embedded_order = orders(method)
+    matrix = "".join(f"    {C_DOUBLES.row(row, shown.digits)},\n" for row in shown.A)
+    lines = [
+        f"// {header(method, 'SUNDIALS', one_row(method), rounding(method), at_least(order))}",
+        "#include <arkode/arkode_butcher.h>",
+        "",
+        f"static ARKodeButcherTable {identifier(method.name)}_table(void)",
+        "{",
+        f"  sunrealtype A[] = {{\n{matrix}  }};",
+        f"  sunrealtype c[] = {_braces(shown.c, shown.digits)};",
+        f"  sunrealtype b[] = {_braces(shown.b, shown.digits)};",
+    ]
+    if shown.embedded:
+        lines.append(f"  sunrealtype d[] = {_braces(shown.embedded[0], shown.digits)};")
+    arguments = f"{method.stages}, {order}, {embedded_order}, c, A, b, {'d' if shown.embedded else 'NULL'}"
+    return "\n".join([*lines, f"  return ARKodeButcherTable_Create({arguments});", "}", ""])
+
+
+def _printed_table(text: str) -> str:
+    """What ``ARKodeButcherTable_Write`` prints as assignments of lists; other text unchanged."""
+    if "{" in text:
+        return text
+    return re.sub(PRINTED, lambda match: f"{match[1]} = {{{', '.join(match[2].split())}}};\n", text, flags=re.MULTILINE)
+
+
+def _write_petsc(method: RungeKutta) -> str:
+    _require_stages_in_turn(method, "PETSc")
+    shown = rounded(method)
+    order, stages = orders(method)[0], method.stages
+    register = "TSRKRegister" if method.is_explicit else "TSDIRKRegister"
+    matrix = "".join(f"  {_braces(row, shown.digits)},\n" for row in shown.A)
+    lines = [
+        f"// {header(method, 'PETSc', one_row(method), rounding(method), at_least(order))}",
+        "#include <petscts.h>",
+        "",
+        f"const PetscReal A[{stages}][{stages}] = {{\n{matrix}}};",
+        f"const PetscReal b[{stages}] = {_braces(shown.b, shown.digits)};",
+        f"const PetscReal c[{stages}] = {_braces(shown.c, shown.digits)};",
+    ]
+    if shown.embedded:
+        lines.append(f"const PetscReal bembed[{stages}] = {_braces(shown.embedded[0], shown.digits)};")
+    arguments = f"{order}, {stages}, &A[0][0], b, c, {'bembed' if shown.embedded else 'NULL'}, 1, b"
+    return "\n".join([*lines, f"PetscCall({register}({quoted(method.name)}, {arguments}));", ""])
+
+
+FORMATS: dict[str, Format] = {
+    "nodepy": Format(
+        PYTHON, r"nodepy|RungeKutta(?:Method|Pair)\(", r'\bname\s*=\s*"([^"\\\n]{1,100})"', ("A", "b", "bhat"),
+        _write_nodepy, partial(_by_name, A="A", b="b", c="c", embedded="bhat", is_c_needed=False)),
+    "diffrax": Format(
+        PYTHON, "ButcherTableau", r"(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
+        ("a_lower", "b_sol", "b_error", "c", "a_diagonal", "c1"), _write_diffrax, _diffrax_tableau),
+    "scipy": Format(
+        PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
+        ("A", "B", "C", "E"), _write_scipy, _scipy_tableau),
+    "sundials": Format(
+        C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$",
+        r"ARKodeButcherTable\s+(\w+?)(?:_table)?\s*\(void\)", ("A", "b", "c", "d"), _write_sundials,
+        partial(_by_name, A="A", b="b", c="c", embedded="d"), _printed_table),
+    "petsc": Format(
+        C, r"PetscReal|TS(?:RK|DIRK)Register", r'TS(?:RK|DIRK)Register\("([^"\\\n]{1,100})"',
+        ("A", "b", "c", "bembed"), _write_petsc,
+        partial(_by_name, A="A", b="b", c="c", embedded="bembed", is_c_needed=False)),
+    "rungekutta.jl": Format(
+        JULIA, r"\bTableau(?:\{\w+\})?\(|\A\s*#\s*\d+\s+\d+\s+\w+\s*$",
+        r'\bTableau(?:\{\w+\})?\((?::|Symbol\(")([\w-]{1,100})', ("a", "b", "c"), _write_rungekutta_jl,
+        partial(_by_name, A="a", b="b", c="c"), _tabulated),
+    "sciml": Format(
+        JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau",
+        r"(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau", ("A", "c", "α", "αEEst"), _write_sciml,
+        partial(_by_name, A="A", b="α", c="c", embedded="αEEst")),
+}  # fmt: skip
