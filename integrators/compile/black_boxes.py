@@ -166,7 +166,7 @@ def numba_reason(error: Exception) -> str:
     """The reason why numba does not compile a function, in one line."""
     lines = (line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", str(error)).splitlines())
     found = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
-    return shorten(found[0], 200) if found else type(error).__name__
+    return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
 
 
 def _store(kind: Any, text: str, box: BlackBox) -> list[str]:

@@ -204,7 +204,7 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
     if compiled is not True:
         try:
             found = _called(call)
-        except _NotTraced as error:
+        except IntegratorError as error:
             if compiled is False:
                 raise
             refused = str(error)
@@ -229,10 +229,6 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
     return dict(zip(call.values, entries, strict=True))
 
 
-class _NotTraced(IntegratorError):
-    """A function does not run on symbols."""
-
-
 def _called(call: _Call) -> Any:
     """The function's result on symbols."""
     import numpy as np
@@ -248,14 +244,14 @@ def _called(call: _Call) -> Any:
     try:
         parameters = {key: Formula(sympy.Symbol(key)) for key in call.parameters}
         return call.plain(*map(symbols, call.arguments.values()), **parameters)
+    except IntegratorError:
+        raise
     except Exception as error:  # functions of the user may raise any
-        if isinstance(error, IntegratorError):
-            raise _NotTraced(str(error)) from error
         text = shorten(str(error) or type(error).__name__, 300)
         hint = ""
         if "real number" in text or "float" in text:
             hint = "; use NumPy's functions, and np.zeros_like(y) or a list for the result"
-        raise _NotTraced(f"function must run on symbols, but failed: {text}{hint}") from error
+        raise IntegratorError(f"function must run on symbols, but failed: {text}{hint}") from error
 
 
 def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
